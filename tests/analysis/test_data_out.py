@@ -2,17 +2,21 @@
 
 import sys
 from dataclasses import asdict, fields
+from math import ceil
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from command import exit_code, require_refusal
+from pxr import Usd
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOHDF import vtkHDFReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 import warpgrains as wg
-from warpgrains import InputError, Scene, Simulation, analysis
+from warpgrains import InputError, Scene, Segment, Simulation, analysis
+from warpgrains.drawing.kinds import RECORDINGS
+from warpgrains.usd.check import inspect_recording
 
 FLOAT32 = float(np.finfo(np.float32).eps)
 
@@ -46,6 +50,54 @@ def test_recorded_scene_is_that_of_the_run(recorded):
             assert np.array_equal(ours, its.astype(np.float32)), field.name
         else:
             assert np.array_equal(ours, its), field.name
+
+
+@pytest.mark.parametrize("suffix", RECORDINGS)
+def test_a_file_that_is_replaced_is_read_anew(tmp_path, suffix):
+    """Also while the recording of its former content is used."""
+    path, scene = tmp_path / f"run{suffix}", Scene.load("annulus")
+    Simulation(scene).run(steps=4, record=path)
+    former = wg.Recording(path)
+    simulation = Simulation(Scene.load("polydisperse"))
+    simulation.run(steps=8, record=path, fps=50)
+    assert inspect_recording(path) == []
+    assert len(former.position) == 1
+    found = wg.Recording(path)
+    assert found.scene.name == "polydisperse"
+    assert np.array_equal(found.position[-1], simulation.position.astype(np.float32))
+
+
+def test_a_frame_within_a_step_has_its_time(tmp_path):
+    """And so have its walls and its gravity."""
+    paddle = Segment((-0.9, -0.4), (0.9, -0.4), angular_velocity=0.5)
+    scene = Scene.load("annulus").replace(walls=[paddle], gravity={"vector": (0.0, -9.81), "rotate": 1.0})
+    Simulation(scene).run(duration=2.0, record=tmp_path / "run.usdc", forces=True)
+    recording = wg.Recording(tmp_path / "run.usdc")
+    data = recording.to_xarray()
+    touched = set(data.contact_frame.values[data.contact_other.values == -3].tolist())
+    within = [k for k in sorted(touched) if recording.frame(k).time < recording.frame(k).steps * scene.dt]
+    assert len(within) > 5
+    for k in within:
+        frame = recording.frame(k)
+        assert (frame.time, frame.steps) == (pytest.approx(k / 24.0), ceil(k / 0.24))
+        walls = frame.to_pandas("wall_contacts")
+        at_walls = (data.contact_frame == k) & (data.contact_other < 0)
+        assert np.array_equal(walls[["normal_x", "normal_y"]], data.contact_normal[at_walls])
+        assert analysis.potential_energy(frame) == pytest.approx(
+            -(scene.mass * (frame.position @ scene.gravity_at(k / 24.0))).sum(), rel=1e-12
+        )
+
+
+@pytest.mark.parametrize("name", ["velocities", "primvars:mass", "points"])
+def test_damage_that_a_frame_meets_is_one_error(tmp_path, name):
+    path = tmp_path / "run.usda"
+    Simulation(Scene.load("annulus")).run(steps=4, record=path)
+    stage = Usd.Stage.Open(str(path))
+    attribute = stage.GetPrimAtPath("/World/Grains").GetAttribute(name)
+    attribute.Set(attribute.Get(0.0)[:3], 0.0)
+    stage.Save()
+    with pytest.raises(InputError, match=r"run\.usda' is damaged|has shape|of the grains"):
+        wg.Recording(path).frame(0, contacts=False)
 
 
 def test_a_frame_is_analysed_as_the_simulation_was(recorded):

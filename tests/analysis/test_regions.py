@@ -84,7 +84,7 @@ def test_area_without_walls_is_that_of_points_at_random(region):
 def test_area_without_a_disc_that_moves():
     moving = of(walls=[Disc((0.65, 0.0), 0.1, velocity=(0.0, 0.5))], position=[(-0.6, 0.0)])
     quarter = {"angle": (-pi / 4, pi / 4)}
-    later = replace(moving, steps=round(10.0 / moving.scene.dt))
+    later = replace(moving, time=10.0)
     assert analysis.region_of(moving, quarter).area == pytest.approx(pi * (0.91 / 4.0 - 0.01), rel=64 * EPS)
     assert analysis.region_of(later, quarter).area == pytest.approx(pi * 0.91 / 4.0, rel=64 * EPS)
 

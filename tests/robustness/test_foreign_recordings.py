@@ -96,7 +96,7 @@ def test_file_that_hangs_its_reader(tmp_path, capfd, monkeypatch):
     monkeypatch.setattr(sandboxed, "SECONDS", 1.0)
     os.mkfifo(tmp_path / "fifo.usda")
     path = tmp_path / "hanging.usda"
-    path.write_text('#usda 1.0\ndef "World" (references = @./fifo.usda@) {}\n')
+    path.write_text(f'#usda 1.0\ndef "World" (references = @{tmp_path}/fifo.usda@) {{}}\n')
     start = monotonic()
     assert exit_code("check", path) == 2
     assert monotonic() - start < 20.0

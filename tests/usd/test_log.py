@@ -52,7 +52,7 @@ class TestLog:
         for frame in frames:
             log.append(frame)
         reader = LogReader(tmp_path / "log")
-        assert (reader.constants, reader.kinds) == ("constants", {"a": "i1", "b": "f3"})
+        assert (reader.constants, reader.kinds) == ("constants", {"a": "<i4", "b": "(3,)<f4"})
         for _ in range(2):
             read = list(reader)
             assert len(read) == 4

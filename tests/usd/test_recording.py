@@ -112,7 +112,7 @@ class TestIndependentReader:
         }
         assert read_parameters(kept.pop("parameters"))["dt"] == scene.dt
         texts = {"version": warpgrains.__version__, "name": "example", "scene": scene.text}
-        assert kept == {**texts, "draw_as": "points"}
+        assert kept == {**texts, "draw_as": "points", "first_step": 0}
         assert scene.text in stage.doc
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -82,22 +83,26 @@ class Recording(Shown):
     @cached_property
     def position(self) -> FloatArray:
         """Centers of the grains [m], shape (f, n, 2)."""
-        return np.array([self._reader.position(k) for k in range(len(self))])
+        return self._of_all_frames(self._reader.position)
 
     @cached_property
     def velocity(self) -> FloatArray:
         """Velocities of the grains [m/s], shape (f, n, 2)."""
-        return np.array([self._reader.velocity(k) for k in range(len(self))])
+        return self._of_all_frames(self._reader.velocity)
 
     @cached_property
     def spin(self) -> FloatArray:
         """Angular velocities of the grains [rad/s], shape (f, n); 0 without friction."""
-        return np.array([self._reader.rotation(k)[0] for k in range(len(self))])
+        return self._of_all_frames(lambda k: self._reader.rotation(k)[0])
 
     @cached_property
     def angle(self) -> FloatArray:
         """Angles by which grains have turned since the start [rad], shape (f, n); 0 without friction."""
-        return np.array([self._reader.rotation(k)[1] for k in range(len(self))])
+        return self._of_all_frames(lambda k: self._reader.rotation(k)[1])
+
+    def _of_all_frames(self, read: Callable[[int], FloatArray]) -> FloatArray:
+        with refusing_untrusted_content(self.path):
+            return np.array([read(k) for k in range(len(self))])
 
     @cached_property
     def scene(self) -> Scene:
@@ -121,14 +126,15 @@ class Recording(Shown):
     def _recorded_scene(self) -> Scene:
         """The scene, in which a grain may be where a wall was at time 0."""
         reader = self._reader
-        return Scene.of_later_state(
-            position=reader.position(0),
-            velocity=reader.velocity(0),
-            spin=reader.rotation(0)[0] if reader.has_rotation else None,
-            radius=self.radius,
-            mass=reader.mass,
-            **reader.parameters,
-        )
+        with refusing_untrusted_content(self.path):
+            return Scene.of_later_state(
+                position=reader.position(0),
+                velocity=reader.velocity(0),
+                spin=reader.rotation(0)[0] if reader.has_rotation else None,
+                radius=self.radius,
+                mass=reader.mass,
+                **reader.parameters,
+            )
 
     def _scene_at(self, k: int) -> Scene:
         """Return the scene with the walls that forces drive where they are in frame k."""
@@ -149,11 +155,16 @@ class Recording(Shown):
         InputError
             The frame does not exist, or contacts were not recorded.
         """
+        checks.whole_number("frame", k, least=-checks.LARGEST_WHOLE_NUMBER)
         if not -len(self) <= k < len(self):
             raise InputError(f"frame {k} does not exist: '{self.path}' has {len(self)} frames")
         if contacts and not self.has_forces:
             raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
-        k %= len(self)
+        with refusing_untrusted_content(self.path):
+            return self._frame(k % len(self), contacts)
+
+    def _frame(self, k: int, contacts: bool) -> Snapshot:
+        """Return frame k, k >= 0."""
         position = self._reader.position(k)
         pair, force, tangential = np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(0)
         if contacts:
@@ -231,7 +242,8 @@ class Recording(Shown):
 
     def _contacts(self) -> dict[str, Any]:
         """Return the contacts of all frames under the names that `to_xarray` uses."""
-        chains = [self._reader.chains(k) for k in range(len(self))]
+        with refusing_untrusted_content(self.path):
+            chains = [self._reader.chains(k) for k in range(len(self))]
         time = self._reader.simulated_time
         normal = [
             contact_normals(self._scene_at(k), self.position[k], of.pair, float(time[k]))

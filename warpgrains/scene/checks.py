@@ -82,6 +82,14 @@ def text(field: str, value: Any) -> str:
     return value
 
 
+def unicode_text(field: str, value: Any) -> str:
+    """Return `value` if it is a str that any file can hold."""
+    text(field, value)
+    if any(letter == "\0" or "\ud800" <= letter <= "\udfff" for letter in value):
+        raise InputError(f"{field} is {shown(value)}: it must be Unicode text without NUL")
+    return value
+
+
 def path(field: str, value: Any) -> str:
     """Return the name of a file, given as a str or a path."""
     if not isinstance(value, str | os.PathLike) or isinstance(name := os.fspath(value), bytes):

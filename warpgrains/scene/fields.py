@@ -202,8 +202,10 @@ class SceneFields:
         UNCONVERGED,
         default="report",
     )
-    name: str = _key("Name of the scene.", check=checks.text, default="scene")
-    text: str = _key("The TOML text that the scene was read from, if any.", check=checks.text, default="")
+    name: str = _key("Name of the scene.", check=checks.unicode_text, default="scene")
+    text: str = _key(
+        "The TOML text that the scene was read from, if any.", check=checks.unicode_text, default=""
+    )
 
 
 FIELDS = described_fields(SceneFields)

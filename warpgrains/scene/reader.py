@@ -42,7 +42,9 @@ def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
     for override in overrides:
         override_key(document, override)
         text += f"\n# --set {' '.join(override.split())}"
-    return {**document_fields(document, path.parent), "name": path.stem, "text": text}
+    texts = {"name": path.stem, "text": text}  # file names need not be UTF-8
+    readable = {field: value.encode(errors="replace").decode() for field, value in texts.items()}
+    return {**document_fields(document, path.parent), **readable}
 
 
 def require_key(section: str, key: str) -> None:
