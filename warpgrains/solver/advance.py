@@ -20,13 +20,13 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
     """Do the submitted steps; a scene that fails stops, and the other scenes continue.
 
     The calling thread polls the others, so that an interrupt can cancel them. In short work it takes part,
-    and it does the shortest alone.
+    and it does the shortest alone, but for scenes that a team shares.
 
     Parameters
     ----------
     engines : sequence of Engine
     threads : int
-        Largest number of CPU threads; it must equal the team size of the engines, unless that is 1.
+        Largest number of CPU threads for scenes that no team shares; teams choose their own (`Engine.tasks`).
     on_progress : callable, optional
         Called occasionally and at the end, with the number of steps done since its last call.
     """

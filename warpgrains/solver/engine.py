@@ -207,23 +207,22 @@ class Engine:
     def tasks(self, threads: int) -> list[Callable[[], None]]:
         """Return one task per thread. A task advances free scenes until none is left.
 
-        `threads` counts for scenes that no team shares. A team has a task for each thread that pays off now
+        There are `threads` tasks if no team shares a scene. A team has one for each thread that pays off now
         (pace.py).
         """
         if self._device.is_cuda:
             return [self._work_on_gpu]
-        if self._team > 1:
-            threads = self._crew.threads_of_next_launch()
+        count = self._crew.threads_of_next_launch() if self._team > 1 else threads
         begun = len(self._tasks)
-        if threads > begun:
+        if count > begun:
             self.load_kernels()
-            teams = self._crew.members if self._team > 1 else [Crew(1).members[0] for _ in range(threads)]
-            for team in teams[begun:threads]:
+            teams = self._crew.members if self._team > 1 else [Crew(1).members[0] for _ in range(count)]
+            for team in teams[begun:count]:
                 inputs = (self._records.device, self._queue, team)
                 with BUILDING:
                     command = wp.launch(self.kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
                 self._tasks.append(command.launch)
-        return self._tasks[:threads]
+        return self._tasks[:count]
 
     def _work_on_gpu(self) -> None:
         """Do the steps of all scenes, one scene after the other."""
