@@ -205,8 +205,9 @@ class LogReader:
         lengths = np.frombuffer(content, "<u4", len(self.kinds))
         frame, start = {}, lengths.nbytes
         for (name, kind), length in zip(self.kinds.items(), lengths.tolist(), strict=True):
-            frame[name] = np.frombuffer(content, kind, length, start)
-            start += frame[name].nbytes
+            values = np.frombuffer(content, kind, length, start)
+            frame[name] = values.copy()  # aligned, which USD requires
+            start += values.nbytes
         return frame
 
 

@@ -100,6 +100,21 @@ def test_damage_that_a_frame_meets_is_one_error(tmp_path, name):
         wg.Recording(path).frame(0, contacts=False)
 
 
+@pytest.mark.parametrize("other", [80, -4])
+def test_chains_that_name_no_body_are_one_error(tmp_path, other):
+    path = tmp_path / "run.usda"
+    Simulation(Scene.load("polydisperse")).run(steps=20, record=path, forces=True)
+    stage = Usd.Stage.Open(str(path))
+    neighbour = stage.GetPrimAtPath("/World/Forces").GetAttribute("primvars:neighbour")
+    last = neighbour.GetTimeSamples()[-1]
+    neighbour.Set([other, *list(neighbour.Get(last))[1:]], last)
+    stage.Save()
+    found = wg.Recording(path)
+    for read in (lambda: found.frame(-1), found.to_xarray, lambda: found.to_pandas("contacts")):
+        with pytest.raises(InputError, match=r"is damaged.*a grain or a wall that does not exist"):
+            read()
+
+
 def test_a_frame_is_analysed_as_the_simulation_was(recorded):
     path, simulation = recorded
     frame, moment = wg.Recording(path).frame(-1), analysis.snapshot(simulation)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from same_bits import contents
 
-from warpgrains import Disc, InputError, Scene, Simulation, SimulationError, State, analysis
+from warpgrains import Disc, InputError, Recording, Scene, Simulation, SimulationError, State, analysis
 from warpgrains.scene.geometry import pair_normals
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import VERLET_NUMBERS
@@ -93,7 +93,7 @@ def test_contacts_of_a_restored_state(scene: Scene, changes: dict) -> None:
         {"drag": 3.0},
         {"dt": 0.02, "drag": 0.1, "scheme": "text"},
         {"friction": 0.9},
-        {"walls": [Disc((0.2, -0.55), 0.05, velocity=(0.0, 0.1))]},
+        {"walls": [Disc((0.2, -0.55), 0.05), Disc((0.0, 0.0), 0.05)]},
     ],
     ids=lambda changes: ", ".join(changes),
 )
@@ -115,6 +115,19 @@ def test_contacts_after_a_change_are_those_of_the_last_step(
         changed.step()
         assert changed.state().last_scene is None
         assert shown(changed) != before
+
+
+def test_forces_at_walls_that_change_are_dropped(tmp_path: Path) -> None:
+    """Wall 2 is another one afterwards: it neither takes over the force, nor is drawn with it."""
+    ground, stone = Disc((0.0, -1.0), 0.5), Disc((1.2, 0.0), 0.2)
+    scene = Scene(position=[(0.0, -0.39)], radius=0.1, mass=1.0, radius_out=2.0, walls=[ground, stone])
+    simulation = Simulation(scene)
+    simulation.advance(20)
+    assert simulation.wall_contacts().wall.tolist() == [[0, 2]]
+    simulation.change(walls=[stone])
+    assert len(simulation.wall_contacts().wall) == 0
+    simulation.run(steps=5, record=tmp_path / "run.usdc", forces=True)
+    assert len(Recording(tmp_path / "run.usdc").frame(0).wall) == 0
 
 
 def test_a_start_with_staggered_velocities_has_its_energy_balance(scene: Scene) -> None:

@@ -45,19 +45,24 @@ def ends_of_records(log):
 class TestLog:
     def test_arrays_are_read_as_they_were_written(self, tmp_path):
         frames = [
-            {"b": np.arange(3 * k, dtype=np.float32).reshape(k, 3), "a": np.full(k + 1, -k, np.int32)}
+            {
+                "b": np.arange(3 * k, dtype=np.float32).reshape(k, 3),
+                "a": np.full(k + 1, -k, np.int32),
+                "c": np.full(k, 1.0 / 3.0),
+            }
             for k in range(4)
         ]
         log = FrameLog(tmp_path / "log", "constants")
         for frame in frames:
             log.append(frame)
         reader = LogReader(tmp_path / "log")
-        assert (reader.constants, reader.kinds) == ("constants", {"a": "<i4", "b": "(3,)<f4"})
+        assert (reader.constants, reader.kinds) == ("constants", {"a": "<i4", "b": "(3,)<f4", "c": "<f8"})
         for _ in range(2):
             read = list(reader)
             assert len(read) == 4
             for ours, theirs in zip(frames, read, strict=True):
-                assert all(np.array_equal(ours[name], theirs[name]) for name in "ab")
+                assert all(np.array_equal(ours[name], theirs[name]) for name in "abc")
+                assert all(theirs[name].flags.aligned for name in "abc")
 
     def test_killed_at_any_byte_keeps_every_complete_frame(self, tmp_path):
         frames = make_frames(3)

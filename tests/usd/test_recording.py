@@ -207,6 +207,13 @@ class TestOutput:
         with pytest.raises(InputError, match=re.escape("must end in .usdc, .usda, .usdz")):
             Recorder(tmp_path / name, make_scene(), FrameTimes(0.01, 60))
 
+    @pytest.mark.parametrize("unit", [1e-45, 1e45])
+    def test_lengths_that_float32_cannot_hold(self, tmp_path, unit):
+        scene = Scene(position=[(0.0, unit)], radius=0.1 * unit, mass=1.0, radius_out=2.0 * unit, dt=unit)
+        with pytest.raises(InputError, match="choose another unit of length"):
+            Simulation(scene).run(steps=1, record=tmp_path / "run.usdc")
+        assert not list(tmp_path.iterdir())
+
     def test_unknown_coloring(self, tmp_path):
         with pytest.raises(
             InputError, match="unknown color_by 'mood': known: palette, pressure, radius, speed"

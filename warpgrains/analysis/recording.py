@@ -19,7 +19,7 @@ from warpgrains.scene.compatibility import require_valid_positions
 from warpgrains.scene.scene import Scene
 from warpgrains.shown import Shown
 from warpgrains.tables import library
-from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
+from warpgrains.usd.reader import RecordingReader
 
 if TYPE_CHECKING:
     import pandas
@@ -58,9 +58,8 @@ class Recording(Shown):
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
-        with refusing_untrusted_content(path):
-            self._reader = RecordingReader(self.path)
+        self.path = Path(checks.path("path", path))
+        self._reader = RecordingReader(self.path)
         self.time, self.radius = self._reader.time, self._reader.radius
 
     def summary(self) -> dict[str, str]:
@@ -101,8 +100,7 @@ class Recording(Shown):
         return self._of_all_frames(lambda k: self._reader.rotation(k)[1])
 
     def _of_all_frames(self, read: Callable[[int], FloatArray]) -> FloatArray:
-        with refusing_untrusted_content(self.path):
-            return np.array([read(k) for k in range(len(self))])
+        return np.array([read(k) for k in range(len(self))])
 
     @cached_property
     def scene(self) -> Scene:
@@ -124,17 +122,7 @@ class Recording(Shown):
 
     @cached_property
     def _recorded_scene(self) -> Scene:
-        """The scene, in which a grain may be where a wall was at time 0."""
-        reader = self._reader
-        with refusing_untrusted_content(self.path):
-            return Scene.of_later_state(
-                position=reader.position(0),
-                velocity=reader.velocity(0),
-                spin=reader.rotation(0)[0] if reader.has_rotation else None,
-                radius=self.radius,
-                mass=reader.mass,
-                **reader.parameters,
-            )
+        return self._reader.scene()
 
     def _scene_at(self, k: int) -> Scene:
         """Return the scene with the walls that forces drive where they are in frame k."""
@@ -150,6 +138,11 @@ class Recording(Shown):
         contacts : bool
             Whether to include contacts.
 
+        Notes
+        -----
+        A frame knows neither another scene of the step before it, after `Simulation.change`, nor another
+        time scheme.
+
         Raises
         ------
         InputError
@@ -160,11 +153,7 @@ class Recording(Shown):
             raise InputError(f"frame {k} does not exist: '{self.path}' has {len(self)} frames")
         if contacts and not self.has_forces:
             raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
-        with refusing_untrusted_content(self.path):
-            return self._frame(k % len(self), contacts)
-
-    def _frame(self, k: int, contacts: bool) -> Snapshot:
-        """Return frame k, k >= 0."""
+        k %= len(self)
         position = self._reader.position(k)
         pair, force, tangential = np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(0)
         if contacts:
@@ -242,8 +231,7 @@ class Recording(Shown):
 
     def _contacts(self) -> dict[str, Any]:
         """Return the contacts of all frames under the names that `to_xarray` uses."""
-        with refusing_untrusted_content(self.path):
-            chains = [self._reader.chains(k) for k in range(len(self))]
+        chains = [self._reader.chains(k) for k in range(len(self))]
         time = self._reader.simulated_time
         normal = [
             contact_normals(self._scene_at(k), self.position[k], of.pair, float(time[k]))

@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from math import ceil
+from math import ceil, floor
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
@@ -100,6 +100,10 @@ class FrameTimes:
     def steps(self, k: int) -> int:
         """Return the same step, counted from the start of the simulation."""
         return self.first_step + self.step(k)
+
+    def count(self, steps: int) -> int:
+        """Return the number of frames of the first steps of a run, the first frame included."""
+        return floor((steps + _TOLERANCE) / self._steps_a_frame) + 1
 
     def time(self, k: int) -> float:
         """Return the simulated time of frame k [s]."""

@@ -96,6 +96,7 @@ class OpenRun(CountedRun):
         self.times: FrameTimes | None = None
         if options.shows is not None and options.shows.has_frames:
             self.times = FrameTimes.of(scene.dt, options.rate, first_step)
+        self.frames = self.times.count(statistics.steps) if is_resumed and self.times is not None else 0
 
     @contextmanager
     def opened(self) -> Iterator[None]:
@@ -158,7 +159,7 @@ class OpenRun(CountedRun):
             color_by=options.color_by,
             forces=options.forces,
             draw_as=options.draw_as,
-            resume_at=self.statistics.frames if self._is_resumed else None,
+            resume_at=self.frames if self._is_resumed else None,
         )
 
     @property
@@ -166,7 +167,7 @@ class OpenRun(CountedRun):
         """Step of the run after which a frame is due: the last one, if there are not several frames."""
         if self.output is None or self.times is None:
             return self.statistics.steps if self.has_ended else self.steps
-        return self.times.step(self.statistics.frames)
+        return self.times.step(self.frames)
 
     @property
     def lowered_rate(self) -> str | None:
@@ -195,10 +196,9 @@ class OpenRun(CountedRun):
             self.observer.observe(now)
         if self.output is not None and steps == self._next_frame:
             frame = Frame.of(now, self.output.needs_contacts)
-            self.output.record(
-                frame if self.times is None else self.times.shown(self.statistics.frames, frame)
-            )
-            self.statistics.frames += 1
+            self.output.record(frame if self.times is None else self.times.shown(self.frames, frame))
+            self.frames += 1
+            self.statistics.frames = self.frames
 
     def flush_and_checkpoint(self, state: State) -> Checkpoint:
         """Return a checkpoint, after flushing the frames and measurements that it counts to the disk."""

@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
+import numpy as np
+
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
+from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
-from warpgrains.scene.state import State, first_state, require_state
+from warpgrains.scene.state import Corrections, State, first_state, require_state
+from warpgrains.scene.walls import INNER, OUTER
 from warpgrains.shown import Shown
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
@@ -150,8 +154,8 @@ class Stepper(PresentState, Shown):
     def change(self, **fields: Any) -> None:
         """Change some fields of the scene, such as drag=0.1, and continue from the present state.
 
-        Contacts and forces remain those of the last step until the next one; only if friction is turned off,
-        tangential forces and spins are dropped at once.
+        Contacts and forces remain those of the last step until the next one; but those with walls that change
+        are dropped at once, and tangential forces and spins if friction is turned off.
 
         Time is the number of steps times `dt`. A change of `dt` therefore changes the time of the present
         state, which walls that move and gravity that turns would follow at once.
@@ -179,7 +183,8 @@ class Stepper(PresentState, Shown):
                     " and turning gravity; make a scene of the present positions"
                 )
             if not _has_walls_of(scene, self.scene):
-                state = replace(state, lists=None)  # they hold for other walls
+                corrections = _at_unchanged_walls(state.corrections, scene, self.scene)
+                state = replace(state, lists=None, corrections=corrections)  # lists hold for other walls
             if state.last_scene is None:
                 state = replace(state, last_scene=self.scene)
             require_state(state, scene)
@@ -221,6 +226,27 @@ def _has_walls_of(scene: Scene, other: Scene) -> bool:
     """Return whether the walls of two scenes are the same bodies in the same places at all times."""
     one, two = ((of.annulus, of.bodies.two_circles, of.walls) for of in (scene, other))
     return one == two and (scene.dt == other.dt or not scene.has_moving_walls)
+
+
+def _at_unchanged_walls(corrections: Corrections, scene: Scene, before: Scene) -> Corrections:
+    """Return the corrections without those of contacts with walls that are other bodies than before."""
+    same = [number for number in scene.wall_numbers if _wall(scene, number) == _wall(before, number)]
+    kept = np.isin(corrections.wall[:, 1], same)
+    dvt = corrections.wall_friction
+    return replace(
+        corrections,
+        wall=corrections.wall[kept],
+        wall_correction=corrections.wall_correction[kept],
+        wall_friction=None if dvt is None else dvt[kept],
+    )
+
+
+def _wall(scene: Scene, number: int) -> float | Obstacle | None:
+    """Return the radius of a circle, or a wall inside; None if there is none of this number."""
+    inside = number - INNER - 1
+    if inside >= 0:
+        return scene.walls[inside] if inside < len(scene.walls) else None
+    return scene.radius_out if number == OUTER else scene.radius_in
 
 
 def continued(

@@ -93,7 +93,7 @@ class LongRun(OpenRun):
 
     def complete(self) -> str | None:
         """Complete the recording, or discard one without frames; return the reason if that fails."""
-        failed = None if self.error is None or self.statistics.frames else SimulationError(self.error)
+        failed = None if self.error is None or self.frames else SimulationError(self.error)
         try:
             self._outputs.__exit__(None if failed is None else type(failed), failed, None)
         except OSError as error:

@@ -75,7 +75,8 @@ class GrainPoints:
         color.CreateIndicesAttr()
         start = Frame(self._scene.position, self._scene.velocity)
         still = {name: own.values(self._scene, start) for name, own in self._still.items()}
-        for name, value in {"mass": self._scene.mass, **still}.items():
+        of_grains = {"mass": self._scene.mass, "radius": self._scene.radius}
+        for name, value in (of_grains | still).items():
             primvar = primvars.CreatePrimvar(name, types.DoubleArray, vertex)
             primvar.Set(Vt.DoubleArray.FromNumpy(value))
         for name in {*self._changing, *(ROTATION if self._rotates else ())}:

@@ -1,8 +1,10 @@
 """Reader of recordings, for pictures and curves."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
@@ -15,11 +17,27 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band
 from warpgrains.scene.document import read_parameters
+from warpgrains.scene.scene import Scene
 from warpgrains.usd.forces import FORCES, read_chains
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ROTATION, position_of
 from warpgrains.usd.output import RECORDED_BY
 from warpgrains.usd.stage import numbers, values_of
 from warpgrains.usd.walls import PLACES, WALLS, read_walls
+
+Given = ParamSpec("Given")
+Found = TypeVar("Found")
+Read = Callable[Concatenate["RecordingReader", Given], Found]
+
+
+def _guarded(read: Read[Given, Found]) -> Read[Given, Found]:
+    """Let a method of the reader raise InputError, which names the file, where the content is damaged."""
+
+    @wraps(read)
+    def guarded(self: "RecordingReader", *given: Given.args, **named: Given.kwargs) -> Found:
+        with refusing_untrusted_content(self.path):
+            return read(self, *given, **named)
+
+    return guarded
 
 
 class RecordingReader:
@@ -32,6 +50,7 @@ class RecordingReader:
 
     Attributes
     ----------
+    path : Path
     time : ndarray
         Time of each frame since the first one [s], shape (f,).
     times : FrameTimes
@@ -40,8 +59,8 @@ class RecordingReader:
         Simulated time of each frame [s], shape (f,).
     parameters : dict
         Fields of the simulated scene, except those of grains.
-    radius : ndarray
-        Radii of the grains [m], shape (n,).
+    radius, mass : ndarray
+        Radii [m] and masses [kg] of the grains, shape (n,).
     walls : list of Band
         Walls as drawn; those that move are those of the first frame.
     scale : ColorScale or None
@@ -52,11 +71,18 @@ class RecordingReader:
     Raises
     ------
     InputError
-        The file is missing, is not USD, or holds no frames of grains or no scene.
+        The file is missing, is not USD, holds no frames of grains or no scene, or is damaged. So do methods
+        that meet damage.
     """
 
     def __init__(self, path: str | Path) -> None:
-        self._stage = open_recording(Path(path))
+        self.path = Path(path)
+        self._open()
+
+    @_guarded
+    def _open(self) -> None:
+        path = self.path
+        self._stage = open_recording(path)
         prim = self._stage.GetPrimAtPath(GRAINS)
         if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
             raise InputError(f"'{path}' holds no grains")
@@ -74,24 +100,42 @@ class RecordingReader:
         first_step = checks.whole_number("first_step", data["first_step"], least=0)
         self.times = FrameTimes.of(checks.positive("dt", self.parameters["dt"]), rate, first_step)
         self.simulated_time = np.array([self.times.time(k) for k in range(len(self._codes))])
-        self.radius = numbers(prim.GetAttribute("primvars:radius"))
+        self.radius, self.mass = (
+            numbers(prim.GetAttribute(f"primvars:{name}")) for name in ("radius", "mass")
+        )
         self.walls = list(read_walls(self._stage).values())
         self.scale = ColorScale.read(data["colors"]) if "colors" in data else None
         has_forces = bool(self._stage.GetPrimAtPath(FORCES))
         self.chain_scale = ChainScale.read(data["forces"]) if has_forces else None
 
+    @_guarded
     def position(self, frame: int) -> FloatArray:
         """Return the centers of the grains [m], shape (n, 2)."""
         return numbers(self._position, self._codes[frame])[:, :2]
 
+    @_guarded
     def velocity(self, frame: int) -> FloatArray:
         """Return the velocities of the grains [m/s], shape (n, 2)."""
         return numbers(self._prim.GetAttribute("velocities"), self._codes[frame])[:, :2]
 
+    @_guarded
+    def scene(self) -> Scene:
+        """Return the scene with the grains of the first frame, which may be where a wall was at time 0."""
+        return Scene.of_later_state(
+            position=self.position(0),
+            velocity=self.velocity(0),
+            spin=self.rotation(0)[0] if self.has_rotation else None,
+            radius=self.radius,
+            mass=self.mass,
+            **self.parameters,
+        )
+
+    @_guarded
     def moved_walls(self, frame: int) -> dict[int, Band]:
         """Return the mobile walls as drawn in a frame, by their index in `walls`."""
         return read_walls(self._stage, self._codes[frame], only_mobile=True)
 
+    @_guarded
     def places(self, frame: int) -> FloatArray | None:
         """Return the coordinates of walls [m], shape (walls,); None where no force drives a wall."""
         places = self._stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
@@ -102,6 +146,7 @@ class RecordingReader:
         """True if spin and angle of the grains were recorded, as in every scene with friction."""
         return all(self._prim.HasAttribute(f"primvars:{name}") for name in ROTATION)
 
+    @_guarded
     def rotation(self, frame: int) -> tuple[FloatArray, FloatArray]:
         """Return spin [rad/s] and angle [rad] of the grains, shape (n,) each; 0 without friction."""
         if not self.has_rotation:
@@ -109,20 +154,22 @@ class RecordingReader:
         spin, angle = (self._prim.GetAttribute(f"primvars:{name}") for name in ROTATION)
         return numbers(spin, self._codes[frame]), numbers(angle, self._codes[frame])
 
+    @_guarded
     def color(self, frame: int) -> FloatArray:
         """Return the colors of the grains as screens need them (sRGB), shape (n, 3)."""
         table = encoded(numbers(self._prim.GetAttribute("primvars:displayColor")))
         indices = values_of(self._prim.GetAttribute(COLOR_INDICES), self._codes[frame])
         return np.tile(table[0], (len(self.radius), 1)) if indices is None else table[indices]
 
-    @property
-    def mass(self) -> FloatArray:
-        """Masses of the grains [kg], shape (n,)."""
-        return numbers(self._prim.GetAttribute("primvars:mass"))
-
+    @_guarded
     def chains(self, frame: int) -> Chains:
         """Return the force chains of a frame."""
-        return read_chains(self._stage, self._codes[frame])
+        chains = read_chains(self._stage, self._codes[frame])
+        (first, other), n = chains.pair.T, len(self.radius)
+        last_wall = -2 - len(self.parameters.get("walls", ()))
+        if not ((first >= 0) & (first < n) & (last_wall <= other) & (other < n)).all():
+            raise ValueError("a force chain names a grain or a wall that does not exist")
+        return chains
 
 
 def open_recording(path: Path) -> Usd.Stage:

@@ -65,9 +65,9 @@ class Recorder:
     Raises
     ------
     InputError
-        The suffix, the coloring or the form of the grains is unknown, the folder cannot be written, the log
-        of an earlier run exists, or the log to continue is missing. It is an `OutputError` if another process
-        records to this file, or the file exists and is no recording.
+        The suffix, the coloring or the form of the grains is unknown, float32 has no such lengths, the folder
+        cannot be written, the log of an earlier run exists, or the log to continue is missing. It is an
+        `OutputError` if another process records to this file, or the file exists and is no recording.
     """
 
     def __init__(
@@ -81,6 +81,7 @@ class Recorder:
         draw_as: str = "points",
         resume_at: int | None = None,
     ) -> None:
+        _require_float32(scene)
         self.path = Path(path)
         self.log = log_of(self.path)
         colors = GrainColors(scene, color_by)
@@ -194,6 +195,17 @@ class Recorder:
             if is_joined:
                 self.log.unlink()
             raise
+
+
+def _require_float32(scene: Scene) -> None:
+    """Raise InputError unless the lengths of a scene are float32 numbers of full precision."""
+    smallest, largest = float(scene.radius.min()), 2.0 * scene.radius_out
+    limits = np.finfo(np.float32)
+    if smallest < limits.tiny or largest > limits.max:
+        raise InputError(
+            f"lengths of the scene are {smallest} to {largest} m: a recording holds {limits.tiny:.3g} to"
+            f" {limits.max:.3g} m; choose another unit of length"
+        )
 
 
 def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool) -> GrainPoints:
