@@ -82,7 +82,7 @@ def sweeping_pairs(count: int, weighted: bool) -> wp.Function:
             excess = approach(grains.next_velocity, working.contact, c) - gap_rate
             dv = vector()
             for k in range(wp.static(count)):
-                dv[k] = law.pair_correction(factor * excess[k], y[k], f64(0.0))
+                dv[k] = law.normal_change(factor * excess[k], y[k], f64(0.0))
             zeta = larger_of(zeta, larger_of(dv, -dv))
             push_apart(grains.next_velocity, working.contact, c, dv, share_i, share_j)
             set_numbers(working.last_dv, c, x)

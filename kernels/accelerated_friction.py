@@ -77,9 +77,9 @@ def sweeping_pairs(count: int, weighted: bool) -> wp.Function:
             vt = slip(grains.next_velocity, grains.next_rim, working.contact, c)
             dv, dvt = vector(), vector()
             for k in range(wp.static(count)):
-                dv[k] = law.pair_correction(excess[k], y[k], f64(0.0))
+                dv[k] = law.normal_change(excess[k], y[k], f64(0.0))
             for k in range(wp.static(count)):
-                dvt[k] = law.friction_correction(narrow[k] * vt[k], yt[k], friction * (y[k] + dv[k]))
+                dvt[k] = law.tangential_change(narrow[k] * vt[k], yt[k], friction * (y[k] + dv[k]))
             push_and_turn(
                 grains.next_velocity,
                 grains.next_rim,
@@ -143,10 +143,10 @@ def sweeping_walls(driven: bool) -> wp.Function:
             else:
                 limit = at(working.limits, c - first_wall)[1]
                 gap = law.round_gap_rate(at(working.gap_rate, c), law.speed_along(v, normal), limit)
-                dv = law.pair_correction(wp.dot(v, normal), y, gap)
+                dv = law.normal_change(wp.dot(v, normal), y, gap)
                 wide_dv = dv
             vt = wp.dot(v, t) + (u - surface[1])
-            dvt = law.friction_correction(part[0] * vt, yt, surface[0] * (y + dv))
+            dvt = law.tangential_change(part[0] * vt, yt, surface[0] * (y + dv))
             put(velocity, i, v - (dv * normal + dvt * t))
             put(rim, i, u - dvt * part[1])
             put(working.last_dv, c, x)

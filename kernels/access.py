@@ -167,10 +167,3 @@ def working_second_of(working: wp.array(dtype=WorkingContact), c: int) -> int:
 def working_normal_of(working: wp.array(dtype=WorkingContact), c: int) -> wp.vec2d:
     """Read the unit normal of a contact of the working set."""
     ...
-
-
-@wp.func
-def vn_of(velocity: wp.array(dtype=wp.vec2d), contact: wp.array(dtype=Contact), c: int) -> f64:
-    """Return the velocity at which a pair closes its gap [m/s]."""
-    difference = at(velocity, first_of(contact, c)) - at(velocity, second_of(contact, c))
-    return wp.dot(difference, normal_of(contact, c))

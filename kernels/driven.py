@@ -17,7 +17,7 @@ import warp as wp
 from . import law
 from .access import at, first_of, gap_rate_of, normal_of, put, second_of
 from .record import Scene, grain_count, is_driven
-from .types import Pose, Vectors
+from .types import DriveOf, Pose, PoseOf, Vectors
 
 f64 = wp.float64
 TURN = wp.constant(f64(2.0 * pi))
@@ -29,13 +29,14 @@ def lever(s: Scene, j: int, n: wp.vec2d) -> f64:
     if j == grain_count(s):
         return f64(1.0)
     drive = at(s.walls.drive, j - grain_count(s))
-    return n[0] * drive[3] + n[1] * drive[4]
+    return n[0] * drive[DriveOf.DIRECTION_X] + n[1] * drive[DriveOf.DIRECTION_Y]
 
 
 @wp.func
 def share_of_wall(s: Scene, i: int, j: int, n: wp.vec2d) -> f64:
     """Return the change of the speed of wall j by a correction of 1 m/s of grain i (eq. 28)."""
-    return lever(s, j, n) * at(s.grains.contact_mass, i) * at(s.walls.drive, j - grain_count(s))[0]
+    drive = at(s.walls.drive, j - grain_count(s))
+    return lever(s, j, n) * at(s.grains.contact_mass, i) * drive[DriveOf.INVERSE_MASS]
 
 
 @wp.func
@@ -57,7 +58,7 @@ def missing_correction(s: Scene, velocity: Vectors, c: int):
     i, j, n = first_of(contact, c), second_of(contact, c), normal_of(contact, c)
     excess = closing_speed(s, velocity, i, j, n) - gap_rate_of(contact, c)
     compliance = compliance_of(s, i, j, n)
-    return law.driven_correction(excess, at(s.contacts.dv, c), compliance), compliance
+    return law.driven_change(excess, at(s.contacts.dv, c), compliance), compliance
 
 
 @wp.func
@@ -77,7 +78,7 @@ def correct_wall(
     that for `factor` times this excess.
     """
     excess, compliance = closing_speed(s, velocity, i, j, n) - gap_rate, compliance_of(s, i, j, n)
-    change = law.driven_correction(factor * excess, dv, compliance)
+    change = law.driven_change(factor * excess, dv, compliance)
     change_speed(s, velocity, i, j, n, change)
     return wp.vec3d(change, compliance, excess)
 
@@ -94,12 +95,12 @@ def place_driven_walls(s: Scene):
     """Place driven walls inside the annulus where they are now; a step freezes its contacts there."""
     for b in range(1, s.walls.drive.shape[0]):
         drive = at(s.walls.drive, b)
-        if drive[0] > f64(0.0):
+        if drive[DriveOf.INVERSE_MASS] > f64(0.0):
             path = at(s.grains.position, grain_count(s) + b)[0]
             pose = Pose()
-            pose[0] = f64(1.0)
-            pose[2] = path * drive[3]
-            pose[3] = path * drive[4]
+            pose[PoseOf.COSINE] = f64(1.0)
+            pose[PoseOf.SHIFT_X] = path * drive[DriveOf.DIRECTION_X]
+            pose[PoseOf.SHIFT_Y] = path * drive[DriveOf.DIRECTION_Y]
             put(s.walls.pose, b - 1, pose)
 
 
@@ -107,8 +108,8 @@ def place_driven_walls(s: Scene):
 def acceleration_of_wall(s: Scene, j: int) -> wp.vec2d:
     """Return how force and pressure accelerate the coordinate of wall j [m/s2] (eq. 27)."""
     drive = at(s.walls.drive, j - grain_count(s))
-    force = drive[1] - drive[2] * (TURN * s.walls.annulus.radius_out)
-    return wp.vec2d(force * drive[0], f64(0.0))
+    force = drive[DriveOf.FORCE] - drive[DriveOf.PRESSURE] * (TURN * s.walls.annulus.radius_out)
+    return wp.vec2d(force * drive[DriveOf.INVERSE_MASS], f64(0.0))
 
 
 @wp.func

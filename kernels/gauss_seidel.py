@@ -95,14 +95,14 @@ def sweeping_pairs(weighted: bool, friction: bool) -> wp.Function:
             vi, vj = at(velocity, i), at(velocity, j)
             dv_before = at(dvs, c)
             difference = vi - vj
-            dv = law.pair_correction(wp.dot(difference, n), dv_before, gap_rate_of(contact, c))
+            dv = law.normal_change(wp.dot(difference, n), dv_before, gap_rate_of(contact, c))
             push, change = dv * n, wp.abs(dv)
             if wp.static(friction):
                 if wp.static(weighted):
                     rim_weight = at(rim_weights, c)
                 ui, uj, dvt_before = at(rim, i), at(rim, j), at(dvts, c)
                 vt = law.speed_along(difference, n) + ui + uj
-                dvt = law.friction_correction(rim_weight[0] * vt, dvt_before, mu * (dv_before + dv))
+                dvt = law.tangential_change(rim_weight[0] * vt, dvt_before, mu * (dv_before + dv))
                 push = push + dvt * law.tangent(n)
                 put(rim, i, ui - dvt * rim_weight[1])
                 put(rim, j, uj - dvt * rim_weight[2])
@@ -193,7 +193,7 @@ def sweeping_walls(driven: bool, friction: bool) -> wp.Function:
                 surface, rim_weight = surface_of(s, c), rim_weights(s, c, True)
                 u, dvt_before = at(rim, i), at(contacts.dvt, c)
                 vt = law.speed_along(v, n) + (u - surface[1])
-                dvt = law.friction_correction(rim_weight[0] * vt, dvt_before, surface[0] * (dv_before + dv))
+                dvt = law.tangential_change(rim_weight[0] * vt, dvt_before, surface[0] * (dv_before + dv))
                 push = push + dvt * law.tangent(n)
                 put(rim, i, u - dvt * rim_weight[1])
                 put(contacts.dvt, c, dvt_before + dvt)

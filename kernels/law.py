@@ -52,7 +52,7 @@ def pair_gap(distance: f64, radius_i: f64, radius_j: f64) -> f64:
 
 
 @wp.func
-def pair_correction(vn: f64, dvc: f64, gap_rate: f64) -> f64:
+def normal_change(vn: f64, dvc: f64, gap_rate: f64) -> f64:
     """Change dv of the correction dv_c of a pair, or of a side of a wall [m/s] (eq. 6).
 
     gap_rate = gap / dt closes the gap in a step.
@@ -70,7 +70,7 @@ def projection(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
 
 
 @wp.func
-def driven_correction(excess: f64, dv: f64, compliance: f64) -> f64:
+def driven_change(excess: f64, dv: f64, compliance: f64) -> f64:
     """Change of the correction of a contact with a driven wall [m/s] (eq. 29); the excess is vn - gap / dt.
 
     A correction of 1 m/s changes vn, in which the speed of the wall counts, by the compliance.
@@ -85,7 +85,7 @@ def tangent(n: wp.vec2d) -> wp.vec2d:
 
 
 @wp.func
-def friction_correction(vt: f64, dvt: f64, limit: f64) -> f64:
+def tangential_change(vt: f64, dvt: f64, limit: f64) -> f64:
     """Change of a contact's tangential correction dv_t [m/s] (eq. 23), whose size is at most the limit.
 
     vt is the velocity at which the surfaces slip, divided by K_t of eq. 22.
@@ -140,7 +140,7 @@ def mass_share(mass_i: f64, mass_j: f64) -> f64:
 @wp.func
 def natural_residual(vn: f64, dv: f64, gap_rate: f64) -> f64:
     """Return the natural residual of one contact [m/s] (eq. 12)."""
-    return wp.abs(pair_correction(vn, dv, gap_rate))
+    return wp.abs(normal_change(vn, dv, gap_rate))
 
 
 @wp.func

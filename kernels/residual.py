@@ -61,10 +61,10 @@ def measuring(friction: bool) -> wp.Function:
             gap, back = gap_rates_now(s.contacts, c, v)
             if wp.static(not friction):  # walls have one side where there is friction
                 return law.wall_residual(wp.dot(v, n), dv, gap, back)
-            change = law.pair_correction(wp.dot(v, n), dv, gap)
+            change = law.normal_change(wp.dot(v, n), dv, gap)
         else:
             v = v - at(velocity, j)
-            change = law.pair_correction(wp.dot(v, n), dv, gap)
+            change = law.normal_change(wp.dot(v, n), dv, gap)
         worst = compliance * wp.abs(change)
         if wp.static(friction):
             rim, dvt = s.grains.rebuilt_rim, at(s.contacts.dvt, c)
@@ -76,7 +76,7 @@ def measuring(friction: bool) -> wp.Function:
                 u = u + at(rim, j)
             share = rim_weights(s, c, at_wall)[0]
             vt = law.speed_along(v, n) + u
-            slip = law.friction_correction(share * vt, dvt, mu * (dv + change)) / share
+            slip = law.tangential_change(share * vt, dvt, mu * (dv + change)) / share
             worst = wp.max(worst, wp.abs(slip))
         return worst
 

@@ -195,18 +195,23 @@ def end_list_check(s: Scene):
 
 
 @wp.func
-def end_measurement(s: Scene):
-    """Stop if the residual meets the tolerance or falls too slowly, unless it is for the history alone."""
-    residual = reduce_max(s.partial.residual)
-    s.step.residual = residual
+def take_residual(s: Scene):
+    """Take the residual that threads have measured as that of the last iteration."""
+    s.step.residual = reduce_max(s.partial.residual)
     s.step.measured = s.step.iterations
     if s.step.iterations <= s.history.residual.shape[0]:
-        put(s.history.residual, s.step.iterations - 1, residual)
+        put(s.history.residual, s.step.iterations - 1, s.step.residual)
+
+
+@wp.func
+def end_measurement(s: Scene):
+    """Stop if the residual meets the tolerance or falls too slowly, unless it is for the history alone."""
+    take_residual(s)
     decides = s.stopping.on_residual != 0 and s.control.phase == Phase.MEASURE
     stopping = decides and meets_tolerance(s)
     if is_trend_due(s):
         stopping = stopping or is_too_slow(s)
-        s.step.trend_residual = residual
+        s.step.trend_residual = s.step.residual
     scanning = s.control.phase == Phase.MEASURE or is_scan_due(s.step.iterations)
     if stopping:
         s.control.stopped = 1
@@ -220,8 +225,7 @@ def end_measurement(s: Scene):
 @wp.func
 def end_correction(s: Scene):
     """Continue with sweeps unless the solution of the step by the host (CPU) meets the tolerance."""
-    s.step.residual = reduce_max(s.partial.residual)
-    s.step.measured = s.step.iterations
+    take_residual(s)
     s.step.trend_residual = s.step.residual
     s.control.rejected = 0
     s.control.stopped = 1 if meets_tolerance(s) or not has_iterations_left(s) else 0

@@ -1,5 +1,7 @@
 """Contacts as records, and the arrays of a scene bundled by purpose."""
 
+from enum import IntEnum
+
 import warp as wp
 
 f64 = wp.float64
@@ -10,17 +12,46 @@ MOST_NUMBERS = 6  # of a kind of wall, as on the host (scene/obstacle.py)
 Shape = wp.types.vector(length=1 + MOST_NUMBERS + 3, dtype=f64)
 """A wall inside the annulus: the number of its kind (`kind_number` of the host), its numbers [m], and a
 circle about the places where grains touch it, center and radius [m]."""
-Motion = wp.types.vector(length=8, dtype=f64)
-"""How a wall moves: pivot before it moves [m], velocity [m/s], angular velocity [rad/s], the times at which
-it begins and ends [s], and the largest speed of a point that changes its place [m/s]."""
-Pose = wp.types.vector(length=7, dtype=f64)
-"""Where a wall is: cosine and sine of its angle, and its shift [m]. Then the velocity that a point of it at
-the origin would have in the step [m/s], and the angular velocity [rad/s]. During a step, a driven wall is
-where it is at the start, and any other where it is at the end."""
 
-Drive = wp.types.vector(length=5, dtype=f64)
-"""What drives a wall (driven.py): 1 / mass [1/kg], 0 where no force acts on it; force [N]; pressure [N/m];
-and the direction of its motion, which the outer circle has not."""
+
+class MotionOf(IntEnum):
+    """The numbers of a `Motion`, how a wall moves, in the order of those of scene/motion.py."""
+
+    PIVOT_X = 0  # before it moves [m]
+    PIVOT_Y = 1
+    VELOCITY_X = 2  # [m/s]
+    VELOCITY_Y = 3
+    ANGULAR_VELOCITY = 4  # [rad/s]
+    FROM_TIME = 5  # at which it begins [s]
+    TO_TIME = 6  # at which it ends [s]
+    SPEED = 7  # largest one of a point that changes its place [m/s]
+
+
+class PoseOf(IntEnum):
+    """The numbers of a `Pose`: in a step, a driven wall is where it is at the start, others at the end."""
+
+    COSINE = 0  # of the angle
+    SINE = 1
+    SHIFT_X = 2  # [m]
+    SHIFT_Y = 3
+    VELOCITY_X = 4  # that a point of it at the origin would have in the step [m/s]
+    VELOCITY_Y = 5
+    ANGULAR_VELOCITY = 6  # [rad/s]
+
+
+class DriveOf(IntEnum):
+    """The numbers of a `Drive`, what drives a wall, in the order of those of scene/obstacle.py."""
+
+    INVERSE_MASS = 0  # [1/kg]; 0 where no force acts on it
+    FORCE = 1  # [N]
+    PRESSURE = 2  # [N/m]
+    DIRECTION_X = 3  # 0 for the outer circle, as the next
+    DIRECTION_Y = 4
+
+
+Motion = wp.types.vector(length=len(MotionOf), dtype=f64)
+Pose = wp.types.vector(length=len(PoseOf), dtype=f64)
+Drive = wp.types.vector(length=len(DriveOf), dtype=f64)
 
 
 @wp.struct

@@ -14,7 +14,7 @@ from . import annulus, arc, disc, law, segment
 from .access import at, checked, put
 from .annulus import Annulus
 from .motion import from_frame, moving_time, pose_at, speed_of_surface, to_frame
-from .types import MOST_NUMBERS, Drive, Motion, Pose, Shape
+from .types import MOST_NUMBERS, Drive, Motion, MotionOf, Pose, Shape
 
 f64 = wp.float64
 
@@ -85,7 +85,7 @@ def wall_path(b: int, walls: Walls, begin: f64, end: f64) -> f64:
     """Return how far a point of wall b moves from time begin to time end [s] at most [m]."""
     if are_mobile(walls) and b > 0:
         motion = at(walls.motion, b - 1)
-        return (moving_time(motion, end) - moving_time(motion, begin)) * motion[7]
+        return (moving_time(motion, end) - moving_time(motion, begin)) * motion[MotionOf.SPEED]
     return f64(0.0)
 
 

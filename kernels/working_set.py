@@ -21,7 +21,6 @@ from .access import (
     normal_of,
     put,
     second_of,
-    vn_of,
 )
 from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
 from .driven import closing_speed
@@ -89,6 +88,13 @@ def select(s: Scene, c: int, k: int):
         put(s.working.weights, c, wp.vec3d(weight[0], weight[1], mu))
 
 
+@wp.func
+def closing_speed_of(s: Scene, c: int) -> f64:
+    """Return vn of a pair [m/s] (eq. 5)."""
+    v, contact = s.grains.next_velocity, s.contacts.contact
+    return wp.dot(at(v, first_of(contact, c)) - at(v, second_of(contact, c)), normal_of(contact, c))
+
+
 def selecting(count: int) -> wp.Function:
     """Return the function that selects pairs of [begin, end), `count` at a time (lanes.py).
 
@@ -107,7 +113,7 @@ def selecting(count: int) -> wp.Function:
         while c < end:
             vn = vector()
             for k in range(wp.static(count)):
-                vn[k] = vn_of(s.grains.next_velocity, contacts.contact, c + k)
+                vn[k] = closing_speed_of(s, c + k)
             carried = numbers_at(contacts.dv, c) + numbers_at(s.momentum.last_dv, c)
             for k in range(wp.static(count)):
                 excess = vn[k] - gap_rate_of(contacts.contact, c + k)

@@ -79,3 +79,14 @@ def test_a_step_that_is_solved_again_tells_of_the_last_attempt() -> None:
         assert report.history is not None
         assert (len(report.history.zeta), report.history.zeta[-1]) == (report.iterations, report.zeta)
     assert redone > 0
+
+
+def test_history_of_a_step_that_the_host_solves_ends_with_its_residual():
+    simulation = Simulation(Scene.load("annulus"), method="exact", max_iterations=40, tolerance=1e-10)
+    simulation.advance(260)
+    solved = 0
+    for _ in range(8):
+        report = simulation.step(history=True)
+        assert report.history.residual[-1] == report.residual
+        solved += report.factorizations
+    assert solved > 0

@@ -215,11 +215,17 @@ class SceneMemory:
         return np.concatenate([pair, np.stack([wall[:, 0], body], axis=1)])
 
     def give_up_step(self) -> None:
-        """Undo an unfinished step; if it was about to rebuild the list, the next step does so."""
+        """Undo an unfinished step; if it was about to rebuild the list, the next step does so.
+
+        A search that was repeated may have written rows already: those of the list before return.
+        """
         for name in ("dv", "dvt"):
             start = self.array(f"contacts.{name}_start")[: self.contacts]
             self.array(f"contacts.{name}")[: self.contacts] = start
         control = self.record["control"]
+        if control["phase"] == Phase.FULL:
+            for rows, count in (("start", self._scene.n + 1), ("neighbor", self.contacts)):
+                self.array(f"neighbors.{rows}")[:count] = self.array(f"workspace.old.{rows}")[:count]
         if control["phase"] == Phase.FULL or control["recoloring"]:
             self.record["control"] = 0
             self.array("verlet.skin")[:] = tuning.NO_SKIN
