@@ -35,6 +35,10 @@ class OutputError(InputError):
     """
 
 
+class MissingExtraError(InputError):
+    """Library that is not installed. The message names it and the extra that installs it."""
+
+
 class SimulationError(RuntimeError):
     """Failure of a run. The message names the step and the grain, and the last good state is kept.
 
@@ -50,8 +54,8 @@ class SimulationError(RuntimeError):
 
 @contextmanager
 def requiring(what: str, extra: str = "report") -> Iterator[None]:
-    """Raise InputError if a library of an extra, which the block imports for `what`, is not installed."""
+    """Raise MissingExtraError if a library of an extra, which the block imports, is not installed."""
     try:
         yield
     except ModuleNotFoundError as error:
-        raise InputError(f"{what} needs {error.name}: pip install 'warpgrains[{extra}]'") from error
+        raise MissingExtraError(f"{what} needs {error.name}: pip install 'warpgrains[{extra}]'") from error

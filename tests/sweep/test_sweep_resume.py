@@ -137,6 +137,28 @@ def test_what_takes_long_is_kept_at_the_end_of_its_group(tmp_path, monkeypatch):
     assert results(out) == results(tmp_path / "short")
 
 
+@pytest.mark.parametrize("options", [[], ["--folders"]])
+def test_a_run_whose_extra_is_missing_is_left_to_another_machine(tmp_path, monkeypatch, capfd, options):
+    sweep = write(tmp_path, SMALL.replace("[axes]", '[axes]\nsolver.method = ["gauss-seidel", "exact"]'))
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "warpgrains.solver.exact", None)
+        assert batch(sweep, "-o", tmp_path / "out", *options) == 1
+    said = capfd.readouterr().out
+    assert "not finished      4 (continue with --resume), first run 6: method 'exact' needs" in said
+    assert len(table(tmp_path / "out" / "results.csv")) == 8
+    assert batch(sweep, "-o", tmp_path / "out", "--resume", *options) == 1  # two have too much drag
+    assert len(table(tmp_path / "out" / "results.csv")) == 12
+
+
+def test_a_folder_of_the_name_of_a_shipped_scene_is_no_scene(tmp_path, monkeypatch):
+    """Such as the sweep's own output, when it is resumed."""
+    monkeypatch.chdir(tmp_path)
+    sweep = write(tmp_path)
+    assert batch(sweep, "-o", "annulus", "--index", 0, "--count", 2) in (0, 1)
+    assert batch(sweep, "-o", "annulus", "--resume") == 1
+    assert len(table(tmp_path / "annulus" / "results.csv")) == 6
+
+
 def test_a_folder_that_cannot_be_used_leaves_its_run_alone(tmp_path, monkeypatch, capfd):
     """Also if the run gets it after its time as a short run."""
     sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]"))

@@ -146,7 +146,8 @@ class ResidentSets:
     ) -> Iterator[SetSteps]:
         """Advance each scene by its number of steps, or until its run ends, set after set.
 
-        The runs of all scenes count the steps, if they are given. Gravity is that of the scenes, or is given
+        The runs of all scenes count the steps, if they are given. Without them, what was done is read from the
+        device when it is asked for, because that of thousands of scenes takes as long as their steps. Gravity is that of the scenes, or is given
         for these steps [m/s2], shape (scenes, 2). A scene that fails or is interrupted stops between two
         steps. Yields after each set what its scenes did. After `cancel` the remaining sets are not advanced.
         """

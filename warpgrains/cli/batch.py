@@ -63,6 +63,7 @@ def run(arguments: Namespace) -> bool:
     own = {run.number for run in share}
     failed = {number: reason for number, reason in outcomes.failed.items() if number in own}
     missing = {number: reasons.get(number, "") for number in sorted(own - outcomes.finished)}
+    done = {run.number for run in left} & outcomes.finished
     seconds = perf_counter() - start
     rows = {
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
@@ -70,7 +71,7 @@ def run(arguments: Namespace) -> bool:
         "not finished": f"{len(missing)}{' (continue with --resume)' if missing else ''}{_first(missing)}",
         "not converged": f"{len(own & outcomes.unconverged)} runs, in one step or more",
         **({} if outcomes.unmet is None else {"not at rest": f"{len(own & outcomes.unmet)} runs"}),
-        "time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s",
+        "time": f"{seconds:.2f} s, {len(done) / seconds:.2f} runs/s",
         **({"results": str(results)} if outcomes.finished else {}),
     }
     print(in_columns(rows))

@@ -36,9 +36,9 @@ def shipped(kind: str) -> list[str]:
     return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
-def read_document(name_or_path: str | os.PathLike[str]) -> Table:
-    """Return the sections of a scene file, or of a shipped scene, as they are written."""
-    return parse_toml(read_text(Path(name_or_path), "scene"), name_or_path)
+def shipped_text(kind: str, name: str) -> str:
+    """Return the text of a scene, or of a sweep, that is part of the package."""
+    return (_folder(kind) / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def read_text(path: Path, kind: str) -> str:
@@ -46,14 +46,11 @@ def read_text(path: Path, kind: str) -> str:
 
     Raises InputError if neither exists.
     """
-    source: Path | Traversable = path
     if not _exists(path):
-        known = shipped(kind)
-        if str(path) not in known:
-            raise checks.unknown(f"{kind}, neither a file nor a shipped one,", str(path), known)
-        source = _folder(kind) / f"{path}.toml"
+        checks.one_of(f"{kind}, neither a file nor a shipped one,", str(path), shipped(kind))
+        return shipped_text(kind, str(path))
     try:
-        return source.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path} cannot be read: {error}") from None
 

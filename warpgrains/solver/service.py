@@ -26,7 +26,7 @@ def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
 
     Raises
     ------
-    InputError
+    MissingExtraError
         The method is "exact" and qdldl, which the extra ``[exact]`` installs, is missing.
     """
     if method != "exact":

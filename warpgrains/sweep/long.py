@@ -13,12 +13,13 @@ from typing import Any, NamedTuple, Self
 
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
-from warpgrains.errors import InputError, OutputError, SimulationError
+from warpgrains.errors import InputError, MissingExtraError, OutputError, SimulationError
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.run import OpenRun
 from warpgrains.solver.memory import OutOfMemoryError
 from warpgrains.solver.present import PresentState
+from warpgrains.solver.service import exact_solver
 from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size, write_all
 from warpgrains.sweep.results import result
@@ -53,6 +54,8 @@ class LongRun(OpenRun):
         ------
         OutputError
             Another process has the run.
+        MissingExtraError
+            Its method needs a library that is not installed here.
         OSError
             Its files cannot be used.
         """
@@ -60,8 +63,9 @@ class LongRun(OpenRun):
             run = None
             try:
                 run = cls(folder, *folder.begin(execution))
+                exact_solver(run.scene.method)
                 run._outputs.enter_context(run.opened())
-            except OutputError:
+            except (OutputError, MissingExtraError):
                 raise
             except InputError as error:
                 reason = str(error) if run is None else f"{error}: {HOW_TO_REPEAT}"
@@ -103,6 +107,7 @@ class LongRun(OpenRun):
     def finish(self) -> None:
         """Save the result of the run, whose last checkpoint is that of its end."""
         if self.error is None:
+            assert self.saved.steps == self.first_step + self.statistics.steps, "an earlier checkpoint"
             end = snapshot(self.scene, self.saved)
             self.folder.finish(result(end, self.statistics, self.folder.columns))
         else:
@@ -151,7 +156,7 @@ class LongRunner:
         for one in chosen:
             try:
                 run = group.held.enter_context(LongRun.begun(self._folder.of(one), self._execution))
-            except (OutputError, OSError) as error:
+            except (OutputError, MissingExtraError, OSError) as error:
                 self.reasons[one.number] = str(error)
             else:
                 group.runs.extend([] if run is None else [run])

@@ -23,6 +23,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.simulation.until import CountedRun, EndCriterion, criterion
 from warpgrains.solver.memory import OutOfMemoryError
+from warpgrains.solver.service import exact_solver
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, write_all
@@ -121,6 +122,7 @@ class ShortRunner:
         if not any(end in label for label in labels.values() for end in "\r\n"):
             with suppress(InputError):
                 scene = self._scene(run)
+                exact_solver(scene.method)
                 until = criterion(self._folder.settings.until, scene)
                 require_quantities(self._folder.settings.measured, scene)
                 if team_size(scene, self._device, self._threads) == 1:

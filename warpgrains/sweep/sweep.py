@@ -28,10 +28,10 @@ from warpgrains.scene import checks
 from warpgrains.scene.document import (
     Table,
     parse_toml,
-    read_document,
     read_text,
     shipped,
     shipped_scenes,
+    shipped_text,
     toml_text,
     toml_value,
 )
@@ -197,36 +197,39 @@ def _combinations(lists: dict[str, list[Any]], combine: str) -> list[KeyValues]:
 def _bases(
     document: Table, folder: Path, fixed: KeyValues, lists: dict[str, list[Any]]
 ) -> Iterator[BaseScene]:
-    for path in _base_paths(document, folder):
-        if path.exists() and not path.is_file():
-            raise InputError(f"scene '{path}' of the sweep is not a regular file")
-        sections = _with_values(read_document(path), fixed)
-        toml_value(path.stem)  # a cell of the tables: it must be text
+    for name, base, where in _base_documents(document, folder):
+        sections = _with_values(base, fixed)
+        toml_value(name)  # a cell of the tables: it must be text
         grains = _table("grains", sections.get("grains", {}))
         if is_file_of_radii(grains.get("radius")):
-            radii = read_radii(path.parent, grains["radius"]).tolist()
+            radii = read_radii(where, grains["radius"]).tolist()
             if len(radii) == 2:
                 raise InputError(
                     f"grains.radius: file {grains['radius']['file']!r} has two radii, which runs of a sweep"
                     " cannot list: in their scene files, two numbers are the bounds of a distribution"
                 )
             grains["radius"] = radii
-        name = grains.get("file")
-        names = lists.get("grains.file", [] if name is None else [name])
-        yield BaseScene(path.stem, sections, {name: _grain_file(path.parent, name) for name in names})
+        file = grains.get("file")
+        files = lists.get("grains.file", [] if file is None else [file])
+        yield BaseScene(name, sections, {file: _grain_file(where, file) for file in files})
 
 
-def _base_paths(document: Table, folder: Path) -> list[Path]:
+def _base_documents(document: Table, folder: Path) -> Iterator[tuple[str, Table, Path]]:
+    """Yield the name and the sections of each base scene, and the folder of the files that it names."""
     given = checks.only_one("a sweep", document, ("scene", "folder"))
     name = document[given]
     if not isinstance(name, str):
         raise InputError(f"{given} is {name!r}: it must be the name of a {given}")
-    if given == "scene":
-        return [Path(name) if name in shipped_scenes() and not (folder / name).is_file() else folder / name]
-    scenes = sorted((folder / name).glob("*.toml"))
-    if not scenes:
+    if given == "scene" and name in shipped_scenes() and not (folder / name).is_file():
+        yield name, parse_toml(shipped_text("scene", name), name), folder
+        return
+    paths = [folder / name] if given == "scene" else sorted((folder / name).glob("*.toml"))
+    if not paths:
         raise InputError(f"folder {str(folder / name)!r} has no scenes: it must hold .toml files")
-    return scenes
+    for path in paths:
+        if path.exists() and not path.is_file():
+            raise InputError(f"scene '{path}' of the sweep is not a regular file")
+        yield path.stem, parse_toml(read_text(path, "scene"), path), path.parent
 
 
 def _grain_file(folder: Path, name: Any) -> GrainFile:
