@@ -79,7 +79,7 @@ class GrainPoints:
         for name, value in (of_grains | still).items():
             primvar = primvars.CreatePrimvar(name, types.DoubleArray, vertex)
             primvar.Set(Vt.DoubleArray.FromNumpy(value))
-        for name in {*self._changing, *(ROTATION if self._rotates else ())}:
+        for name in dict.fromkeys([*self._changing, *(ROTATION if self._rotates else ())]):
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
         if self._colors.still is not None:
             for name, index in self._color(self._colors.still).items():
