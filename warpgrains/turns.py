@@ -1,7 +1,8 @@
 """Mutual exclusion of Python threads: for building kernels, and for advancing an object."""
 
 import os
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from threading import RLock
 from typing import Self
 
@@ -26,7 +27,7 @@ class ExclusiveUse:
     """
 
     def __init__(self, what: str) -> None:
-        self._what, self._lock, self._is_advancing = what, RLock(), False
+        self._what, self._lock, self._is_advancing, self._is_observed = what, RLock(), False, False
         self._advancing = _Advancing(self)
 
     def exclusive(self) -> Self:
@@ -35,6 +36,21 @@ class ExclusiveUse:
         Entering it raises SimulationError if another thread is in such a context.
         """
         return self
+
+    def changing(self) -> Self:
+        """Return the same context, for what advances or changes the object: not while it is observed."""
+        if self._is_observed:
+            self._refuse("the run that calls this observer or end criterion")
+        return self
+
+    @contextmanager
+    def observed(self) -> Iterator[None]:
+        """Let callbacks in the block read the object, but refuse to let them advance or change it."""
+        self._is_observed = True
+        try:
+            yield
+        finally:
+            self._is_observed = False
 
     def advancing(self) -> AbstractContextManager[None]:
         """Return the context that excludes other threads and also callbacks, as `exclusive` does."""

@@ -15,7 +15,8 @@ from sweeps import SMALL, batch, results, table, write
 from warpgrains import Recording, Scene, Simulation
 from warpgrains.batch import resident
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.solver import memory, tuning
+from warpgrains.solver import memory, sizes, tuning
+from warpgrains.solver.records import SceneRecords
 from warpgrains.sweep.execution import ExecutionOptions, RunSettings
 from warpgrains.sweep.runner import finish_runs
 from warpgrains.sweep.sweep import Sweep
@@ -147,6 +148,36 @@ class TestResults:
         assert [[row["run"] for row in part] for part in parts] == ([] if options else [["0"]])
         for recording in tmp_path.rglob("*.usdc"):
             assert inspect_recording(recording) == []
+
+    @pytest.mark.parametrize("options", [(), ("--folders",)])
+    def test_memory_that_is_lacking_for_a_longer_list(self, tmp_path, done, monkeypatch, options):
+        """Runs that lack it beside others continue alone."""
+        resize, refused = SceneRecords._resize, []
+
+        def resize_alone(records, *given):
+            if len(records.host) > 1 and not refused:
+                refused.append(given)
+                raise memory.OutOfMemoryError("no room beside others")
+            return resize(records, *given)
+
+        monkeypatch.setattr(sizes, "first_pairs", lambda n: n // 4)
+        monkeypatch.setattr(SceneRecords, "_resize", resize_alone)
+        assert batch(write(tmp_path), "-o", tmp_path / "out", *options) == 1
+        assert refused
+        assert results(tmp_path / "out") == results(done)
+
+    def test_a_table_of_something_else_is_not_replaced(self, tmp_path, capfd):
+        (tmp_path / "out").mkdir()
+        (tmp_path / "out" / "results.csv").write_text("precious")
+        for more in ((), ("--resume",)):
+            assert batch(write(tmp_path), "-o", tmp_path / "out", *more) == 2
+            assert "refusing to overwrite" in capfd.readouterr().err
+        assert (tmp_path / "out" / "results.csv").read_text() == "precious"
+
+    def test_no_picture_where_all_runs_fail(self, tmp_path, capfd):
+        sweep = write(tmp_path, 'scene = "annulus"\n[axes]\nphysics.drag = [100.0, 200.0]\n')
+        assert batch(sweep, "-o", tmp_path / "out", "--plot", "x=physics.drag,y=steps") == 1
+        assert "picture           none: no run has succeeded" in capfd.readouterr().out
 
     @pytest.mark.parametrize(("threads", "folders"), [(1, 0), (2, 4)])
     def test_large_runs_are_short_if_one_thread_runs(self, tmp_path, done, monkeypatch, threads, folders):

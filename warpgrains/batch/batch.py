@@ -222,7 +222,8 @@ class Batch(Shown):
 
         def summary(k: int) -> SceneSummary:
             done = of_scene[k].done(k)
-            return SceneSummary(**vars(done.statistics.summary(None)), error=done.error)
+            error = None if done.error is None else str(done.error)
+            return SceneSummary(**vars(done.statistics.summary(None)), error=error)
 
         return Results(len(self), summary)
 

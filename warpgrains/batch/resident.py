@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 
 from warpgrains.arrays import FloatArray
+from warpgrains.errors import SimulationError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
 from warpgrains.simulation.until import CountedRun
@@ -38,7 +39,7 @@ class StepsDone(NamedTuple):
 
     statistics: RunStatistics
     report: StepReport | None
-    error: str | None
+    error: SimulationError | None
 
 
 class SetSteps(NamedTuple):
@@ -46,7 +47,7 @@ class SetSteps(NamedTuple):
 
     numbers: Collection[int]
     """Numbers of the scenes in the batch."""
-    errors: dict[int, str]
+    errors: dict[int, SimulationError]
     """Reasons why scenes stopped early."""
     stepped: list[int]
     """Scenes that took at least one step."""
@@ -146,10 +147,11 @@ class ResidentSets:
     ) -> Iterator[SetSteps]:
         """Advance each scene by its number of steps, or until its run ends, set after set.
 
-        The runs of all scenes count the steps, if they are given. Without them, what was done is read from the
-        device when it is asked for, because that of thousands of scenes takes as long as their steps. Gravity is that of the scenes, or is given
-        for these steps [m/s2], shape (scenes, 2). A scene that fails or is interrupted stops between two
-        steps. Yields after each set what its scenes did. After `cancel` the remaining sets are not advanced.
+        The runs of all scenes count the steps, if they are given. Without them, what was done is read from
+        the device when it is asked for: that of thousands of scenes takes as long as their steps. Gravity is
+        that of the scenes, or is given for these steps [m/s2], shape (scenes, 2). A scene that fails or is
+        interrupted stops between two steps. Yields after each set what its scenes did. After `cancel` the
+        remaining sets are not advanced.
         """
         for _ in self.in_memory():
             for engine, numbers in self._engines:

@@ -76,7 +76,8 @@ def run(arguments: Namespace) -> bool:
     }
     print(in_columns(rows))
     if plot is not None:
-        print(in_columns({"picture": plot.draw(results)}))
+        succeeded = outcomes.finished - outcomes.failed.keys()
+        print(in_columns({"picture": plot.draw(results) if succeeded else "none: no run has succeeded"}))
     return bool(failed or missing)
 
 

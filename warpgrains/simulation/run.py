@@ -238,7 +238,8 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
         statistics.other_seconds = perf_counter() - start - statistics.step_seconds
 
     def write_due() -> None:
-        run.record(simulation)
+        with simulation.observed():
+            run.record(simulation)
         measure_time()
         if kept is not None and (statistics.steps % every == 0 or run.has_ended):
             write_checkpoint(kept, run.flush_and_checkpoint(simulation.state()))
@@ -254,7 +255,8 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
                 if done.infeasible and not statistics.infeasible:
                     step, grains = simulation.infeasible_steps[0]
                     warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
-                run.count(done, simulation)
+                with simulation.observed():
+                    run.count(done, simulation)
                 write_due()
         finally:
             if run.observer is not None:

@@ -106,7 +106,8 @@ class Simulation(Stepper):
         observer : object, optional
             Object that measures during the run, such as a `warpgrains.analysis.Series`.
             ``observe(simulation)`` is called at multiples of its ``every`` steps, ``flush()`` before a
-            checkpoint and at the end. Checkpoints do not hold it: `run --resume` continues without it.
+            checkpoint and at the end. It may read the simulation, but neither advance nor change it.
+            Checkpoints do not hold it: `run --resume` continues without it.
         progress : bool
             Whether to show a progress bar on standard error.
 
@@ -116,7 +117,7 @@ class Simulation(Stepper):
             An argument is invalid, or the recording or the checkpoint cannot be written. It is an
             `OutputError` if another run writes it at the same time.
         SimulationError
-            A step failed, or another thread advances this simulation.
+            A step failed, another thread advances this simulation, or a callback changes it.
 
         Warns
         -----
@@ -146,7 +147,7 @@ class Simulation(Stepper):
             )
         if observer is not None:
             require_observer(observer)
-        with self._use.exclusive():
+        with self._use.changing():
             run = OpenRun(self.scene, options, RunStatistics(), self.steps, until, observer)
             with run.opened():
                 carry_out(self, run, progress)

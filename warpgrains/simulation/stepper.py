@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
@@ -108,7 +109,7 @@ class Stepper(PresentState, Shown):
             "raise" (the state is then that before the step); or a history of `max_iterations` does not fit in
             memory; or another thread advances this simulation.
         """
-        with self._use.exclusive():
+        with self._use.changing():
             report = self._advance(1, None, history).report(0)
             return replace(report, history=self._engine.history(0)) if history else report
 
@@ -133,7 +134,7 @@ class Stepper(PresentState, Shown):
         steps = checks.whole_number("steps", steps, least=0)
         if on_progress is not None:
             checks.function("on_progress", on_progress)
-        with self._use.exclusive():
+        with self._use.changing():
             return self._advance(steps, on_progress).statistics(0)
 
     def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> LastSteps:
@@ -143,7 +144,7 @@ class Stepper(PresentState, Shown):
             advance([self._engine], self._threads, on_progress)
         last_steps = self._engine.last_steps
         if last_steps.errors:
-            raise SimulationError(last_steps.errors[0])
+            raise last_steps.errors[0]
         return last_steps
 
     @property
@@ -168,7 +169,7 @@ class Stepper(PresentState, Shown):
         """
         for name in sorted(GRAIN_FIELDS & fields.keys()):
             raise InputError(f"change: {name} concerns the grains: make a scene of the present positions")
-        with self._use.exclusive():
+        with self._use.changing():
             state = self.state()
             scene = self.scene.replace(**fields)
             if scene.has_driven_walls != self.scene.has_driven_walls:
@@ -204,6 +205,10 @@ class Stepper(PresentState, Shown):
         spin = self._grains("last_spin") if self.scene.has_friction else None
         return StepStart(position, velocity, self._engine.last_staggered(0), spin)
 
+    def observed(self) -> AbstractContextManager[None]:
+        """Return the context in which callbacks of a run may read the simulation, but not change it."""
+        return self._use.observed()
+
     def state(self) -> State:
         """Return the exact state. After `restore`, a simulation continues from it with the same bits."""
         with self._use.exclusive():
@@ -218,7 +223,7 @@ class Stepper(PresentState, Shown):
             `state` is invalid or belongs to other grains. The message names field, grain and value.
         """
         require_state(state, self.scene)
-        with self._use.exclusive():
+        with self._use.changing():
             self._load(state)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.errors import SimulationError
 from warpgrains.kernels.record import StepState, StepSums
 from warpgrains.solver.final_states import Counts
 from warpgrains.solver.statistics import RunStatistics, StepReport
@@ -35,7 +36,7 @@ class LastSteps(NamedTuple):
     """Steps since the start, shape (scenes,)."""
     proofs: list[list[tuple[int, tuple[int, ...]]]]
     """Of every scene, the steps without a solution, and the grains that cannot fit."""
-    errors: dict[int, str]
+    errors: dict[int, SimulationError]
     """Reasons why scenes stopped early."""
 
     def copy(self) -> Self:

@@ -60,7 +60,7 @@ class Service:
         solver = exact_solver(scenes[0].method)
         self._exact = [] if solver is None else list(map(solver, scenes, memory))
         self.proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in scenes]
-        self.errors: dict[int, str] = {}
+        self.errors: dict[int, SimulationError] = {}
 
     def clear(self) -> None:
         """Clear proofs and errors."""
@@ -74,7 +74,7 @@ class Service:
         try:
             self._records.reserve_contacts(k, int(self._memory[k].array("neighbors.total")[0]))
         except SimulationError as error:
-            self.errors[k] = str(error)
+            self.errors[k] = error
             return False
         return True
 
@@ -94,8 +94,8 @@ class Service:
     def explain(self, k: int, outcome: int) -> None:
         """Store the reason why the open step of scene k failed."""
         scene, done = self._scenes[k], self._memory[k].steps
-        why = self.errors.get(k) or _reason(scene, self._memory[k], outcome)
-        self.errors[k] = f"step {done + 1}, from t = {done * scene.dt} s: {why}"
+        why = self.errors.get(k) or SimulationError(_reason(scene, self._memory[k], outcome))
+        self.errors[k] = type(why)(f"step {done + 1}, from t = {done * scene.dt} s: {why}")
 
     def undo_step(self, k: int) -> None:
         """Undo the unfinished step of scene k."""

@@ -31,7 +31,7 @@ from warpgrains.warp_start import find_device
 SLICE = 1.0  # intended duration of a slice [s]
 FIRST_SLICE = 4  # steps
 BETWEEN_CHECKPOINTS = 20.0  # s
-LEAST_WIDTH, WIDTH, RECORDED_WIDTH = 16, 64, 16  # runs in a group; frames wait in memory
+LEAST_WIDTH, WIDTH = 16, 64  # runs in a group
 
 
 class LongRun(OpenRun):
@@ -42,7 +42,7 @@ class LongRun(OpenRun):
         of_start = start.scene, start.options, start.statistics, start.first_step
         super().__init__(*of_start, is_resumed=is_resumed, is_locked=True)
         self.folder, self.saved = folder, start.state  # that of the last checkpoint, if there is one
-        self.error: str | None = None
+        self.error: SimulationError | None = None
         self._outputs = ExitStack()
 
     @classmethod
@@ -97,7 +97,7 @@ class LongRun(OpenRun):
 
     def complete(self) -> str | None:
         """Complete the recording, or discard one without frames; return the reason if that fails."""
-        failed = None if self.error is None or self.frames else SimulationError(self.error)
+        failed = None if self.frames else self.error
         try:
             self._outputs.__exit__(None if failed is None else type(failed), failed, None)
         except OSError as error:
@@ -111,7 +111,7 @@ class LongRun(OpenRun):
             end = snapshot(self.scene, self.saved)
             self.folder.finish(result(end, self.statistics, self.folder.columns))
         else:
-            self.folder.fail(self.error, self.statistics.seconds)
+            self.folder.fail(str(self.error), self.statistics.seconds)
 
 
 class LongGroup(NamedTuple):
@@ -140,8 +140,7 @@ class LongRunner:
         self.reasons: dict[int, str] = {}
         self._folder, self._execution, self._on_progress = folder, execution, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
-        self.widest = WIDTH if execution.fps is None else RECORDED_WIDTH
-        self.narrowest = min(LEAST_WIDTH, self.widest)
+        self.narrowest, self.widest = min(LEAST_WIDTH, WIDTH), WIDTH
         self._held = ExitStack()
 
     def __enter__(self) -> Self:
@@ -194,7 +193,7 @@ class LongRunner:
             if len(runs) > 1:
                 return [run for run in runs if run.has_steps_left]
             self._on_progress(1.0 - runs[0].progress)
-            runs[0].error = str(error)
+            runs[0].error = error
         return []
 
     def _in_slices(self, runs: list[LongRun], sets: ResidentSets) -> None:
@@ -208,9 +207,13 @@ class LongRunner:
             start = perf_counter()
             steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
             for last in sets.advance(steps, None, runs):
-                for k in filter(steps.__getitem__, sets.present):
-                    runs[k].error = last.done(k).error
+                errors = {k: last.done(k).error for k in filter(steps.__getitem__, sets.present)}
+                lacking = [error for error in errors.values() if isinstance(error, OutOfMemoryError)]
+                for k, error in errors.items():
+                    runs[k].error = None if error in lacking else error
                 _write_due(runs, sets)
+                if lacking:
+                    raise lacking[0]  # for a longer list of contacts; none of its steps is lost
                 before, done = done, sum(run.progress for run in runs)
                 self._on_progress(done - before)
             now = perf_counter()

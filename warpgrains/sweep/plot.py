@@ -66,7 +66,7 @@ class SweepPlot:
         columns = read_columns(results, self._columns)
         good = [k for k, error in enumerate(columns["error"]) if not error]
         if not good:
-            raise InputError(f"'{results}' holds nothing to draw: no run is finished")
+            raise InputError(f"'{results}' holds nothing to draw: no run has succeeded")
         columns = {name: [cells[k] for k in good] for name, cells in columns.items()}
         figure = Figure(figsize=_SIZE, layout="constrained")
         self.draw_on(figure.subplots(), columns)

@@ -176,7 +176,10 @@ class ShortRunner:
                     short = waiting.pop(k)
                     ended[short.run.number] = (short.labels, values)
                 for k in filter(waiting.__contains__, sets.present):
-                    interrupted.append((waiting.pop(k).run, sets.present[k].state(), last.done(k)))
+                    done = last.done(k)
+                    if isinstance(done.error, OutOfMemoryError):
+                        done = done._replace(error=None)  # it continues alone
+                    interrupted.append((waiting.pop(k).run, sets.present[k].state(), done))
         self.longer += [short.run for short in waiting.values()]
         self._on_progress(len(ended) + sum(done.error is not None for _, _, done in interrupted) - progress)
         self._folder.shards.write(ended)
@@ -198,7 +201,7 @@ class ShortRunner:
             if not is_resumed:
                 folder.save_checkpoint(replace(start, state=state, statistics=statistics))
                 if error is not None:
-                    folder.fail(error, statistics.seconds)
+                    folder.fail(str(error), statistics.seconds)
 
     def _ended(self, sets: ResidentSets, runs: list[CountedRun] | None) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs in memory with their indices in the group."""

@@ -107,6 +107,8 @@ class SweepFolder:
             another sweep.
         """
         make_folder(self.path)
+        if self.results.exists() and not (self.path / "scenes").exists():
+            raise OutputError(f"refusing to overwrite '{self.results}': not the results of a sweep")
         for base in sweep.bases:
             scene = self._scene_file(base)
             if scene.exists() and read_regular(scene) != self._common(base):
