@@ -126,11 +126,11 @@ def next_near(shapes: wp.array(dtype=Shape), begin: int, x: wp.vec2d, reach: f64
 
 @wp.func
 def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
-    """Return whether wall b is within reach [m] of a grain at x."""
+    """Return whether wall b is within reach [m] of a grain at x, or has no gap there, which is NaN."""
     if b > 0:
         place, shape = place_at(b, x, walls), at(walls.shape, b - 1)
         if is_near_circle(shape, place, radius + reach):  # `and` would compute both
-            return shape_gap(place, radius, shape) <= reach
+            return not (shape_gap(place, radius, shape) > reach)
         return False
     return annulus.is_near(x, radius, walls.annulus, reach)
 

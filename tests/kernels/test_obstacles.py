@@ -212,3 +212,24 @@ def test_a_kind_of_wall_without_its_branch_is_refused(
     in_c = Reference(c_library, scene)
     in_c.update()
     assert np.isnan(in_c.velocity).all()
+
+
+CENTERED = {
+    "arc": {
+        "position": [(0.0, 0.25), (-3.0, -2.0)],
+        "velocity": [(4.0, 0.0), (0.0, 16.0)],
+        "walls": [Arc((0.5, 0.25), 0.5, -1.0, 1.0)],
+        "radius_out": 8.0,
+    },
+    "origin": {"position": [(0.125, 0.0)], "velocity": [(-1.0, 0.0)], "radius_out": 1.0},
+}
+
+
+@pytest.mark.parametrize(("which", "wall"), [("arc", 2), ("origin", 0)])
+def test_a_grain_where_a_wall_has_no_normal_is_named(which: str, wall: int) -> None:
+    """It gets there in a step, exactly in the center of an arc or of the outer circle."""
+    scene = Scene(**CENTERED[which], radius=0.1, mass=1.0, dt=0.125, gravity=(0.0, 0.0))
+    simulation = Simulation(scene)
+    with pytest.raises(SimulationError, match=f"step 2, .* where wall {wall} has no normal"):
+        simulation.advance(2)
+    assert simulation.steps == 1

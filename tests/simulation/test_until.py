@@ -7,7 +7,7 @@ import pytest
 from command import exit_code
 from same_bits import contents
 
-from warpgrains import InputError, Scene, Simulation
+from warpgrains import InputError, Scene, Simulation, SimulationError
 from warpgrains.analysis import kinetic_energy
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.simulation.until import TEST_INTERVAL
@@ -106,3 +106,40 @@ def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, stop_at):
         assert exit_code("run", "--resume", parts, *end) == 0
         longer = json.loads(capfd.readouterr().out)
         assert (longer["steps"], longer["met"]) == (expected["steps"] + steps, met)
+
+
+CHANGES = {
+    "change": lambda simulation: simulation.change(dt=0.005),
+    "step": lambda simulation: simulation.step(),
+    "advance": lambda simulation: simulation.advance(3),
+    "restore": lambda simulation: simulation.restore(simulation.state()),
+    "run": lambda simulation: simulation.run(steps=1),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
+@pytest.mark.parametrize("by_observer", [True, False], ids=["observer", "until"])
+def test_callbacks_read_the_simulation_of_their_run_but_do_not_change_it(tmp_path, change, by_observer):
+    """Else the recording would go on with the former scene and number of steps."""
+
+    class Changing:
+        every = 10
+
+        def observe(self, simulation):
+            assert simulation.state().steps == simulation.steps
+            if simulation.steps == 20:
+                change(simulation)
+
+        def flush(self):
+            pass
+
+    def question(simulation):
+        Changing().observe(simulation)
+        return False
+
+    simulation = Simulation("annulus")
+    given = {"observer": Changing()} if by_observer else {"until": question}
+    with pytest.raises(SimulationError, match="the run that calls this observer or end criterion"):
+        simulation.run(steps=50, record=tmp_path / "run.usdc", **given)
+    assert simulation.steps == 20
+    change(simulation)

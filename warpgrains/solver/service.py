@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from warpgrains.errors import SimulationError, requiring
 from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE
 from warpgrains.solver.infeasible import (
@@ -117,12 +119,23 @@ def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
     velocity = memory.array("grains.next_velocity")[grain].tolist()
     reached = f"grain {grain} reached a velocity of {velocity} m/s"
     if outcome == NOT_FINITE:
-        return f"{reached}: {_excess(scene, velocity)}"
+        return f"{reached}: {_wall_without_normal(scene, memory, grain) or _excess(scene, velocity)}"
     circle = scene.radius_out - scene.radius[grain].item()
     return (
         f"{reached} along the round wall: in a step of {scene.dt} s, it leaves the circle of {circle} m on"
         " which it touches the wall"
     )
+
+
+def _wall_without_normal(scene: Scene, memory: SceneMemory, grain: int) -> str | None:
+    """Return where a grain is if a wall has no normal there, as an arc in its center; else None."""
+    position, radius = memory.grains("position")[grain : grain + 1], scene.radius[grain : grain + 1]
+    time = (memory.steps + 1) * scene.dt
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for number in scene.wall_numbers:
+            if not np.isfinite(scene.side(number, position, radius, time=time).normal).all():
+                return f"it is at {tuple(position[0].tolist())} m, where wall {number} has no normal"
+    return None
 
 
 def _excess(scene: Scene, velocity: list[float]) -> str:
