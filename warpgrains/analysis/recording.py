@@ -12,7 +12,7 @@ import numpy as np
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.analysis.tabulated import TABLES, columns_of, contact_variables, grain_variables
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.chains import contact_normals
+from warpgrains.drawing.chains import contact_normals, pairs_and_walls
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.compatibility import require_valid_positions
@@ -159,11 +159,10 @@ class Recording(Shown):
         if contacts:
             chains = self._reader.chains(k)
             pair, force, tangential = chains.pair, chains.force, chains.tangential_force
-        between = pair[:, 1] >= 0
-        grain, code = pair[~between].T
+        between, pairs, walls = pairs_and_walls(pair)
         spin, angle = self._reader.rotation(k)
         scene = self._scene_at(k)
-        steps = self._reader.times.steps(k)
+        steps = self._reader.times.simulated_step(k)
         return Snapshot(
             scene=scene,
             steps=steps,
@@ -173,9 +172,9 @@ class Recording(Shown):
             start=position,
             start_scene=scene,
             start_staggered=scene.scheme == "leapfrog" and steps > 1,
-            pair=pair[between],
+            pair=pairs,
             force=force[between],
-            wall=np.stack([grain, -1 - code], axis=1),
+            wall=walls,
             wall_force=force[~between],
             tangential_force=tangential[between],
             wall_tangential_force=tangential[~between],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.arrays import BoolArray, FloatArray, IntArray
 from warpgrains.drawing.colors import pressure_scale
 from warpgrains.drawing.frames import Frame
 from warpgrains.scene.geometry import left_of, pair_normals
@@ -116,12 +116,18 @@ def with_walls(pair: IntArray, wall: IntArray) -> IntArray:
     return np.concatenate([pair, at_wall]).astype(np.int32)
 
 
+def pairs_and_walls(pair: IntArray) -> tuple[BoolArray, IntArray, IntArray]:
+    """Return which contacts of `Chains.pair` are pairs, these, and the others as grain and wall, (m, 2)."""
+    between = pair[:, 1] >= 0
+    grain, code = pair[~between].T
+    return between, pair[between], np.stack([grain, -1 - code], axis=1)
+
+
 def contact_normals(scene: Scene, position: FloatArray, pair: IntArray, time: float) -> FloatArray:
     """Return unit vectors from each grain to the other one or into its wall at a time [s], shape (m, 2)."""
-    (i, j), normal = pair.T, np.zeros(pair.shape)
-    between = j >= 0
-    normal[between] = pair_normals(position, i[between], j[between])
-    wall = np.stack([i[~between], -1 - j[~between]], axis=1)
+    between, pairs, wall = pairs_and_walls(pair)
+    normal = np.zeros(pair.shape)
+    normal[between] = pair_normals(position, *pairs.T)
     normal[~between], _ = scene.wall_frames(position, wall, time=time)
     return normal
 

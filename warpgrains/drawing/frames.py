@@ -97,7 +97,7 @@ class FrameTimes:
         """Return the step of the run in which frame k lies, or at whose end it is."""
         return ceil(k * self._steps_a_frame - _TOLERANCE)
 
-    def steps(self, k: int) -> int:
+    def simulated_step(self, k: int) -> int:
         """Return the same step, counted from the start of the simulation."""
         return self.first_step + self.step(k)
 
@@ -107,7 +107,7 @@ class FrameTimes:
 
     def time(self, k: int) -> float:
         """Return the simulated time of frame k [s]."""
-        return self.steps(k) * self.dt - self._left(k)
+        return self.simulated_step(k) * self.dt - self._left(k)
 
     def _left(self, k: int) -> float:
         """Return the time from frame k to the end of its step [s]."""

@@ -8,9 +8,7 @@ from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError
 from warpgrains.files import require_writable_path
 from warpgrains.locks import Lock, lock_own
-
-RECORDED_BY = "warpgrains"
-"""Key in a layer's custom data that identifies a recording."""
+from warpgrains.usd.metadata import RECORDED_BY
 
 
 def lock_output(path: Path) -> Lock:

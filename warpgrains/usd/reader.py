@@ -10,17 +10,16 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.chains import Chains, ChainScale
-from warpgrains.drawing.colors import ColorScale, encoded
+from warpgrains.drawing.chains import Chains
+from warpgrains.drawing.colors import encoded
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band
-from warpgrains.scene.document import read_parameters
 from warpgrains.scene.scene import Scene
-from warpgrains.usd.forces import FORCES, read_chains
+from warpgrains.usd.forces import read_chains
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ROTATION, position_of
-from warpgrains.usd.output import RECORDED_BY
+from warpgrains.usd.metadata import RECORDED_BY, Metadata
 from warpgrains.usd.stage import numbers, values_of
 from warpgrains.usd.walls import PLACES, WALLS, read_walls
 
@@ -93,20 +92,15 @@ class RecordingReader:
         data = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY)
         if data is None:
             raise InputError(f"'{path}' holds no scene: warpgrains has not recorded it")
-        self.parameters = read_parameters(str(data["parameters"]))
-        self.parameters |= {"name": str(data["name"]), "text": str(data["scene"])}
+        self.parameters, first_step, self.scale, self.chain_scale = Metadata.read(data)
         rate = float(self._stage.GetTimeCodesPerSecond())
         self.time = (np.array(self._codes) - self._codes[0]) / rate
-        first_step = checks.whole_number("first_step", data["first_step"], least=0)
         self.times = FrameTimes.of(checks.positive("dt", self.parameters["dt"]), rate, first_step)
         self.simulated_time = np.array([self.times.time(k) for k in range(len(self._codes))])
         self.radius, self.mass = (
             numbers(prim.GetAttribute(f"primvars:{name}")) for name in ("radius", "mass")
         )
         self.walls = list(read_walls(self._stage).values())
-        self.scale = ColorScale.read(data["colors"]) if "colors" in data else None
-        has_forces = bool(self._stage.GetPrimAtPath(FORCES))
-        self.chain_scale = ChainScale.read(data["forces"]) if has_forces else None
 
     @_guarded
     def position(self, frame: int) -> FloatArray:

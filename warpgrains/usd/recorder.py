@@ -19,6 +19,7 @@ from warpgrains.frame_log import LOG_SUFFIX, FrameLog, is_complete, log_of
 from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
+from warpgrains.usd.metadata import described
 from warpgrains.usd.output import lock_output
 from warpgrains.usd.stage import Drawing, static_layer
 from warpgrains.usd.walls import Walls
@@ -89,13 +90,10 @@ class Recorder:
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
         self._drawings: list[Drawing] = [grains, Walls(scene)]
-        data: dict[str, Any] = {"draw_as": draw_as, "first_step": times.first_step}
-        if colors.scale is not None:
-            data["colors"] = colors.scale.described()
-        if forces:
-            scale = ChainScale.of(scene)
+        scale = ChainScale.of(scene) if forces else None
+        if scale is not None:
             self._drawings.append(ForceChains(scene, scale, grains.height * float(scene.radius.max())))
-            data["forces"] = scale.described()
+        data = described(scene, times.first_step, draw_as, colors.scale, scale)
         static = static_layer(scene, times.rate, self._drawings, data)
         self._frames = FrameLog(self.log, static.ExportToString())
         self._is_needed = resume_at is not None

@@ -15,8 +15,7 @@ from warpgrains.drawing.colors import linear, mark_color
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import Shape, drawn_walls
 from warpgrains.frame_log import Arrays
-from warpgrains.scene.document import parameters_text
-from warpgrains.usd.output import RECORDED_BY
+from warpgrains.usd.metadata import RECORDED_BY
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -52,7 +51,7 @@ def static_layer(
 
     `rate` is in frames per second [1/s].
 
-    The layer's custom data hold the scene and `data`, such as the scales of colors and forces.
+    `data` are its custom data, see `metadata.described`.
     """
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
@@ -64,16 +63,9 @@ def static_layer(
     UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)
-    version = warpgrains.__version__
-    layer.documentation = f"Recorded by warpgrains {version} from the scene:\n\n{scene.text}"
+    layer.documentation = f"Recorded by warpgrains {warpgrains.__version__} from the scene:\n\n{scene.text}"
     layer.customLayerData = {
-        RECORDED_BY: {
-            "version": version,
-            "name": scene.name,
-            "scene": scene.text,
-            "parameters": parameters_text(scene),
-            **data,
-        },
+        RECORDED_BY: data,
         "cameraSettings": {"boundCamera": str(CAMERA)},  # the camera that Omniverse uses
     }
     _define_material(stage)

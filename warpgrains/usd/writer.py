@@ -17,7 +17,7 @@ from warpgrains.errors import InputError
 from warpgrains.files import draft_of, draft_path, publish, resolve_link
 from warpgrains.frame_log import FrameLog, LogReader
 from warpgrains.usd.grains import GRAINS
-from warpgrains.usd.output import RECORDED_BY
+from warpgrains.usd.metadata import RECORDED_BY
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
 _PACKED = time.mktime((1980, 1, 1, 0, 0, 0, 0, 1, -1))  # of every package, so that its bytes repeat
