@@ -145,7 +145,7 @@ def sweeping_walls(driven: bool) -> wp.Function:
                 gap = law.round_gap_rate(at(working.gap_rate, c), law.speed_along(v, normal), limit)
                 dv = law.normal_change(wp.dot(v, normal), y, gap)
                 wide_dv = dv
-            vt = wp.dot(v, t) + (u - surface[1])
+            vt = law.wall_slip(v, normal, u, surface[1])
             dvt = law.tangential_change(part[0] * vt, yt, surface[0] * (y + dv))
             put(velocity, i, v - (dv * normal + dvt * t))
             put(rim, i, u - dvt * part[1])

@@ -40,6 +40,12 @@ def unordered(s: Scene) -> bool:
 
 
 @wp.func
+def fresh(s: Scene) -> bool:
+    """Return whether sweeps start anew, and do not continue from velocities and momentum that they have."""
+    return s.control.resuming == 0
+
+
+@wp.func
 def rejected(s: Scene) -> bool:
     """Return whether the last sweep is to be rolled back."""
     return s.control.rejected != 0

@@ -101,7 +101,7 @@ def sweeping_pairs(weighted: bool, friction: bool) -> wp.Function:
                 if wp.static(weighted):
                     rim_weight = at(rim_weights, c)
                 ui, uj, dvt_before = at(rim, i), at(rim, j), at(dvts, c)
-                vt = law.speed_along(difference, n) + ui + uj
+                vt = law.pair_slip(difference, n, ui, uj)
                 dvt = law.tangential_change(rim_weight[0] * vt, dvt_before, mu * (dv_before + dv))
                 push = push + dvt * law.tangent(n)
                 put(rim, i, ui - dvt * rim_weight[1])
@@ -192,7 +192,7 @@ def sweeping_walls(driven: bool, friction: bool) -> wp.Function:
             if wp.static(friction):
                 surface, rim_weight = surface_of(s, c), rim_weights(s, c, True)
                 u, dvt_before = at(rim, i), at(contacts.dvt, c)
-                vt = law.speed_along(v, n) + (u - surface[1])
+                vt = law.wall_slip(v, n, u, surface[1])
                 dvt = law.tangential_change(rim_weight[0] * vt, dvt_before, surface[0] * (dv_before + dv))
                 push = push + dvt * law.tangent(n)
                 put(rim, i, u - dvt * rim_weight[1])

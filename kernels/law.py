@@ -123,6 +123,18 @@ def speed_along(v: wp.vec2d, n: wp.vec2d) -> f64:
 
 
 @wp.func
+def pair_slip(difference: wp.vec2d, n: wp.vec2d, rim_i: f64, rim_j: f64) -> f64:
+    """Velocity vt at which the surfaces of two grains slip [m/s] (eq. 23), from v_i - v_j and their rims."""
+    return speed_along(difference, n) + rim_i + rim_j
+
+
+@wp.func
+def wall_slip(v: wp.vec2d, n: wp.vec2d, rim: f64, surface: f64) -> f64:
+    """Velocity vt at which a grain slips along a wall whose surface has a speed [m/s] (eq. 23)."""
+    return speed_along(v, n) + (rim - surface)
+
+
+@wp.func
 def round_gap_rate(gap_rate: f64, along: f64, reach: f64) -> f64:
     """Gap / dt at a round wall, for a speed along it [m/s] (eq. 18); reach = A / dt, inf where it is flat."""
     if reach == f64(wp.inf):

@@ -124,14 +124,15 @@ def take_rebuilt_velocity(s: Scene, i: int):
 
 
 @wp.func
+def empty_working_set(s: Scene, k: int):
+    """Empty part k of the working set."""
+    put(s.momentum.contact_part, k, wp.vec2d(f64(0.0), f64(0.0)))
+    put(s.working.range, k, wp.vec2i(0, 0))
+
+
+@wp.func
 def begin_momentum(team: Team, s: Scene):
-    """Empty the working set, and start without momentum unless sweeps are continued."""
-    first, last = thread_range(team, 0, part_count(s))
-    for k in range(first, last):
-        put(s.momentum.contact_part, k, wp.vec2d(f64(0.0), f64(0.0)))
-        put(s.working.range, k, wp.vec2i(0, 0))
-    if s.control.resuming != 0:
-        return
+    """Start without momentum."""
     i, last = thread_range(team, 0, body_count(s))
     while i < last:
         put(s.momentum.last_velocity, i, at(s.grains.next_velocity, i))

@@ -94,7 +94,7 @@ class Control:
     unordered: wp.int32  # whether the list is not in sweeping order
     recoloring: wp.int32  # whether pairs have kept colors that do not follow from the list alone
     resuming: wp.int32  # whether sweeps continue from velocities, peaks and momentum that they have
-    stopped: wp.int32  # whether no iterations are left to do
+    may_stop: wp.int32  # whether sweeps end here, if a measurement or a scan that follows agrees
     rejected: wp.int32  # whether the last sweep was rolled back
     holds: wp.int32  # on a GPU: whether the condition tested last holds (gpu.py)
     sets_left: wp.int32  # on a GPU: sets still to be swept

@@ -68,14 +68,13 @@ def measuring(friction: bool) -> wp.Function:
         worst = compliance * wp.abs(change)
         if wp.static(friction):
             rim, dvt = s.grains.rebuilt_rim, at(s.contacts.dvt, c)
-            u, mu = at(rim, i), f64(s.friction)
+            vt, mu = f64(0.0), f64(s.friction)
             if at_wall:
                 surface = surface_of(s, c)
-                u, mu = u - surface[1], surface[0]
+                vt, mu = law.wall_slip(v, n, at(rim, i), surface[1]), surface[0]
             else:
-                u = u + at(rim, j)
+                vt = law.pair_slip(v, n, at(rim, i), at(rim, j))
             share = rim_weights(s, c, at_wall)[0]
-            vt = law.speed_along(v, n) + u
             slip = law.tangential_change(share * vt, dvt, mu * (dv + change)) / share
             worst = wp.max(worst, wp.abs(slip))
         return worst

@@ -2,7 +2,7 @@
 
 A step returns to the host in two cases: the list exceeds its capacity (WITHOUT_ROOM), or sweeps converge too
 slowly and the host solves the step (SLOW). Conditions read the phase of the step (conditions.py); stopping.py
-chooses it. Stages that differ when an attempt resumes with another list test `resuming` themselves.
+chooses it. A few stages that differ when sweeps resume with another list test `resuming` themselves.
 A scene without a list begins like one whose list has expired: no skin suffices, so its first attempt iterates
 nothing and asks for a list.
 """
@@ -37,6 +37,7 @@ from .conditions import (
     beginning,
     checking_list,
     expired,
+    fresh,
     iterating,
     listed,
     measuring,
@@ -83,14 +84,14 @@ ORDER = [
 """Sort the list and its corrections into sweeping order."""
 
 START = [
-    Each(body_count, warm_start.begin_velocity),
+    If(fresh, [Each(body_count, warm_start.begin_velocity)]),
     Sets(warm_start.start),
     Serial(verlet.clear_check),
     Serial(verlet.find_frame),
     Each(body_count, verlet.begin_check),
     Serial(stopping.begin_iterating),
 ]
-"""Begin an attempt: freeze the contacts, and apply the corrections of the last step unless sweeps resume."""
+"""Begin an attempt: freeze the contacts and, unless sweeps resume, apply the corrections of the last step."""
 
 
 def rebuild(has_friction: bool) -> list[Stage]:
@@ -141,7 +142,8 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
         Serial(stopping.end_measurement),
     ]
     return [
-        Shared(momentum.begin_momentum),
+        Each(part_count, momentum.empty_working_set),
+        If(fresh, [Shared(momentum.begin_momentum)]),
         While(
             iterating,
             [

@@ -103,7 +103,7 @@ def is_trend_due(s: Scene) -> bool:
 def is_measurement_due(s: Scene) -> bool:
     """Return whether the residual is measured: always after the last iteration, also with another list."""
     half_way = is_half_way(s) and s.step.measured < s.step.iterations
-    return s.control.stopped != 0 or half_way or is_rebuild_due(s)
+    return s.control.may_stop != 0 or half_way or is_rebuild_due(s)
 
 
 @wp.func
@@ -143,7 +143,7 @@ def is_too_slow(s: Scene) -> bool:
 @wp.func
 def phase_of_next_sweep(s: Scene) -> int:
     """Return SWEEP, unless the sweeps stop or pause for another list."""
-    if s.control.stopped != 0 or (is_pause_due(s) and not is_accelerated(s)):
+    if s.control.may_stop != 0 or (is_pause_due(s) and not is_accelerated(s)):
         return Phase.VERIFY
     return Phase.SWEEP
 
@@ -169,7 +169,7 @@ def phase_after_sweep(s: Scene) -> int:
 @wp.func
 def stop_or_sweep(s: Scene):
     """Stop after the last sweep; a scan has found what zeta is of all contacts."""
-    s.control.stopped = 1 if s.step.iterations > 0 and is_last_iteration(s) else 0
+    s.control.may_stop = 1 if s.step.iterations > 0 and is_last_iteration(s) else 0
     s.control.phase = phase_of_next_sweep(s)
 
 
@@ -181,7 +181,7 @@ def end_iteration(s: Scene, zeta: f64):
     s.step.zeta = zeta
     if iterations <= s.history.zeta.shape[0]:
         put(s.history.zeta, iterations - 1, zeta)
-    s.control.stopped = 1 if is_last_iteration(s) else 0
+    s.control.may_stop = 1 if is_last_iteration(s) else 0
     s.control.phase = phase_after_sweep(s)
 
 
@@ -214,7 +214,7 @@ def end_measurement(s: Scene):
         s.step.trend_residual = s.step.residual
     scanning = s.control.phase == Phase.MEASURE or is_scan_due(s.step.iterations)
     if stopping:
-        s.control.stopped = 1
+        s.control.may_stop = 1
         s.control.phase = Phase.VERIFY
     elif is_accelerated(s) and scanning:
         s.control.phase = Phase.SCAN
@@ -228,8 +228,8 @@ def end_correction(s: Scene):
     take_residual(s)
     s.step.trend_residual = s.step.residual
     s.control.rejected = 0
-    s.control.stopped = 1 if meets_tolerance(s) or not has_iterations_left(s) else 0
-    s.control.phase = Phase.VERIFY if s.control.stopped != 0 else Phase.CHECK_LIST
+    s.control.may_stop = 1 if meets_tolerance(s) or not has_iterations_left(s) else 0
+    s.control.phase = Phase.VERIFY if s.control.may_stop != 0 else Phase.CHECK_LIST
 
 
 @wp.func
@@ -274,13 +274,13 @@ def start_attempt(s: Scene):
 def begin_iterating(s: Scene):
     """Iterate if the list is likely to hold for the velocities before the first iteration.
 
-    An accelerated attempt that has stopped is measured again, with the list that it has now.
+    An accelerated attempt that may stop is measured again, with the list that it has now.
     """
     check_all(s, reserve(s))
     if s.control.resuming == 0:
         s.step.iterations = 0
         s.step.measured = 0
-        s.control.stopped = 0
+        s.control.may_stop = 0
         s.control.rejected = 0
     if outcome_of_check(s) != SOLVED:
         s.control.phase = Phase.VERIFY

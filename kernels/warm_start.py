@@ -13,10 +13,9 @@ from .walls import surface_speed, wall_frame
 @wp.func
 def begin_velocity(s: Scene, i: int):
     """Begin with the free velocity of a body, and the free speed of its rim."""
-    if s.control.resuming == 0:
-        put(s.grains.next_velocity, i, at(s.grains.free_velocity, i))
-        if rotates(s, i):
-            put(s.grains.next_rim, i, at(s.grains.free_rim, i))
+    put(s.grains.next_velocity, i, at(s.grains.free_velocity, i))
+    if rotates(s, i):
+        put(s.grains.next_rim, i, at(s.grains.free_rim, i))
 
 
 @wp.func
@@ -41,7 +40,7 @@ def freeze(s: Scene, c: int, at_wall: bool) -> wp.vec2d:
 
 @wp.func
 def start(team: Team, s: Scene, k: int):
-    """Freeze the contacts of a set, and apply their corrections."""
+    """Freeze the contacts of a set, and apply their corrections unless sweeps resume."""
     c, end = contacts_of(team, s, k)
     at_wall = is_wall_set(s, k)
     while c < end:

@@ -114,7 +114,7 @@ class Sweeps:
         self._peak[:] = 0.0
         self._numbers["tuning"]["monitor_threshold"] = self._threshold if monitored else np.inf
         self._numbers["control"]["phase"] = self._first
-        self._numbers["control"]["stopped"] = 0
+        self._numbers["control"]["may_stop"] = 0
         self._numbers["step"]["iterations"] = self._numbers["step"]["measured"] = 0
         self._numbers["verlet"]["flags"]["list_expired"] = 0
         self._numbers["verlet"]["work"]["unmonitored_change"] = 0.0

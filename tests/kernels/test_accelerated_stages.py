@@ -203,11 +203,11 @@ def test_skin_at_a_scan(limit: float, peak: float, expired: int, kept: bool) -> 
     else:
         record["grains.next_velocity"][7, 1] = peak
     control = record.record["control"]
-    control["phase"], control["stopped"] = Phase.CHECK_LIST, 0
+    control["phase"], control["may_stop"] = Phase.CHECK_LIST, 0
     record.record["step"]["measured"] = record.record["step"]["iterations"]
     record.run(Each(grain_count, working_set.check_peak), Serial(stopping.end_list_check))
     assert flags["list_expired"] == expired
-    assert (control["phase"], control["stopped"]) == (Phase.VERIFY if expired else Phase.SCAN, 0)
+    assert (control["phase"], control["may_stop"]) == (Phase.VERIFY if expired else Phase.SCAN, 0)
     assert record["verlet.peak_square"][7] == peak**2
 
 
@@ -236,7 +236,7 @@ def test_last_scan(
     record["partial.zeta"][0], record["history.zeta"][:] = violation, 0.03
     record.run(Serial(working_set.end_scan))
     assert whole["step"]["zeta"] == zeta
-    assert (control["phase"], control["stopped"]) == (Phase.SWEEP if left else Phase.VERIFY, 1 - left)
+    assert (control["phase"], control["may_stop"]) == (Phase.SWEEP if left else Phase.VERIFY, 1 - left)
     assert record["history.zeta"][iterations - 1] == zeta
     assert record["partial.zeta"][0] == 0.0
 

@@ -142,7 +142,7 @@ def test_when_all_contacts_are_scanned(zeta: float, rejected: int, last: int) ->
         assert (record["partial.active"][0] == k) == rebuilds
         scans = k in (1, 2, 4, 8) or k % 10 == 0 or ends or rebuilds
         assert control["phase"] == (Phase.CHECK_LIST if scans else Phase.SWEEP)
-        assert control["stopped"] == ends
+        assert control["may_stop"] == ends
         if scans:
             record.record["verlet"]["flags"]["list_expired"] = 0
             record.run(Serial(end_list_check))
