@@ -11,6 +11,7 @@ from sweeps import LONG, SMALL, batch, results, table, write
 from trimmed import trimmed
 
 from warpgrains import Recording
+from warpgrains import SimulationError
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
@@ -90,7 +91,7 @@ def test_what_failed_once_stays_failed(tmp_path, slices, monkeypatch):
         for last in advance(*arguments):
             done = {k: last.done(k) for k in last.numbers}
             if len(slices.steps) == 2:
-                done[0] = done[0]._replace(error="no room")
+                done[0] = done[0]._replace(error=SimulationError("no room"))
             yield last._replace(done=done.__getitem__)
 
     monkeypatch.setattr(ResidentSets, "advance", fail_once)
