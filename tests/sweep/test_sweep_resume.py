@@ -10,8 +10,7 @@ import pytest
 from sweeps import LONG, SMALL, batch, results, table, write
 from trimmed import trimmed
 
-from warpgrains import Recording
-from warpgrains import SimulationError
+from warpgrains import Recording, SimulationError
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
