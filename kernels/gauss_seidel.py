@@ -209,7 +209,7 @@ def sweeping_walls(driven: bool, friction: bool) -> wp.Function:
     return sweep_walls
 
 
-def sweeping(friction: bool) -> wp.Function:
+def plain_sweep(friction: bool) -> wp.Function:
     """Return the stage that corrects the contacts of a set."""
     sweep_equal, sweep_weighted = sweeping_pairs(False, friction), sweeping_pairs(True, friction)
     sweep_walls, sweep_driven_walls = sweeping_walls(False, friction), sweeping_walls(True, friction)
@@ -232,7 +232,7 @@ def sweeping(friction: bool) -> wp.Function:
     return sweep_set
 
 
-sweep, sweep_with_friction = sweeping(False), sweeping(True)
+sweep, sweep_with_friction = plain_sweep(False), plain_sweep(True)
 
 
 @wp.func

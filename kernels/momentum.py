@@ -124,13 +124,6 @@ def take_rebuilt_velocity(s: Scene, i: int):
 
 
 @wp.func
-def empty_working_set(s: Scene, k: int):
-    """Empty part k of the working set."""
-    put(s.momentum.contact_part, k, wp.vec2d(f64(0.0), f64(0.0)))
-    put(s.working.range, k, wp.vec2i(0, 0))
-
-
-@wp.func
 def begin_momentum(team: Team, s: Scene):
     """Start without momentum."""
     i, last = thread_range(team, 0, body_count(s))

@@ -40,7 +40,7 @@ def rebuild(team: Team, s: Scene, k: int):
         c += 1
 
 
-def measuring(friction: bool) -> wp.Function:
+def measurement(friction: bool) -> wp.Function:
     """Return the stage that finds the largest residual of a thread's share of the contacts.
 
     With friction, the residual of a contact is the larger one of its normal and tangential part (eq. 25).
@@ -91,4 +91,4 @@ def measuring(friction: bool) -> wp.Function:
     return measure
 
 
-measure_residual, measure_with_friction = measuring(False), measuring(True)
+measure_residual, measure_with_friction = measurement(False), measurement(True)

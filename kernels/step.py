@@ -142,7 +142,7 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
         Serial(stopping.end_measurement),
     ]
     return [
-        Each(part_count, momentum.empty_working_set),
+        Each(part_count, working_set.empty),
         If(fresh, [Shared(momentum.begin_momentum)]),
         While(
             iterating,

@@ -55,6 +55,13 @@ def check_peak(s: Scene, i: int):
 
 
 @wp.func
+def empty(s: Scene, k: int):
+    """Empty part k of the working set."""
+    put(s.momentum.contact_part, k, wp.vec2d(f64(0.0), f64(0.0)))
+    put(s.working.range, k, wp.vec2i(0, 0))
+
+
+@wp.func
 def scatter(s: Scene, part: int):
     """Copy the corrections of a part of the working set back to all contacts."""
     working = s.working

@@ -3,7 +3,7 @@ import re
 import lightusd
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdValidation
+from pxr import Gf, Usd, UsdGeom, UsdValidation, Work
 from recordings import GRAINS, RADIUS, grains_of, make_frames, make_scene, record
 
 import warpgrains
@@ -15,6 +15,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import Recorder
+from warpgrains.usd.writer import _freeing_in_this_thread
 
 DRAWINGS = {
     "points": {},
@@ -213,6 +214,21 @@ class TestOutput:
         with pytest.raises(InputError, match="choose another unit of length"):
             Simulation(scene).run(steps=1, record=tmp_path / "run.usdc")
         assert not list(tmp_path.iterdir())
+
+    def test_forces_that_float32_cannot_hold(self, tmp_path):
+        simulation = Simulation("annulus", mass=np.full(15, 1e39))
+        with pytest.raises(InputError, match="a force is .*: a recording holds at most"):
+            simulation.run(duration=3.0, record=tmp_path / "run.usdc", forces=True)
+
+    def test_threads_that_write_restore_the_limit_of_usd(self):
+        """The last one does, whichever began first."""
+        before = Work.GetConcurrencyLimit()
+        first, second = _freeing_in_this_thread(), _freeing_in_this_thread()
+        for step in (first.__enter__, second.__enter__, lambda: first.__exit__(None, None, None)):
+            step()
+            assert Work.GetConcurrencyLimit() == 1
+        second.__exit__(None, None, None)
+        assert Work.GetConcurrencyLimit() == before
 
     def test_unknown_coloring(self, tmp_path):
         with pytest.raises(

@@ -72,7 +72,8 @@ class OpenRun(CountedRun):
     Raises
     ------
     InputError
-        The end criterion is invalid, or there are an observer and a series.
+        The end criterion is invalid, there are an observer and a series, or the statistics are not those of
+        an earlier part of the run.
     """
 
     def __init__(
@@ -96,7 +97,12 @@ class OpenRun(CountedRun):
         self.times: FrameTimes | None = None
         if options.shows is not None and options.shows.has_frames:
             self.times = FrameTimes.of(scene.dt, options.rate, first_step)
-        self.frames = self.times.count(statistics.steps) if is_resumed and self.times is not None else 0
+        self.frames = 0
+        if is_resumed and self.times is not None:
+            self.frames = self.times.count(statistics.steps)
+            if self.frames != statistics.frames:
+                after = f"{statistics.frames} frames after {statistics.steps} steps"
+                raise InputError(f"the checkpoint counts {after}: there are {self.frames}")
 
     @contextmanager
     def opened(self) -> Iterator[None]:

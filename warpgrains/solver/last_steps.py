@@ -28,7 +28,7 @@ class LastSteps(NamedTuple):
     """Records of their last steps (kernels/record.py), shape (scenes,)."""
     sums: np.ndarray[Any, Any]
     """Sums and maxima over the steps, shape (scenes,)."""
-    contacts: np.ndarray[Any, Any]
+    listed: np.ndarray[Any, Any]
     """Numbers of listed contacts, shape (scenes,)."""
     seconds: FloatArray
     """Time that the steps took [s], shape (scenes,)."""
@@ -44,7 +44,7 @@ class LastSteps(NamedTuple):
         return self._replace(
             step=self.step.copy(),
             sums=self.sums.copy(),
-            contacts=self.contacts.copy(),
+            listed=self.listed.copy(),
             seconds=self.seconds.copy(),
             steps=self.steps.copy(),
             proofs=self.proofs.copy(),
@@ -54,7 +54,7 @@ class LastSteps(NamedTuple):
     def report(self, k: int) -> StepReport:
         """Return the report of the last step of scene k."""
         step = dict(zip(STEP, self.step[k].tolist(), strict=True))
-        count = self.contacts[k]
+        count = self.listed[k]
         return StepReport(
             iterations=step["iterations"],
             zeta=step["zeta"],

@@ -212,10 +212,10 @@ class LongRunner:
                 for k, error in errors.items():
                     runs[k].error = None if error in lacking else error
                 _write_due(runs, sets)
-                if lacking:
-                    raise lacking[0]  # for a longer list of contacts; none of its steps is lost
                 before, done = done, sum(run.progress for run in runs)
                 self._on_progress(done - before)
+                if lacking:
+                    raise lacking[0]  # for a longer list of contacts; none of its steps is lost
             now = perf_counter()
             slice_steps = next_size(max(steps), now - start, SLICE, inf)
             if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.has_steps_left for run in runs):

@@ -10,7 +10,7 @@ from pxr import Sdf, Usd, UsdGeom
 from warpgrains.drawing.chains import CHAIN_COLOR, Chains, ChainScale, chains_of
 from warpgrains.drawing.frames import Frame
 from warpgrains.frame_log import Arrays
-from warpgrains.usd.stage import bind_material, covering_extent, numbers, set_kind, triples
+from warpgrains.usd.stage import as_float32, bind_material, covering_extent, numbers, set_kind, triples
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -64,14 +64,14 @@ class ForceChains:
             "points": shown,
             "faceVertexCounts": np.full(len(chains.force), 4, np.int32),
             "faceVertexIndices": np.arange(len(shown), dtype=np.int32),
-            "primvars:force": chains.force.astype(np.float32),
+            "primvars:force": as_float32("a force", chains.force),
             **{f"primvars:{name}": number for name, number in grains},
             "extent": covering_extent(shown, np.zeros(len(shown)))
             if len(shown)
             else np.zeros((2, 3), np.float32),
         }
         if self._scene.has_friction:
-            sampled[TANGENTIAL] = chains.tangential_force.astype(np.float32)
+            sampled[TANGENTIAL] = as_float32("a force", chains.tangential_force)
         return {f"{FORCES}.{name}": value for name, value in sampled.items()}
 
 

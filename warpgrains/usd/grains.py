@@ -22,8 +22,11 @@ GRAINS = Sdf.Path("/World/Grains")
 PROTOTYPES = Sdf.Path("/World/Prototypes")
 """Prototypes of instanced grains, in a class prim, which is not drawn itself."""
 COLOR_INDICES = "primvars:displayColor:indices"
+OF_GRAINS = ("mass", "radius")
+"""Primvars of all grains, as doubles: fields of the scene."""
 ROTATION = ("spin", "angle")
 """Primvars of grains that rotate."""
+VELOCITIES = "velocities"
 
 ORIENTATIONS = "orientations"
 """The attribute of instances that rotate: quaternions of half precision, the real part last in NumPy."""
@@ -68,15 +71,14 @@ class GrainPoints:
         types = Sdf.ValueTypeNames
         ids = Vt.Int64Array.FromNumpy(np.arange(len(self._diameter), dtype=np.int64))
         prim.CreateAttribute("ids", types.Int64Array, False).Set(ids)
-        prim.CreateAttribute("velocities", types.Vector3fArray, False)
+        prim.CreateAttribute(VELOCITIES, types.Vector3fArray, False)
         primvars, vertex = UsdGeom.PrimvarsAPI(prim), UsdGeom.Tokens.vertex
         color = primvars.CreatePrimvar("displayColor", types.Color3fArray, vertex)
         color.Set(Vt.Vec3fArray.FromNumpy(linear(self._colors.colors)))
         color.CreateIndicesAttr()
         start = Frame(self._scene.position, self._scene.velocity)
         still = {name: own.values(self._scene, start) for name, own in self._still.items()}
-        of_grains = {"mass": self._scene.mass, "radius": self._scene.radius}
-        for name, value in (of_grains | still).items():
+        for name, value in (still | {name: getattr(self._scene, name) for name in OF_GRAINS}).items():
             primvar = primvars.CreatePrimvar(name, types.DoubleArray, vertex)
             primvar.Set(Vt.DoubleArray.FromNumpy(value))
         for name in dict.fromkeys([*self._changing, *(ROTATION if self._rotates else ())]):
@@ -88,13 +90,14 @@ class GrainPoints:
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
         shown = triples(frame.position)
-        found = {name: own.values(self._scene, frame) for name, own in self._changing.items()}
-        if self._rotates:
-            found |= dict(zip(ROTATION, frame.rotation(), strict=True))
+        found = dict(zip(ROTATION, frame.rotation(), strict=True)) if self._rotates else {}
+        found |= {
+            name: own.values(self._scene, frame) for name, own in self._changing.items() if name not in found
+        }
         values: dict[str, NDArray[Any]] = {
             self._position: shown,
             "extent": covering_extent(shown, self._half_width),
-            "velocities": triples(frame.velocity),
+            VELOCITIES: triples(frame.velocity),
             **{f"primvars:{name}": value.astype(np.float32) for name, value in found.items()},
         }
         if self._rotates:

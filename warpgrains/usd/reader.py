@@ -18,7 +18,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.band import Band
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.forces import read_chains
-from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ROTATION, position_of
+from warpgrains.usd.grains import COLOR_INDICES, GRAINS, OF_GRAINS, ROTATION, VELOCITIES, position_of
 from warpgrains.usd.metadata import RECORDED_BY, Metadata
 from warpgrains.usd.stage import numbers, values_of
 from warpgrains.usd.walls import PLACES, WALLS, read_walls
@@ -97,9 +97,7 @@ class RecordingReader:
         self.time = (np.array(self._codes) - self._codes[0]) / rate
         self.times = FrameTimes.of(checks.positive("dt", self.parameters["dt"]), rate, first_step)
         self.simulated_time = np.array([self.times.time(k) for k in range(len(self._codes))])
-        self.radius, self.mass = (
-            numbers(prim.GetAttribute(f"primvars:{name}")) for name in ("radius", "mass")
-        )
+        self.mass, self.radius = (numbers(prim.GetAttribute(f"primvars:{name}")) for name in OF_GRAINS)
         self.walls = list(read_walls(self._stage).values())
 
     @_guarded
@@ -110,7 +108,7 @@ class RecordingReader:
     @_guarded
     def velocity(self, frame: int) -> FloatArray:
         """Return the velocities of the grains [m/s], shape (n, 2)."""
-        return numbers(self._prim.GetAttribute("velocities"), self._codes[frame])[:, :2]
+        return numbers(self._prim.GetAttribute(VELOCITIES), self._codes[frame])[:, :2]
 
     @_guarded
     def scene(self) -> Scene:

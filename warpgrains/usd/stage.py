@@ -14,6 +14,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import linear, mark_color
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import Shape, drawn_walls
+from warpgrains.errors import InputError
 from warpgrains.frame_log import Arrays
 from warpgrains.usd.metadata import RECORDED_BY
 
@@ -181,6 +182,15 @@ def numbers(attribute: Usd.Attribute, code: float = 0.0) -> FloatArray:
     if array is None:
         raise TypeError(f"{attribute.GetPath()} has no value")
     return array.astype(np.float64)
+
+
+def as_float32(what: str, values: FloatArray) -> NDArray[np.float32]:
+    """Return values as the file holds them. Raises InputError if float32 has no numbers of that size."""
+    with np.errstate(over="ignore"):
+        shown = values.astype(np.float32)
+    if not np.isfinite(shown).all():
+        raise InputError(f"{what} is {np.abs(values).max():.3g}: a recording holds at most 3.4e38")
+    return shown
 
 
 def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> NDArray[np.float32]:

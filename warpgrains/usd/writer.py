@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from warpgrains.usd.metadata import RECORDED_BY
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
 _PACKED = time.mktime((1980, 1, 1, 0, 0, 0, 0, 1, -1))  # of every package, so that its bytes repeat
+_WRITERS = Lock()
+_limits: list[int] = []  # USD's limit of threads before the first writer, for each
 _SAMPLE = 128  # bytes of memory per value in addition to its array
 
 
@@ -177,10 +180,17 @@ def _reporting_os_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _freeing_in_this_thread() -> Iterator[None]:
-    """Keep USD from freeing saved values in its own threads, which on a busy machine would lag behind."""
-    limit = Work.GetConcurrencyLimit()
-    Work.SetConcurrencyLimit(1)
+    """Keep USD from freeing saved values in its own threads, which on a busy machine would lag behind.
+
+    The limit is that of the process: of several threads that write, the last one restores it.
+    """
+    with _WRITERS:
+        _limits.append(_limits[0] if _limits else Work.GetConcurrencyLimit())
+        Work.SetConcurrencyLimit(1)
     try:
         yield
     finally:
-        Work.SetConcurrencyLimit(limit)
+        with _WRITERS:
+            limit = _limits.pop()
+            if not _limits:
+                Work.SetConcurrencyLimit(limit)
