@@ -217,7 +217,7 @@ class TestOutput:
 
     def test_forces_that_float32_cannot_hold(self, tmp_path):
         simulation = Simulation("annulus", mass=np.full(15, 1e39))
-        with pytest.raises(InputError, match="a force is .*: a recording holds at most"):
+        with pytest.raises(InputError, match=r"a force is .*: a recording holds at most"):
             simulation.run(duration=3.0, record=tmp_path / "run.usdc", forces=True)
 
     def test_threads_that_write_restore_the_limit_of_usd(self):
