@@ -21,20 +21,13 @@ from .access import at, larger, named, put, working_first_of, working_normal_of,
 from .contacts import chunks_of_set, is_wall_set, range_of_set
 from .driven import correct_wall
 from .lanes import FOUR, end_of_fours, lanes
+from .momentum import mass_in_phi
 from .record import Scene, has_weights, is_driven, pair_count
 from .threads import Team, update_max
 from .types import WorkingSet
 
 f64 = wp.float64
 ENOUGH = wp.constant(f64(0.99))  # part of its own decrease of phi that a sweep must keep
-
-
-@wp.func
-def mass_in_phi(s: Scene, i: int) -> f64:
-    """Return the contact mass of a body; where all masses are equal, phi is by unit mass."""
-    if has_weights(s):
-        return at(s.grains.contact_mass, i)
-    return f64(1.0)
 
 
 @wp.func

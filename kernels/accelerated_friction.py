@@ -12,13 +12,13 @@ converging get on by plain sweeps, so that the cap falls after 500 sweeps.
 import warp as wp
 
 from . import law
-from .accelerated import correcting_working_sets, in_fours, mass_in_phi
+from .accelerated import correcting_working_sets, in_fours
 from .access import at, larger, put, working_first_of, working_normal_of, working_second_of
 from .contacts import surface_of
 from .driven import correct_wall
 from .friction import THIRD, rim_weights
 from .lanes import lanes
-from .momentum import back_off, sum_of_parts, take_t_on
+from .momentum import back_off, mass_in_phi, sum_of_parts, take_t_on
 from .record import Scene, pair_count
 from .stopping import end_iteration
 from .threads import reduce_max

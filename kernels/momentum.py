@@ -15,10 +15,9 @@ the two would hold a push that no correction has, and that every sweep repeats.
 
 import warp as wp
 
-from .accelerated import mass_in_phi
 from .access import at, named, put
 from .contacts import CHUNK, chunks_in, contact_count, part_count
-from .record import Scene, body_count, grain_count, has_friction, rotates
+from .record import Scene, body_count, grain_count, has_friction, has_weights, rotates
 from .stopping import end_iteration
 from .threads import Team, reduce_max, thread_range
 
@@ -31,6 +30,14 @@ NEAR_END = wp.constant(f64(6.0))  # times the tolerance: below that zeta, t is h
 T_ANYWAY = wp.constant(f64(24.0))
 T_PER_FALL = wp.constant(f64(1.5))  # times sqrt(zeta of the first sweep / tolerance)
 T_PER_SWEEP = wp.constant(f64(0.2))  # times the sweeps so far
+
+
+@wp.func
+def mass_in_phi(s: Scene, i: int) -> f64:
+    """Return the contact mass of a body; where all masses are equal, phi is by unit mass."""
+    if has_weights(s):
+        return at(s.grains.contact_mass, i)
+    return f64(1.0)
 
 
 @wp.func

@@ -143,7 +143,7 @@ def test_scenes_with_other_walls_end_in_other_groups() -> None:
     scenes = course, course.replace(walls=[Disc((0.0, -1.0), 0.1)]), course.replace(drag=0.2)
     resident = ResidentSets(scenes, find_device("cpu"), threads=1)
     assert len(list(resident.advance([200] * 3, lambda _: None))) == 1
-    assert [(numbers, ends.grains.wall_force.shape) for numbers, ends in resident.ended()] == [
+    assert [(numbers, ends.grains.wall_force.shape) for numbers, ends in resident._ended(None)] == [
         ([0, 2], (2, 15, 2)),
         ([1], (1, 15, 3)),
     ]

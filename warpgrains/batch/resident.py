@@ -7,6 +7,7 @@ kept as states.
 from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +54,10 @@ class SetSteps(NamedTuple):
     """Scenes that took at least one step."""
     done: Callable[[int], StepsDone]
     """Function that returns what a scene did."""
+    ended: Callable[[], Iterator[tuple[list[int], FinalStates]]]
+    """Function that yields numbers and final states of the scenes that have done all steps, or whose runs
+    have ended; those whose arrays have one shape together. It is valid until the next set, and not for a GPU,
+    see `Engine.ends`."""
 
 
 def team_size(scene: Scene, device: wp.Device, threads: int) -> int:
@@ -191,7 +196,7 @@ class ResidentSets:
         counted = {k: done._replace(statistics=replace(done.statistics)) for k, done in counted.items()}
         errors = {k: done.error for k, done in counted.items() if done.error is not None}
         stepped = [k for k, done in counted.items() if done.report is not None]
-        return SetSteps(counted, errors, stepped, counted.__getitem__)
+        return SetSteps(counted, errors, stepped, counted.__getitem__, partial(self._ended, runs))
 
     def _launch(self, steps: Sequence[int], on_progress: OnProgress | None) -> SetSteps:
         for engine, numbers in self._engines:
@@ -209,7 +214,7 @@ class ResidentSets:
         errors = {numbers[k]: error for last, numbers in launched for k, error in last.errors.items()}
         taken = [(last.sums["steps"].tolist(), numbers) for last, numbers in launched]
         stepped = [k for steps, numbers in taken for k, step in zip(numbers, steps, strict=True) if step]
-        return SetSteps(place, errors, stepped, done)
+        return SetSteps(place, errors, stepped, done, partial(self._ended, None))
 
     def cancel(self) -> None:
         """Stop after the steps under way."""
@@ -237,12 +242,8 @@ class ResidentSets:
         self.present = {k: PresentState(self._scenes[k], engines[e][0], i) for k, (e, i) in place.items()}
         self._states = [None if k in place else state for k, state in enumerate(self._states)]
 
-    def ended(self, runs: Sequence[CountedRun] | None = None) -> Iterator[tuple[list[int], FinalStates]]:
-        """Yield numbers and final states of scenes in memory that have done the steps of the last launch.
-
-        If the runs of all scenes are given, yield those of the scenes whose runs have ended. Scenes whose
-        arrays have one shape are yielded together. A GPU is not supported, see `Engine.ends`.
-        """
+    def _ended(self, runs: Sequence[CountedRun] | None) -> Iterator[tuple[list[int], FinalStates]]:
+        """Yield what `SetSteps.ended` does; `runs` are those of all scenes, if they count the steps."""
         for engine, numbers in self._engines:
             groups: dict[tuple[int, int, bool], list[int]] = {}
             for index, k in enumerate(numbers):

@@ -99,10 +99,11 @@ class RunFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         return Lock(self.checkpoint)
 
-    def begin(self, execution: ExecutionOptions) -> tuple[Checkpoint, bool]:
+    def begin(self, execution: ExecutionOptions, scene: Scene | None = None) -> tuple[Checkpoint, bool]:
         """Return the start of the locked run, or its checkpoint; and whether it is resumed from that.
 
-        `execution` determines the outputs of a new run. A resumed run keeps its first outputs.
+        `execution` determines the outputs of a new run, whose scene is read unless it is given. A resumed run
+        keeps its first outputs.
 
         Raises
         ------
@@ -115,13 +116,16 @@ class RunFolder:
         if self.result.exists():
             raise OutputError("another process has finished it")
         is_resumed = self.checkpoint.exists()
-        start = self._read_checkpoint() if is_resumed else self._start(execution)
+        start = self._read_checkpoint() if is_resumed else self._start(execution, scene or self._scene())
         require_quantities(self._settings.measured, start.scene)
         return start, is_resumed
 
-    def _start(self, execution: ExecutionOptions) -> Checkpoint:
-        """Return the start of a new run."""
-        scene = Scene(**{**scene_fields(self._text.decode(), self.scene_file), "name": self.labels["scene"]})
+    def _scene(self) -> Scene:
+        return Scene(**scene_fields(self._text.decode(), self.scene_file))
+
+    def _start(self, execution: ExecutionOptions, scene: Scene) -> Checkpoint:
+        """Return the start of a new run of a scene, which gets the name and the text of its file."""
+        scene = scene.with_settings(name=self.labels["scene"], text=self._text.decode())
         wanted: dict[str, Any] = {}
         if execution.fps is not None:
             log_of(self.recording).unlink(missing_ok=True)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Self
 
 from warpgrains.analysis.quantities import require_quantities
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.batch.resident import ResidentSets, StepsDone, team_size
+from warpgrains.batch.resident import ResidentSets, SetSteps, StepsDone, team_size
 from warpgrains.errors import InputError
 from warpgrains.files import Row
 from warpgrains.locks import RunLocks
@@ -169,33 +169,34 @@ class ShortRunner:
         if self._folder.settings.until is not None:
             runs = [CountedRun(short.scene.steps, RunStatistics(), short.until) for short in group.runs]
         ended: dict[int, tuple[Row, RunResult]] = {}
-        interrupted: list[tuple[Run, State, StepsDone]] = []
+        interrupted: list[tuple[ShortRun, State, StepsDone]] = []
         with suppress(OutOfMemoryError):  # runs of the sets that are not loaded are still waiting
             for last in sets.advance(steps, poll, runs):
-                for k, values in self._ended(sets, runs):
+                for k, values in self._results(last, sets):
                     short = waiting.pop(k)
                     ended[short.run.number] = (short.labels, values)
                 for k in filter(waiting.__contains__, sets.present):
                     done = last.done(k)
                     if isinstance(done.error, OutOfMemoryError):
                         done = done._replace(error=None)  # it continues alone
-                    interrupted.append((waiting.pop(k).run, sets.present[k].state(), done))
+                    interrupted.append((waiting.pop(k), sets.present[k].state(), done))
         self.longer += [short.run for short in waiting.values()]
         self._on_progress(len(ended) + sum(done.error is not None for _, _, done in interrupted) - progress)
         self._folder.shards.write(ended)
         write_all(self._keep, interrupted)
-        self.longer += [run for run, _, _ in interrupted if not self._folder.of(run).result.exists()]
+        left = [short.run for short, _, _ in interrupted]
+        self.longer += [run for run in left if not self._folder.of(run).result.exists()]
         self._locks.release(ended)
         return sum(short.scene.n for short in group.runs)
 
-    def _keep(self, interrupted: tuple[Run, State, StepsDone]) -> None:
+    def _keep(self, interrupted: tuple[ShortRun, State, StepsDone]) -> None:
         """Save the state of a run that has failed or takes longer than `SHORT` in a folder."""
-        run, state, (statistics, _, error) = interrupted
-        folder = self._folder.of(run)
+        short, state, (statistics, _, error) = interrupted
+        folder = self._folder.of(short.run)
         with ExitStack() as held:
             try:
                 held.enter_context(folder.lock())
-                start, is_resumed = folder.begin(self._execution)
+                start, is_resumed = folder.begin(self._execution, short.scene)
             except (InputError, OSError):
                 return  # `LongRunner` finds the same, and decides what it means for the run
             if not is_resumed:
@@ -203,9 +204,9 @@ class ShortRunner:
                 if error is not None:
                     folder.fail(str(error), statistics.seconds)
 
-    def _ended(self, sets: ResidentSets, runs: list[CountedRun] | None) -> Iterator[tuple[int, RunResult]]:
+    def _results(self, last: SetSteps, sets: ResidentSets) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs in memory with their indices in the group."""
         columns = value_columns(self._folder.settings)
-        for numbers, ends in sets.ended(runs):
+        for numbers, ends in last.ended():
             states = (snapshot(sets.present[k]) for k in numbers)
             yield from zip(numbers, results(ends, states, columns), strict=True)
