@@ -158,7 +158,7 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     mean = 0.5 * (kick.before + now.velocity)
     pushed = 0.0  # work of the normal forces of walls that move
     if scene.has_moving_walls:
-        speed = scene.wall_speeds(now.start, now.wall, now.time)[:, 0]
+        speed = scene.wall_speeds(now.start, now.wall, now.end)[:, 0]
         pushed = float(-scene.dt * (now.wall_force * speed).sum())
     balance = EnergyBalance(
         gravity_work=float((kick.time * mass * mean * scene.gravity_at(start)).sum()),
@@ -178,7 +178,7 @@ def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> E
     spin = 0.5 * (kick.before + now.spin)
     surface = (mean[grain] * left_of(normal)).sum(axis=1) + (scene.radius * spin)[grain]
     work = -scene.dt * tangential * surface  # on the grains
-    speed = scene.wall_speeds(now.start, now.wall, now.time)[:, 1]
+    speed = scene.wall_speeds(now.start, now.wall, now.end)[:, 1]
     wall_work = float(-scene.dt * (now.wall_tangential_force * speed).sum())
     friction_loss = wall_work - float(work.sum())
     return balance._replace(

@@ -10,9 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.analysis.snapshot import Snapshot
-from warpgrains.analysis.tabulated import TABLES, columns_of, contact_variables, grain_variables
+from warpgrains.analysis.tabulated import (
+    TABLES,
+    columns_of,
+    contact_arrays,
+    contact_variables,
+    grain_variables,
+)
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.chains import contact_normals, pairs_and_walls
+from warpgrains.drawing.chains import pairs_and_walls, with_walls
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.compatibility import require_valid_positions
@@ -154,7 +160,7 @@ class Recording(Shown):
         if contacts and not self.has_forces:
             raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
         k %= len(self)
-        position = self._reader.position(k)
+        position, velocity = self._reader.position(k), self._reader.velocity(k)
         pair, force, tangential = np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(0)
         if contacts:
             chains = self._reader.chains(k)
@@ -168,8 +174,8 @@ class Recording(Shown):
             steps=steps,
             time=float(self._reader.simulated_time[k]),
             position=position,
-            velocity=self._reader.velocity(k),
-            start=position,
+            velocity=velocity,
+            start=position - self._reader.times.since_start(k) * velocity,
             start_scene=scene,
             start_staggered=scene.scheme == "leapfrog" and steps > 1,
             pair=pairs,
@@ -230,18 +236,11 @@ class Recording(Shown):
 
     def _contacts(self) -> dict[str, Any]:
         """Return the contacts of all frames under the names that `to_xarray` uses."""
-        chains = [self._reader.chains(k) for k in range(len(self))]
-        time = self._reader.simulated_time
-        normal = [
-            contact_normals(self._scene_at(k), self.position[k], of.pair, float(time[k]))
-            for k, of in enumerate(chains)
-        ]
-        frame = np.repeat(np.arange(len(self)), [len(of.force) for of in chains])
-        pair = np.concatenate([of.pair for of in chains])
-        force = np.concatenate([of.force for of in chains])
-        rough = self._reader.has_rotation
-        tangential = np.concatenate([of.tangential_force for of in chains]) if rough else None
+        frames = [self.frame(k) for k in range(len(self))]
+        columns = [(with_walls(of.pair, of.wall), *contact_arrays(of)) for of in frames]
+        pair, normal, force, tangential = map(np.concatenate, zip(*columns, strict=True))
+        frame = np.repeat(np.arange(len(self)), [len(of.force) + len(of.wall_force) for of in frames])
         return {
             "contact_frame": ("contact", frame),
-            **contact_variables(pair, np.concatenate(normal), force, tangential),
+            **contact_variables(pair, normal, force, tangential if self._reader.has_rotation else None),
         }

@@ -68,7 +68,8 @@ class Snapshot:
     start : ndarray
         Centers at the start of the last step [m], shape (n, 2).
     start_scene : Scene
-        The scene of that step, with the walls that forces drive where they were; in a recording, `scene`.
+        The scene of that step, with the walls that forces drive where they were; in a recording, `scene`,
+        with these walls where they are in the frame.
     start_staggered : bool
         Whether velocities were half a step behind then, see `State.staggered`.
     pair : ndarray
@@ -112,6 +113,11 @@ class Snapshot:
     def n(self) -> int:
         """Number of grains."""
         return self.scene.n
+
+    @property
+    def end(self) -> float:
+        """Time of the end of the last step [s], at which its walls that move are taken."""
+        return self.steps * self.start_scene.dt
 
     @property
     def grains(self) -> StackedGrains:
@@ -162,7 +168,7 @@ class Snapshot:
         """All contacts as forces on single grains."""
         (i, j), at_wall = self.pair.astype(np.int64).T, self.wall[:, 0].astype(np.int64)
         normal = pair_normals(self.start, i, j)
-        into_wall, _ = self.start_scene.wall_frames(self.start, self.wall, time=self.time)
+        into_wall, _ = self.start_scene.wall_frames(self.start, self.wall, time=self.end)
         return Loads(
             np.concatenate([i, j, at_wall]),
             np.concatenate([normal, -normal, into_wall]),

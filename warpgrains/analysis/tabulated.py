@@ -33,6 +33,15 @@ def columns_of(now: Snapshot, table: str) -> dict[str, Any]:
     return {**columns, "force": force, "tangential_force": tangential}
 
 
+def contact_arrays(now: Snapshot) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return normals, forces and tangential forces of contacts, those with walls after those of pairs."""
+    return (
+        np.concatenate([now.normal, now.loads.normal[2 * len(now.pair) :]]),
+        np.concatenate([now.force, now.wall_force]),
+        np.concatenate([now.tangential_force, now.wall_tangential_force]),
+    )
+
+
 def contact_variables(
     pair: IntArray, normal: FloatArray, force: FloatArray, tangential: FloatArray | None
 ) -> dict[str, Any]:
@@ -62,10 +71,8 @@ def dataset_variables(now: Snapshot, pair: IntArray) -> dict[str, Any]:
     """Return grains and contacts of a snapshot as variables of a dataset."""
     grains = {"position": now.position, "velocity": now.velocity}
     grains |= {"radius": now.scene.radius, "mass": now.scene.mass}
-    tangential = None
     if now.scene.has_friction:
         grains |= {"spin": now.spin, "angle": now.angle}
-        tangential = np.concatenate([now.tangential_force, now.wall_tangential_force])
-    normal = np.concatenate([now.normal, now.loads.normal[2 * len(now.pair) :]])
-    force = np.concatenate([now.force, now.wall_force])
-    return grain_variables(grains) | contact_variables(pair, normal, force, tangential)
+    normal, force, tangential = contact_arrays(now)
+    shown = tangential if now.scene.has_friction else None
+    return grain_variables(grains) | contact_variables(pair, normal, force, shown)

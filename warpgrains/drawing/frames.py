@@ -109,6 +109,10 @@ class FrameTimes:
         """Return the simulated time of frame k [s]."""
         return self.simulated_step(k) * self.dt - self._left(k)
 
+    def since_start(self, k: int) -> float:
+        """Return the time from the start of the step of frame k to it [s]."""
+        return self.dt - self._left(k)
+
     def _left(self, k: int) -> float:
         """Return the time from frame k to the end of its step [s]."""
         left = self.step(k) - k * self._steps_a_frame

@@ -53,7 +53,7 @@ class Service:
     ----------
     proofs : list of list
         For each scene, the steps that have no solution and the grains that cannot fit.
-    errors : dict of int to str
+    errors : dict of int to SimulationError
         Reasons why scenes stopped early, by scene.
     """
 
