@@ -9,7 +9,7 @@ Where grains splash, the waves of their impacts are what is left near the end, a
 alive for long. So t is held back then: the less, the further zeta has fallen, and the more sweeps it took.
 
 Velocities that are corrected in place gather rounding errors, and momentum carries these on. Now and then
-they are rebuilt from the corrections, and the last ones moved by as much: without that, the difference of
+they are recomputed from the corrections, and the last ones moved by as much: without that, the difference of
 the two would hold a push that no correction has, and that every sweep repeats.
 """
 
@@ -118,16 +118,16 @@ def roll_back_velocity(s: Scene, i: int):
 
 
 @wp.func
-def take_rebuilt_velocity(s: Scene, i: int):
-    """Set the velocity of a body, and that of its rim, to the rebuilt one, and shift the last one as much."""
-    rebuilt = at(s.grains.rebuilt_velocity, i)
+def take_recomputed_velocity(s: Scene, i: int):
+    """Set the velocity of a body, and its rim's, to the recomputed one, and shift the last one as much."""
+    recomputed = at(s.grains.recomputed_velocity, i)
     last = at(s.momentum.last_velocity, i)
-    put(s.momentum.last_velocity, i, last + (rebuilt - at(s.grains.next_velocity, i)))
-    put(s.grains.next_velocity, i, rebuilt)
+    put(s.momentum.last_velocity, i, last + (recomputed - at(s.grains.next_velocity, i)))
+    put(s.grains.next_velocity, i, recomputed)
     if rotates(s, i):
-        rebuilt_rim, last_rim = at(s.grains.rebuilt_rim, i), at(s.momentum.last_rim, i)
-        put(s.momentum.last_rim, i, last_rim + (rebuilt_rim - at(s.grains.next_rim, i)))
-        put(s.grains.next_rim, i, rebuilt_rim)
+        recomputed_rim, last_rim = at(s.grains.recomputed_rim, i), at(s.momentum.last_rim, i)
+        put(s.momentum.last_rim, i, last_rim + (recomputed_rim - at(s.grains.next_rim, i)))
+        put(s.grains.next_rim, i, recomputed_rim)
 
 
 @wp.func

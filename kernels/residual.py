@@ -22,21 +22,23 @@ f64 = wp.float64
 
 
 @wp.func
-def begin_rebuild(s: Scene, i: int):
+def begin_recomputing(s: Scene, i: int):
     """Begin with the free velocity of a body, and the free speed of its rim."""
-    put(s.grains.rebuilt_velocity, i, at(s.grains.free_velocity, i))
+    put(s.grains.recomputed_velocity, i, at(s.grains.free_velocity, i))
     if rotates(s, i):
-        put(s.grains.rebuilt_rim, i, at(s.grains.free_rim, i))
+        put(s.grains.recomputed_rim, i, at(s.grains.free_rim, i))
 
 
 @wp.func
-def rebuild(team: Team, s: Scene, k: int):
+def recompute(team: Team, s: Scene, k: int):
     """Apply the corrections of the contacts of a set."""
     c, end = contacts_of(team, s, k)
     contacts, grains = s.contacts, s.grains
     while c < end:
         dv, dvt = at(contacts.dv, c), tangential_at(contacts.dvt, c)
-        apply(s, grains.rebuilt_velocity, grains.rebuilt_rim, c, normal_of(contacts.contact, c), dv, dvt)
+        apply(
+            s, grains.recomputed_velocity, grains.recomputed_rim, c, normal_of(contacts.contact, c), dv, dvt
+        )
         c += 1
 
 
@@ -49,7 +51,7 @@ def measurement(friction: bool) -> wp.Function:
     @wp.func
     def residual(s: Scene, c: int) -> f64:
         """Return the residual of a contact [m/s]."""
-        velocity, contact, dv = s.grains.rebuilt_velocity, s.contacts.contact, at(s.contacts.dv, c)
+        velocity, contact, dv = s.grains.recomputed_velocity, s.contacts.contact, at(s.contacts.dv, c)
         i, j = first_of(contact, c), second_of(contact, c)
         n, gap = normal_of(contact, c), gap_rate_of(contact, c)
         v = at(velocity, i)
@@ -67,7 +69,7 @@ def measurement(friction: bool) -> wp.Function:
             change = law.normal_change(wp.dot(v, n), dv, gap)
         worst = compliance * wp.abs(change)
         if wp.static(friction):
-            rim, dvt = s.grains.rebuilt_rim, at(s.contacts.dvt, c)
+            rim, dvt = s.grains.recomputed_rim, at(s.contacts.dvt, c)
             vt, mu = f64(0.0), f64(s.friction)
             if at_wall:
                 surface = surface_of(s, c)

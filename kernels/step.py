@@ -94,11 +94,11 @@ START = [
 """Begin an attempt: freeze the contacts and, unless sweeps resume, apply the corrections of the last step."""
 
 
-def rebuild(has_friction: bool) -> list[Stage]:
-    """Rebuild the velocities from the corrections, and measure their residual."""
+def recompute(has_friction: bool) -> list[Stage]:
+    """Recompute the velocities from the corrections, and measure their residual."""
     return [
-        Each(body_count, residual.begin_rebuild),
-        Sets(residual.rebuild),
+        Each(body_count, residual.begin_recomputing),
+        Sets(residual.recompute),
         Shared(residual.measure_with_friction if has_friction else residual.measure_residual),
     ]
 
@@ -112,7 +112,7 @@ def plain_sweeps(has_friction: bool) -> list[Stage]:
                 Sets(gauss_seidel.sweep_with_friction if has_friction else gauss_seidel.sweep),
                 Serial(gauss_seidel.end_sweep),
                 If(verlet.is_sampling_due, [Serial(verlet.begin_sampling), Each(body_count, verlet.sample)]),
-                If(measuring, [*rebuild(has_friction), Serial(stopping.end_measurement)]),
+                If(measuring, [*recompute(has_friction), Serial(stopping.end_measurement)]),
             ],
         ),
     ]
@@ -137,8 +137,8 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
     scatter = Each(part_count, working_set.scatter)
     measure = [
         scatter,
-        *rebuild(has_friction),
-        If(stopping.is_rebuild_due, [Each(body_count, momentum.take_rebuilt_velocity)]),
+        *recompute(has_friction),
+        If(stopping.is_recomputing_due, [Each(body_count, momentum.take_recomputed_velocity)]),
         Serial(stopping.end_measurement),
     ]
     return [
@@ -160,7 +160,7 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
 
 
 ANSWERED = [
-    *rebuild(False),
+    *recompute(False),
     Each(grain_count, exact.take_corrected_velocity),
     Serial(verlet.clear_check),
     Each(grain_count, verlet.begin_peak),

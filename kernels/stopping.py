@@ -31,8 +31,10 @@ from .verlet import check_all, outcome_of_check, reserve
 f64 = wp.float64
 CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
 NEARLY = wp.constant(f64(2.0))  # times the tolerance: a zeta from which the residual is worth a check
-REBUILD_EVERY = wp.constant(100)  # accelerated iterations between two times that velocities are rebuilt
-HALF_WAY = wp.constant(50)  # iteration after which the trend of the residual begins, half-way to a rebuild
+RECOMPUTE_EVERY = wp.constant(100)  # accelerated iterations between two times that velocities are recomputed
+HALF_WAY = wp.constant(
+    50
+)  # iteration after which the trend of the residual begins, half-way to a recomputation
 SCAN_EVERY = wp.constant(10)  # accelerated sweeps between two scans, and
 FIRST_SCANS = wp.constant(8)  # sweeps within which powers of two are followed by one
 
@@ -74,11 +76,11 @@ def is_check_due(s: Scene) -> bool:
 
 
 @wp.func
-def is_rebuild_due(s: Scene) -> bool:
-    """Return whether velocities are rebuilt from the corrections, with which the residual is measured."""
+def is_recomputing_due(s: Scene) -> bool:
+    """Return whether velocities are recomputed from the corrections, with which the residual is measured."""
     if s.step.measured == s.step.iterations:
         return False
-    now_and_then = is_accelerated(s) and s.control.rejected == 0 and s.step.iterations % REBUILD_EVERY == 0
+    now_and_then = is_accelerated(s) and s.control.rejected == 0 and s.step.iterations % RECOMPUTE_EVERY == 0
     return now_and_then or is_check_due(s)
 
 
@@ -90,20 +92,20 @@ def is_half_way(s: Scene) -> bool:
 
 @wp.func
 def is_trend_due(s: Scene) -> bool:
-    """Return whether the decay of the residual is checked: half-way to the first rebuild, and at each.
+    """Return whether the decay of the residual is checked: half-way to the first recomputation, and at each.
 
     A residual that is measured for the history alone decides nothing.
     """
     if s.step.patience == 0 or s.control.phase != Phase.MEASURE:
         return False
-    return is_half_way(s) or s.step.iterations % REBUILD_EVERY == 0
+    return is_half_way(s) or s.step.iterations % RECOMPUTE_EVERY == 0
 
 
 @wp.func
 def is_measurement_due(s: Scene) -> bool:
     """Return whether the residual is measured: always after the last iteration, also with another list."""
     half_way = is_half_way(s) and s.step.measured < s.step.iterations
-    return s.control.may_stop != 0 or half_way or is_rebuild_due(s)
+    return s.control.may_stop != 0 or half_way or is_recomputing_due(s)
 
 
 @wp.func
@@ -129,14 +131,14 @@ def is_pause_due(s: Scene) -> bool:
 def is_too_slow(s: Scene) -> bool:
     """Extrapolate the decay of the residual; return whether the sweeps left cost more than the host.
 
-    The decay counts as that of REBUILD_EVERY sweeps at most. It is that of more where the residual was not
+    The decay counts as that of RECOMPUTE_EVERY sweeps at most. It is that of more where the residual was not
     measured in between, because a sweep was rejected; then the host is asked later.
     """
     if s.step.iterations <= HALF_WAY:
         return False
     fallen = wp.log(s.step.trend_residual / s.step.residual)
     left = wp.log(s.step.residual / s.stopping.tolerance)
-    sweeps = wp.min(s.step.iterations - HALF_WAY, REBUILD_EVERY)
+    sweeps = wp.min(s.step.iterations - HALF_WAY, RECOMPUTE_EVERY)
     return left * f64(sweeps) > fallen * f64(s.step.patience)
 
 

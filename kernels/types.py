@@ -91,7 +91,7 @@ class Grains:
     velocity: Vectors  # at the end of the last good step [m/s]
     free_velocity: Vectors  # after Newton's law, before contacts
     next_velocity: Vectors  # what the contact iteration corrects in place
-    rebuilt_velocity: Vectors  # what the corrections make of the free velocities
+    recomputed_velocity: Vectors  # what the corrections make of the free velocities
     last_position: Vectors  # where the last good step began, and its contacts were taken
     last_velocity: Vectors  # with which it began
     radius: Floats  # [m]
@@ -103,7 +103,7 @@ class Grains:
     angle: Floats  # by which it has turned [rad]
     free_rim: Floats  # rim speed after its drag, before contacts [m/s]
     next_rim: Floats  # that the contact iteration corrects in place
-    rebuilt_rim: Floats  # that the corrections make of the free one
+    recomputed_rim: Floats  # that the corrections make of the free one
     rim_mass: Floats  # J_i: impulse at the rim that changes the rim speed by 2 m/s [kg]
 
 

@@ -9,7 +9,7 @@ from warpgrains.kernels import momentum
 from warpgrains.kernels.access import put
 from warpgrains.kernels.record import Phase, Scene, grain_count
 from warpgrains.kernels.stages import Each, If, Serial, Shared
-from warpgrains.kernels.stopping import end_list_check, is_rebuild_due
+from warpgrains.kernels.stopping import end_list_check, is_recomputing_due
 
 N, TOLERANCE, TINY = 150, 2.0**-4, 2.0**-40
 
@@ -134,7 +134,7 @@ def test_when_all_contacts_are_scanned(zeta: float, rejected: int, last: int) ->
         record["partial.zeta"][0], record["momentum.contact_part"][0, 0] = zeta, rejected
         control["rejected"] = 1 - rejected
         record.record["step"]["measured"] = 0
-        record.run(Serial(momentum.end_sweep_ahead), If(is_rebuild_due, [Serial(note_rebuild)]))
+        record.run(Serial(momentum.end_sweep_ahead), If(is_recomputing_due, [Serial(note_rebuild)]))
         assert control["rejected"] == rejected
         ends = last == 0
         checks = not rejected and (k == 1 or k % 10 == 0) and zeta <= 2.0 * TOLERANCE
@@ -155,12 +155,12 @@ def test_velocities_go_on_as_they_were_rebuilt() -> None:
     rng = np.random.default_rng(2)
     rebuilt, last, v = (rng.integers(-99, 99, (N, 2)) / 8.0 for _ in range(3))
     for name, value in (
-        ("grains.rebuilt_velocity", rebuilt),
+        ("grains.recomputed_velocity", rebuilt),
         ("momentum.last_velocity", last),
         ("grains.next_velocity", v),
     ):
         record[name][:] = value
-    record.run(Each(grain_count, momentum.take_rebuilt_velocity))
+    record.run(Each(grain_count, momentum.take_recomputed_velocity))
     assert np.array_equal(record["grains.next_velocity"], rebuilt)
     assert np.array_equal(record["momentum.last_velocity"], rebuilt + last - v)
 

@@ -127,10 +127,12 @@ def lengths(size: Sizes) -> dict[str, Any]:
     return {
         "grains": {
             **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), bodies),
-            **dict.fromkeys(("rebuilt_velocity", "last_position", "last_velocity", "contact_mass"), bodies),
+            **dict.fromkeys(
+                ("recomputed_velocity", "last_position", "last_velocity", "contact_mass"), bodies
+            ),
             **dict.fromkeys(("radius", "mass"), n),
             **dict.fromkeys(("spin", "last_spin", "angle", "rim_mass"), friction * n),
-            **dict.fromkeys(("free_rim", "next_rim", "rebuilt_rim"), friction * n),
+            **dict.fromkeys(("free_rim", "next_rim", "recomputed_rim"), friction * n),
         },
         "contacts": {
             **dict.fromkeys(("contact", "dv", "dv_start"), contacts),
