@@ -70,11 +70,7 @@ class Stepper(PresentState, Shown):
     def _begin(self, scene: Scene, state: State | None) -> None:
         self._threads = threads_for(scene, self._device, self._threads_wanted)
         PresentState.__init__(self, scene, Engine([scene], self._device, self._threads))
-        self._load(first_state(scene) if state is None else state)
-
-    def _load(self, state: State) -> None:
-        self._engine.load(0, state)
-        self._loaded_steps = state.steps
+        self._engine.load(0, first_state(scene) if state is None else state)
 
     def summary(self) -> dict[str, str]:
         """Return the line that describes the simulation, by name."""
@@ -199,7 +195,7 @@ class Stepper(PresentState, Shown):
         SimulationError
             No step has been taken since the start, or since `restore`.
         """
-        if self.steps == self._loaded_steps:
+        if not self._engine.has_stepped(0):
             raise SimulationError("no step has been taken from this state: call step() first")
         position, velocity = (self._grains(name) for name in ("last_position", "last_velocity"))
         spin = self._grains("last_spin") if self.scene.has_friction else None
@@ -224,7 +220,7 @@ class Stepper(PresentState, Shown):
         """
         require_state(state, self.scene)
         with self._use.changing():
-            self._load(state)
+            self._engine.load(0, state)
 
 
 def _has_walls_of(scene: Scene, other: Scene) -> bool:

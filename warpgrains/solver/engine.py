@@ -148,6 +148,10 @@ class Engine:
         """Return the number of steps of scene k since its start."""
         return self._memory[k].steps
 
+    def has_stepped(self, k: int) -> bool:
+        """Return True if scene k has taken a step since its state was loaded."""
+        return self._memory[k].has_stepped
+
     def grains(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return a copy of a grain array of scene k, such as "position"."""
         return self._pulled(k).grains(name).copy()

@@ -70,6 +70,11 @@ class SceneMemory:
         """Steps since the start."""
         return int(self.record["steps"])
 
+    @property
+    def has_stepped(self) -> bool:
+        """True if a step has been taken since a state was loaded."""
+        return self.steps != self._loaded_steps
+
     def _listed(self) -> tuple[IntArray, IntArray]:
         """Return grain and other body of the listed contacts in lexicographic order, and their indices."""
         first = np.repeat(np.arange(self._scene.n, dtype=np.int32), np.diff(self.array("neighbors.start")))
@@ -126,7 +131,7 @@ class SceneMemory:
         for name in ("staggered", "last_staggered"):
             more[name] = bool(self.record["scheme"][name])
         more["to_search"] = max(0, int(self.record["to_search"]))
-        if self.steps == self._loaded_steps:
+        if not self.has_stepped:
             more["last_scene"] = self._last_scene
         return State(self.steps, position, velocity, self.corrections(), lists, **more)
 
