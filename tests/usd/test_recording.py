@@ -220,6 +220,11 @@ class TestOutput:
         with pytest.raises(InputError, match=r"a force is .*: a recording holds at most"):
             simulation.run(duration=3.0, record=tmp_path / "run.usdc", forces=True)
 
+    def test_velocities_that_float32_cannot_hold(self, tmp_path):
+        recorder = Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50))
+        with pytest.raises(InputError, match=r"is 1e\+39: a recording holds at most"), recorder:
+            recorder.record(Frame(np.zeros((5, 2)), np.full((5, 2), 1e39)))
+
     def test_threads_that_write_restore_the_limit_of_usd(self):
         """The last one does, whichever began first."""
         before = Work.GetConcurrencyLimit()

@@ -158,7 +158,7 @@ def _define_camera(stage: Usd.Stage, shown: float) -> None:
 def triples(values: NDArray[Any]) -> NDArray[np.float32]:
     """Return values, shape (n, 2), as stored in the file: float32, shape (n, 3), with third component 0."""
     shown = np.zeros((len(values), 3), dtype=np.float32)
-    shown[:, :2] = values
+    shown[:, :2] = as_float32("a position or a velocity", values)
     return shown
 
 
