@@ -18,15 +18,10 @@ from .contacts import surface_of
 from .driven import correct_wall
 from .friction import THIRD, rim_weights
 from .lanes import lanes
-from .momentum import back_off, mass_in_phi, sum_of_parts, take_t_on
+from .momentum import mass_in_phi
 from .record import Scene, pair_count
-from .stopping import end_iteration
-from .threads import reduce_max
 
 f64 = wp.float64
-GROWTH = wp.constant(f64(1.2))  # of that change, above which momentum stops
-CAP = wp.constant(f64(0.85))
-FADE = wp.constant(f64(500.0))  # sweeps after which the cap falls, as one over their number
 
 
 def sweeping_pairs(count: int, weighted: bool) -> wp.Function:
@@ -169,19 +164,3 @@ sweep_walls, sweep_driven_walls = sweeping_walls(False), sweeping_walls(True)
 sweep_ahead_with_friction = correcting_working_sets(
     "sweep_ahead_with_friction", sweep_pairs, sweep_walls, sweep_driven_walls
 )
-
-
-@wp.func
-def end_capped_sweep(s: Scene):
-    """Count a sweep, choose the momentum of the next one, and what follows."""
-    zeta = reduce_max(s.partial.zeta)
-    total = sum_of_parts(s)
-    grown = s.momentum.state.beta > f64(0.0) and total[0] > GROWTH * s.momentum.state.change
-    s.momentum.state.change = total[0]
-    if total[1] > f64(0.0) or grown:
-        back_off(s)
-    else:
-        take_t_on(s, zeta)
-        cap = CAP * wp.min(f64(1.0), FADE / f64(s.step.iterations + 1))
-        s.momentum.state.beta = wp.min(cap, s.momentum.state.beta)
-    end_iteration(s, zeta)

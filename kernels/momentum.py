@@ -30,6 +30,10 @@ NEAR_END = wp.constant(f64(6.0))  # times the tolerance: below that zeta, t is h
 T_ANYWAY = wp.constant(f64(24.0))
 T_PER_FALL = wp.constant(f64(1.5))  # times sqrt(zeta of the first sweep / tolerance)
 T_PER_SWEEP = wp.constant(f64(0.2))  # times the sweeps so far
+# With friction (accelerated_friction.py):
+GROWTH = wp.constant(f64(1.2))  # of the change of a sweep, above which momentum stops
+CAP = wp.constant(f64(0.85))  # of beta
+FADE = wp.constant(f64(500.0))  # sweeps after which the cap falls, as one over their number
 
 
 @wp.func
@@ -98,6 +102,22 @@ def end_sweep_ahead(s: Scene):
     """End a sweep from extrapolated velocities: count it, accept or reject it, and choose the next phase."""
     zeta = reduce_max(s.partial.zeta)
     accept_or_reject(s, zeta)
+    end_iteration(s, zeta)
+
+
+@wp.func
+def end_sweep_ahead_with_friction(s: Scene):
+    """End a sweep with friction: count it, cap the momentum of the next one, and choose the next phase."""
+    zeta = reduce_max(s.partial.zeta)
+    total = sum_of_parts(s)
+    grown = s.momentum.state.beta > f64(0.0) and total[0] > GROWTH * s.momentum.state.change
+    s.momentum.state.change = total[0]
+    if total[1] > f64(0.0) or grown:
+        back_off(s)
+    else:
+        take_t_on(s, zeta)
+        cap = CAP * wp.min(f64(1.0), FADE / f64(s.step.iterations + 1))
+        s.momentum.state.beta = wp.min(cap, s.momentum.state.beta)
     end_iteration(s, zeta)
 
 

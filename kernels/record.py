@@ -60,10 +60,11 @@ class Phase(IntEnum):
     SWEEP = 9
     CHECK_LIST = 10  # check the list before all contacts are scanned (working_set.py)
     MEASURE = 11  # measure the residual, which may stop the sweeps
-    RECORD = 12  # measure it for the history alone
-    SCAN = 13  # scan all contacts for the working set
-    VERIFY = 14  # verify the list and judge the step: the sweeps have stopped
-    EXPIRE = 15  # set aside the list, in which a contact may be missing
+    RECOMPUTE = 12  # the same, and let sweeps continue from the velocities that are recomputed for it
+    RECORD = 13  # measure it for the history alone
+    SCAN = 14  # scan all contacts for the working set
+    VERIFY = 15  # verify the list and judge the step: the sweeps have stopped, or the list has not sufficed
+    EXPIRE = 16  # set aside the list, in which a contact may be missing
 
 
 @wp.struct
@@ -123,7 +124,7 @@ class History:
 class StoppingCriterion:
     """The parameters by which iterations stop (stopping.py)."""
 
-    on_residual: wp.int32  # whether the tolerance is on the residual, or on zeta
+    on: wp.int32  # the quantity that the tolerance bounds, a `stopping.StopOn`
     tolerance: f64  # [m/s]
     max_iterations: wp.int32
     patience: wp.int32  # sweeps that the host's factorizations are worth; 0: it does none

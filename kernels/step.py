@@ -2,7 +2,14 @@
 
 A step returns to the host in two cases: the list exceeds its capacity (WITHOUT_ROOM), or sweeps converge too
 slowly and the host solves the step (SLOW). Conditions read the phase of the step (conditions.py); stopping.py
-chooses it. A few stages that differ when sweeps resume with another list test `resuming` themselves.
+chooses it.
+
+An attempt whose list expires during its sweeps resumes with another list (`Control.resuming`). It keeps its
+velocities, corrections and momentum (START), and the colors of its pairs (coloring.colors). Plain sweeps keep
+their peaks too, in the same frame (skins.renew_skin, verlet.find_frame, verlet.begin_peak), and find out
+whether a contact that was missing may have acted (contact_list.transfer_warm_start); then the attempt starts
+again (stopping.start_attempt).
+
 A scene without a list begins like one whose list has expired: no skin suffices, so its first attempt iterates
 nothing and asks for a list.
 """
@@ -42,6 +49,7 @@ from .conditions import (
     listed,
     measuring,
     recoloring,
+    recomputing,
     rejected,
     scanning,
     searching,
@@ -128,7 +136,7 @@ SWEEP = [
 SWEEP_WITH_FRICTION = [
     Shared(momentum.extrapolate_with_friction),
     Sets(accelerated_friction.sweep_ahead_with_friction),
-    Serial(accelerated_friction.end_capped_sweep),
+    Serial(momentum.end_sweep_ahead_with_friction),
 ]
 
 
@@ -138,7 +146,7 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
     measure = [
         scatter,
         *recompute(has_friction),
-        If(stopping.is_recomputing_due, [Each(body_count, momentum.take_recomputed_velocity)]),
+        If(recomputing, [Each(body_count, momentum.take_recomputed_velocity)]),
         Serial(stopping.end_measurement),
     ]
     return [

@@ -6,6 +6,8 @@ list follow each other in neighbors.py and contact_list.py. Accelerated sweeps s
 after a scan of all contacts: zeta is of the working set, and says nothing of the others.
 """
 
+from enum import IntEnum
+
 import warp as wp
 
 from . import law
@@ -39,6 +41,13 @@ SCAN_EVERY = wp.constant(10)  # accelerated sweeps between two scans, and
 FIRST_SCANS = wp.constant(8)  # sweeps within which powers of two are followed by one
 
 
+class StopOn(IntEnum):
+    """The quantity that the tolerance bounds, by the names of `warpgrains.scene.fields.STOPS`."""
+
+    ZETA = 0
+    RESIDUAL = 1
+
+
 @wp.func
 def is_power_of_two(number: int) -> bool:
     """Return whether a number is 1, 2, 4, 8, ..."""
@@ -52,24 +61,36 @@ def has_iterations_left(s: Scene) -> bool:
 
 
 @wp.func
+def stops_on_zeta(s: Scene) -> bool:
+    """Return whether the tolerance is on zeta, which every sweep finds, or on what is measured at times."""
+    return s.stopping.on == StopOn.ZETA
+
+
+@wp.func
 def meets_tolerance(s: Scene) -> bool:
     """Return whether the last residual, or zeta of a sweep over all contacts, meets the tolerance."""
-    if s.stopping.on_residual != 0:
-        return s.step.residual <= s.stopping.tolerance
-    return s.step.zeta <= s.stopping.tolerance and s.control.rejected == 0
+    if stops_on_zeta(s):
+        return s.step.zeta <= s.stopping.tolerance and s.control.rejected == 0
+    return s.step.residual <= s.stopping.tolerance
 
 
 @wp.func
 def is_last_iteration(s: Scene) -> bool:
     """Return whether the sweeps end here; a residual decides that later, where it is measured."""
-    return not has_iterations_left(s) or (s.stopping.on_residual == 0 and meets_tolerance(s))
+    return not has_iterations_left(s) or (stops_on_zeta(s) and meets_tolerance(s))
+
+
+@wp.func
+def is_measured(s: Scene) -> bool:
+    """Return whether the residual of the last iteration has been measured, with the list before."""
+    return s.step.measured == s.step.iterations
 
 
 @wp.func
 def is_check_due(s: Scene) -> bool:
     """Return whether the residual may meet the tolerance: now and then, and when zeta is near it."""
     iterations = s.step.iterations
-    if s.stopping.on_residual == 0 or s.control.rejected != 0:
+    if stops_on_zeta(s) or s.control.rejected != 0 or is_measured(s):
         return False
     sparse = iterations == 1 or iterations % CHECK_EVERY == 0
     return sparse and s.step.zeta <= NEARLY * s.stopping.tolerance
@@ -77,10 +98,10 @@ def is_check_due(s: Scene) -> bool:
 
 @wp.func
 def is_recomputing_due(s: Scene) -> bool:
-    """Return whether velocities are recomputed from the corrections, with which the residual is measured."""
-    if s.step.measured == s.step.iterations:
+    """Return whether accelerated sweeps continue from the velocities with which the residual is measured."""
+    if not is_accelerated(s) or is_measured(s):
         return False
-    now_and_then = is_accelerated(s) and s.control.rejected == 0 and s.step.iterations % RECOMPUTE_EVERY == 0
+    now_and_then = s.control.rejected == 0 and s.step.iterations % RECOMPUTE_EVERY == 0
     return now_and_then or is_check_due(s)
 
 
@@ -96,7 +117,7 @@ def is_trend_due(s: Scene) -> bool:
 
     A residual that is measured for the history alone decides nothing.
     """
-    if s.step.patience == 0 or s.control.phase != Phase.MEASURE:
+    if s.step.patience == 0 or s.control.phase == Phase.RECORD:
         return False
     return is_half_way(s) or s.step.iterations % RECOMPUTE_EVERY == 0
 
@@ -104,14 +125,14 @@ def is_trend_due(s: Scene) -> bool:
 @wp.func
 def is_measurement_due(s: Scene) -> bool:
     """Return whether the residual is measured: always after the last iteration, also with another list."""
-    half_way = is_half_way(s) and s.step.measured < s.step.iterations
-    return s.control.may_stop != 0 or half_way or is_recomputing_due(s)
+    half_way = is_half_way(s) and not is_measured(s)
+    return s.control.may_stop != 0 or half_way or is_check_due(s)
 
 
 @wp.func
 def is_recorded(s: Scene) -> bool:
     """Return whether the history still needs the residual of the last iteration."""
-    return s.step.measured < s.step.iterations and s.step.iterations <= s.history.zeta.shape[0]
+    return not is_measured(s) and s.step.iterations <= s.history.zeta.shape[0]
 
 
 @wp.func
@@ -152,7 +173,9 @@ def phase_of_next_sweep(s: Scene) -> int:
 
 @wp.func
 def measurement_or(s: Scene, following: int) -> int:
-    """Return the phase that measures the residual, for the stop or the history, if due; else another."""
+    """Return the phase that measures the residual, for sweeps, stop or history, if due; else another."""
+    if is_recomputing_due(s):
+        return Phase.RECOMPUTE
     if is_measurement_due(s):
         return Phase.MEASURE
     if is_recorded(s):
@@ -163,7 +186,8 @@ def measurement_or(s: Scene, following: int) -> int:
 @wp.func
 def phase_after_sweep(s: Scene) -> int:
     """Return what follows on an iteration that is counted."""
-    if is_accelerated(s) and (is_measurement_due(s) or is_scan_due(s.step.iterations)):
+    due = is_recomputing_due(s) or is_measurement_due(s) or is_scan_due(s.step.iterations)
+    if is_accelerated(s) and due:
         return Phase.CHECK_LIST
     return measurement_or(s, phase_of_next_sweep(s))
 
@@ -209,16 +233,15 @@ def take_residual(s: Scene):
 def end_measurement(s: Scene):
     """Stop if the residual meets the tolerance or falls too slowly, unless it is for the history alone."""
     take_residual(s)
-    decides = s.stopping.on_residual != 0 and s.control.phase == Phase.MEASURE
-    stopping = decides and meets_tolerance(s)
+    decides = s.control.phase != Phase.RECORD
+    stopping = decides and not stops_on_zeta(s) and meets_tolerance(s)
     if is_trend_due(s):
         stopping = stopping or is_too_slow(s)
         s.step.trend_residual = s.step.residual
-    scanning = s.control.phase == Phase.MEASURE or is_scan_due(s.step.iterations)
     if stopping:
         s.control.may_stop = 1
         s.control.phase = Phase.VERIFY
-    elif is_accelerated(s) and scanning:
+    elif is_accelerated(s) and (decides or is_scan_due(s.step.iterations)):
         s.control.phase = Phase.SCAN
     else:
         s.control.phase = phase_of_next_sweep(s)

@@ -26,7 +26,7 @@ from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
 from .driven import closing_speed
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, has_friction, has_weights, is_driven, pair_count
-from .stopping import stop_or_sweep
+from .stopping import stop_or_sweep, stops_on_zeta
 from .threads import Team, reduce_max, thread_range, update_max
 from .verlet import keep_peak
 
@@ -228,7 +228,7 @@ def end_scan(s: Scene):
     """
     violation = reduce_max(s.partial.zeta)
     iterations = s.step.iterations
-    if iterations > 0 and s.stopping.on_residual == 0 and s.control.rejected == 0:
+    if iterations > 0 and stops_on_zeta(s) and s.control.rejected == 0:
         s.step.zeta = wp.max(s.step.zeta, violation)
         if iterations <= s.history.zeta.shape[0]:
             put(s.history.zeta, iterations - 1, s.step.zeta)

@@ -13,6 +13,7 @@ from warpgrains.kernels import momentum, stopping, working_set
 from warpgrains.kernels.contacts import part_count
 from warpgrains.kernels.record import Phase, grain_count
 from warpgrains.kernels.stages import Each, Serial, Sets
+from warpgrains.kernels.stopping import StopOn
 
 N, PAIRS, STARTS = 150, 300, [0, 130, 131, 300, 430, 450]
 CONTACTS = PAIRS + N
@@ -212,26 +213,24 @@ def test_skin_at_a_scan(limit: float, peak: float, expired: int, kept: bool) -> 
 
 
 DONE = [
-    # iterations, on_residual, rejected, violation, zeta after the scan, whether it goes on
-    (0, 0, 0, 9.0, 0.03, 1),
-    (4, 0, 0, 0.01, 0.03, 0),
-    (4, 0, 0, 0.5, 0.5, 1),
-    (4, 0, 0, TOLERANCE, TOLERANCE, 0),
-    (4, 0, 1, 0.5, 0.03, 1),
-    (4, 1, 0, 0.5, 0.03, 1),
-    (40, 0, 0, 0.5, 0.5, 0),
+    # iterations, stop, rejected, violation, zeta after the scan, whether it goes on
+    (0, StopOn.ZETA, 0, 9.0, 0.03, 1),
+    (4, StopOn.ZETA, 0, 0.01, 0.03, 0),
+    (4, StopOn.ZETA, 0, 0.5, 0.5, 1),
+    (4, StopOn.ZETA, 0, TOLERANCE, TOLERANCE, 0),
+    (4, StopOn.ZETA, 1, 0.5, 0.03, 1),
+    (4, StopOn.RESIDUAL, 0, 0.5, 0.03, 1),
+    (40, StopOn.ZETA, 0, 0.5, 0.5, 0),
 ]
 
 
-@pytest.mark.parametrize(("iterations", "on_residual", "rejected", "violation", "zeta", "left"), DONE)
-def test_last_scan(
-    iterations: int, on_residual: int, rejected: int, violation: float, zeta: float, left: int
-) -> None:
+@pytest.mark.parametrize(("iterations", "on", "rejected", "violation", "zeta", "left"), DONE)
+def test_last_scan(iterations: int, on: int, rejected: int, violation: float, zeta: float, left: int) -> None:
     """By zeta, what contacts outside the set are violated by is a change to come."""
     record = Accelerated().record
     whole, control = record.record, record.record["control"]
     whole["step"]["iterations"], whole["step"]["zeta"] = iterations, 0.03
-    whole["stopping"]["on_residual"], control["rejected"] = on_residual, rejected
+    whole["stopping"]["on"], control["rejected"] = on, rejected
     whole["stopping"]["max_iterations"] = 40
     record["partial.zeta"][0], record["history.zeta"][:] = violation, 0.03
     record.run(Serial(working_set.end_scan))
@@ -245,6 +244,7 @@ MEASURED = [
     # phase, iterations, rejected, whether the trend ends the sweeps
     (Phase.MEASURE, 100, 0, True),
     (Phase.RECORD, 100, 1, False),
+    (Phase.RECOMPUTE, 100, 0, True),
     (Phase.MEASURE, 70, 0, False),
     (Phase.RECORD, 70, 0, False),
 ]
@@ -257,7 +257,7 @@ def test_the_history_leaves_the_trend_of_the_residual_alone(
     """A plain step does not measure after a rejected sweep, so that nothing may follow from its residual."""
     record = Accelerated().record
     whole, step = record.record, record.record["step"]
-    whole["stopping"]["on_residual"], whole["stopping"]["max_iterations"] = 1, 1000
+    whole["stopping"]["on"], whole["stopping"]["max_iterations"] = StopOn.RESIDUAL, 1000
     whole["stopping"]["patience"], step["patience"] = 750, 750
     step["iterations"], whole["control"]["rejected"], whole["control"]["phase"] = iterations, rejected, phase
     step["trend_residual"], record["partial.residual"][0] = 1.0, 0.99

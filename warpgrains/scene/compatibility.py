@@ -51,8 +51,8 @@ def require_compatible_settings(scene: Scene) -> None:
     _require_driven(scene)
     if scene.method == "exact" and scene.has_friction:
         raise InputError("method is 'exact': it solves steps without friction only; use 'accelerated'")
-    if scene.method == "exact" and scene.stop == "zeta":
-        raise InputError("stop is 'zeta': method 'exact' stops on the residual")
+    if scene.method == "exact" and scene.stops_on != "residual":
+        raise InputError(f"stop is {scene.stop!r}: method 'exact' stops on the residual")
 
 
 def _require_driven(scene: Scene) -> None:

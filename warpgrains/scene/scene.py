@@ -346,9 +346,11 @@ class Scene(SceneFields, Shown):
         return normal, gap
 
     @property
-    def stops_on_residual(self) -> bool:
-        """True if the tolerance applies to the residual, False if it applies to zeta."""
-        return self.stop == "residual" or (self.stop == "default" and self.method != "gauss-seidel")
+    def stops_on(self) -> str:
+        """Quantity that the tolerance bounds: `stop`, or the default of the method."""
+        if self.stop != "default":
+            return self.stop
+        return "zeta" if self.method == "gauss-seidel" else "residual"
 
     @property
     def steps(self) -> int:

@@ -14,6 +14,7 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
+from warpgrains.kernels.stopping import StopOn
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
 from warpgrains.solver.memory import require_memory
@@ -113,7 +114,7 @@ class SceneRecords:
         host["tuning"]["smallest_radius"] = [scene.smallest_radius for scene in scenes]
         host["tuning"]["reserve"] = tuning.RESERVE
         host["stopping"]["patience"] = [tuning.patience(scene) for scene in scenes]
-        host["stopping"]["on_residual"] = [scene.stops_on_residual for scene in scenes]
+        host["stopping"]["on"] = [StopOn[scene.stops_on.upper()] for scene in scenes]
         host["stopping"]["raise_on_unconverged"] = [scene.on_unconverged == "raise" for scene in scenes]
         for name in ("tolerance", "max_iterations"):
             host["stopping"][name] = [getattr(scene, name) for scene in scenes]
