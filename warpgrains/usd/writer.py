@@ -41,7 +41,7 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
     Raises
     ------
     InputError
-        The file is no log, or has no frames; or the target has another ending than those of recordings.
+        The file is no log, or has no frames.
     OSError
         The file cannot be written, or the log holds fewer frames.
     """
@@ -50,16 +50,11 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
         binary, draft = folder / f"{target.stem}.usdc", folder / target.name
         with _reporting_os_errors(target), _freeing_in_this_thread():
             written = _write_binary(reader, binary, frames)
-            match target.suffix:
-                case ".usdc":
-                    pass  # the binary file is the draft
-                case ".usda":
-                    Sdf.Layer.OpenAsAnonymous(str(binary)).Export(str(draft))
-                case ".usdz":
-                    os.utime(binary, (_PACKED, _PACKED))
-                    UsdUtils.CreateNewUsdzPackage(str(binary), str(draft))
-                case ending:
-                    raise InputError(f"'{target}' cannot be written: {ending} is not a format of recordings")
+            if target.suffix == ".usdz":
+                os.utime(binary, (_PACKED, _PACKED))
+                UsdUtils.CreateNewUsdzPackage(str(binary), str(draft))
+            elif draft != binary:  # USD knows the format by the ending
+                Sdf.Layer.OpenAsAnonymous(str(binary)).Export(str(draft))
             _require_frames(draft, reader.kinds, written if frames is None else frames)
         publish(draft, target)
     return written
