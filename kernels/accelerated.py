@@ -18,7 +18,7 @@ import warp as wp
 
 from . import law
 from .access import at, larger, named, put, working_first_of, working_normal_of, working_second_of
-from .contacts import chunks_of_set, is_wall_set, range_of_set
+from .contacts import chunks_of_set, is_wall_set, limits_at, range_of_set
 from .driven import correct_wall
 from .lanes import FOUR, end_of_fours, lanes
 from .momentum import mass_in_phi
@@ -143,7 +143,7 @@ def sweeping_walls(driven: bool) -> wp.Function:
                 gain = dv * (found[2] - f64(0.5) * compliance * dv)
                 cost = gap * (y - x)
             else:
-                limits, vn, compliance = at(working.limits, c - first_wall), wp.dot(v, n), f64(1.0)
+                limits, vn, compliance = limits_at(working.limits, c - first_wall), wp.dot(v, n), f64(1.0)
                 gap = law.round_gap_rate(gap, law.speed_along(v, n), limits[1])
                 new = law.projection(factor * vn, y, factor * gap, factor * limits[0])
                 dv = new - y

@@ -14,7 +14,7 @@ import warp as wp
 from . import law
 from .accelerated import correcting_working_sets, in_fours
 from .access import at, larger, put, working_first_of, working_normal_of, working_second_of
-from .contacts import surface_of
+from .contacts import limits_at, surface_of
 from .driven import correct_wall
 from .friction import THIRD, rim_weights
 from .lanes import lanes
@@ -136,7 +136,7 @@ def sweeping_walls(driven: bool) -> wp.Function:
                 found = correct_wall(s, velocity, i, j, normal, y, at(working.gap_rate, c), f64(1.0))
                 dv, wide_dv = found[0], found[1] * found[0]
             else:
-                limit = at(working.limits, c - first_wall)[1]
+                limit = limits_at(working.limits, c - first_wall)[1]
                 gap = law.round_gap_rate(at(working.gap_rate, c), law.speed_along(v, normal), limit)
                 dv = law.normal_change(wp.dot(v, normal), y, gap)
                 wide_dv = dv

@@ -77,11 +77,29 @@ def chunks_of_set(s: Scene, k: int):
 
 
 @wp.func
+def limits_at(limits: Vectors, w: int) -> wp.vec2d:
+    """Return the limits of contact w with a wall [m/s] (types.Contacts); inf where no wall has any."""
+    if limits.shape[0] > 0:
+        return at(limits, w)
+    return wp.vec2d(f64(wp.inf), f64(wp.inf))
+
+
+@wp.func
 def gap_rates_now(contacts: Contacts, c: int, v: wp.vec2d):
     """Return gap / dt on both sides of a wall, for a grain of velocity v [m/s] (eq. 18)."""
-    limits = at(contacts.limits, c - contacts.count.pairs)
+    limits = limits_at(contacts.limits, c - contacts.count.pairs)
     along = law.speed_along(v, normal_of(contacts.contact, c))
     return law.round_gap_rate(gap_rate_of(contacts.contact, c), along, limits[1]), limits[0]
+
+
+@wp.func
+def wall_change(contacts: Contacts, c: int, v: wp.vec2d, dv: f64) -> f64:
+    """Return the change of the correction dv of a contact with a wall [m/s] (eqs. 8 and 18)."""
+    vn = wp.dot(v, normal_of(contacts.contact, c))
+    if contacts.limits.shape[0] == 0:
+        return law.normal_change(vn, dv, gap_rate_of(contacts.contact, c))
+    gap, back = gap_rates_now(contacts, c, v)
+    return law.projection(vn, dv, gap, back) - dv
 
 
 @wp.func

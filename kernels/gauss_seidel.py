@@ -22,7 +22,7 @@ from .access import (
     put,
     second_of,
 )
-from .contacts import contacts_of, gap_rates_now, is_wall_set, surface_of
+from .contacts import contacts_of, is_wall_set, surface_of, wall_change
 from .driven import correct_wall
 from .friction import THIRD, rim_weights
 from .record import Scene, has_weights, is_driven
@@ -185,8 +185,7 @@ def sweeping_walls(driven: bool, friction: bool) -> wp.Function:
                 found = correct_driven_wall(s, c, dv_before)
                 dv, change = found[0], found[1]
             else:
-                gap, back = gap_rates_now(contacts, c, v)
-                dv = law.projection(wp.dot(v, n), dv_before, gap, back) - dv_before
+                dv = wall_change(contacts, c, v, dv_before)
                 change = wp.abs(dv)
             push = dv * n
             if wp.static(friction):

@@ -29,7 +29,8 @@ def freeze(s: Scene, c: int, at_wall: bool) -> wp.vec2d:
         if s.contacts.wall_speed.shape[0] > 0:
             point = x + (radius + gap) * normal
             put(s.contacts.wall_speed, c - pair_count(s), surface_speed(b, point, normal, s.walls))
-        put(s.contacts.limits, c - pair_count(s), wp.vec2d(back / s.dt, reach / s.dt))
+        if s.contacts.limits.shape[0] > 0:
+            put(s.contacts.limits, c - pair_count(s), wp.vec2d(back / s.dt, reach / s.dt))
         set_frame(s.contacts.contact, c, normal, gap / s.dt)
         return normal
     normal, distance = law.normal(x, at(s.grains.position, j))

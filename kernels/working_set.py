@@ -172,7 +172,7 @@ def selecting_walls(driven: bool) -> wp.Function:
             violation = larger(violation, wp.where(carries, f64(0.0), change))
             if carries or is_near:
                 select(s, free, c)
-                if wp.static(not driven):
+                if wp.static(not driven) and s.working.limits.shape[0] > 0:
                     put(s.working.limits, free - pair_count(s), at(s.contacts.limits, c - pair_count(s)))
                 free += 1
             c += 1

@@ -41,12 +41,15 @@ class Accelerated:
     def __init__(self, equal: bool = False, inner: bool = True, slides: bool = True):
         rng = np.random.default_rng(3)
         scene = grains_apart(N).replace(method="accelerated", stop="zeta", tolerance=TOLERANCE)
+        if inner or slides:
+            scene = scene.replace(wall="round")  # whose contacts with the wall have limits
         if not equal:
             scene = scene.replace(mass=rng.choice([0.5, 1.0, 2.0], N))
         self.record = record = OneRecord(scene, CONTACTS)
         record["grains.contact_mass"][:] = scene.mass
         record._records.keep_history(0, 40)
-        self.contact, self.limits = record["contacts.contact"][:CONTACTS], record["contacts.limits"]
+        self.contact = record["contacts.contact"][:CONTACTS]
+        self.limits = record["contacts.limits"] if inner or slides else np.empty((N, 2))
         self.is_wall = np.arange(CONTACTS) >= PAIRS
         pairs, walls = self.contact[:PAIRS], self.contact[PAIRS:]
         pairs["i"], pairs["j"] = np.sort(rng.permuted(np.tile(np.arange(N), (PAIRS, 1)), axis=1)[:, :2]).T

@@ -29,6 +29,7 @@ def sizes(request: pytest.FixtureRequest) -> Sizes:
         np.array([1, 3, 2, 1]),
         np.array([0, 1, 0, 1]),
         np.array([0, 0, 1, 0]),
+        np.array([1, 0, 0, 1]),
         np.array([0, 1, 0, 1]),
         np.array([0, 5, 0, 0]),
         accelerated,
@@ -59,6 +60,7 @@ def test_every_array_has_a_length(sizes: Sizes) -> None:
     assert (length["grains.spin"] == GRAINS * sizes.friction).all()
     assert (length["contacts.rim_weights"] == CONTACTS * sizes.weighted * sizes.friction).all()
     assert (length["walls.motion"] == [0, 2, 0, 0]).all()
+    assert ((length["contacts.limits"] > 0) == sizes.limited).all()
 
 
 def test_every_scene_has_a_history_of_its_own() -> None:

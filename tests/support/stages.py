@@ -106,7 +106,7 @@ def record_of_graph(pairs: IntArray, at_walls: IntArray | None = None) -> OneRec
     """List a graph's pairs, and the walls that each grain is at, with everything to be found poisoned."""
     n = grain_total(pairs)
     contacts = listed(pairs, np.zeros(n, int) if at_walls is None else at_walls)
-    record = OneRecord(grains_apart(n), len(contacts) + 1)
+    record = OneRecord(grains_apart(n).replace(wall="round"), len(contacts) + 1)  # whose walls have limits
     write_rows(record, contacts)
     for name in (
         "group",

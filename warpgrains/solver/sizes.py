@@ -43,6 +43,8 @@ class Sizes:
         1 if a wall inside the annulus moves as given in advance, or a force drives one, else 0.
     driven : ndarray
         1 if a force drives a wall, else 0.
+    limited : ndarray
+        1 if walls have limits, see `has_limits`, else 0.
     weighted : ndarray
         0 if grains take equal shares of corrections (`has_equal_shares`), else 1.
     history : ndarray
@@ -60,6 +62,7 @@ class Sizes:
     walls: Counts
     mobile: Counts
     driven: Counts
+    limited: Counts
     weighted: Counts
     history: Counts
     accelerated: int
@@ -80,6 +83,7 @@ class Sizes:
             walls,
             np.array([any(wall.is_mobile for wall in scene.walls) for scene in scenes], np.int64),
             np.array([scene.has_driven_walls for scene in scenes], np.int64),
+            np.array([has_limits(scene) for scene in scenes], np.int64),
             weighted,
             np.zeros_like(n),
             int(scenes[0].method != "gauss-seidel"),
@@ -91,7 +95,7 @@ class Sizes:
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
-        names = ("grains", "contacts", "walls", "mobile", "driven", "weighted", "history")
+        names = ("grains", "contacts", "walls", "mobile", "driven", "limited", "weighted", "history")
         one_of = {name: getattr(self, name)[one] for name in names}
         return replace(self, **one_of)
 
@@ -106,6 +110,11 @@ def has_equal_shares(scene: Scene) -> bool:
     if scene.has_driven_walls or not scene.has_equal_masses:
         return False
     return not scene.has_friction or bool((scene.contact_mass == scene.rim_mass).all())
+
+
+def has_limits(scene: Scene) -> bool:
+    """Return whether a wall has another side, or is round within a step (eq. 18)."""
+    return scene.bodies.annulus.radius_in > 0.0 or scene.wall == "round"
 
 
 def first_pairs(n: Counts) -> Counts:
@@ -139,7 +148,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("dvt", "dvt_start"), friction * contacts),
             "weights": contacts * size.weighted,
             "rim_weights": friction * contacts * size.weighted,
-            "limits": at_walls,
+            "limits": size.limited * at_walls,
             "wall_speed": friction * size.mobile * at_walls,
             "set_start": contacts + 2 + size.walls,
         },
@@ -165,7 +174,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("contact", "gap_rate", "index", "dv", "last_dv"), ahead * contacts),
             **dict.fromkeys(("dvt", "last_dvt"), ahead * friction * contacts),
             "weights": ahead * contacts * size.weighted,
-            "limits": ahead * at_walls,
+            "limits": ahead * size.limited * at_walls,
             "range": ahead * parts,
         },
         "grid": {
