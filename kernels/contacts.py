@@ -8,7 +8,7 @@ import warp as wp
 
 from . import law
 from .access import at, first_of, gap_rate_of, normal_of, put, second_of
-from .driven import push_wall
+from .driven import change_speed
 from .friction import rim_weights
 from .record import Scene, grain_count, has_friction, has_weights, is_driven, pair_count
 from .threads import Team, thread_range
@@ -128,7 +128,7 @@ def apply(s: Scene, velocity: Vectors, rim: Floats, c: int, n: wp.vec2d, dv: f64
     if at_wall:
         put(velocity, i, at(velocity, i) - impulse)
         if is_driven(s):
-            push_wall(s, velocity, c, dv)
+            change_speed(s, velocity, i, second_of(contacts.contact, c), n, dv)
         return
     j, weight = second_of(contacts.contact, c), wp.vec2d(f64(0.5), f64(0.5))
     if has_weights(s):

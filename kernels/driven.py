@@ -84,13 +84,6 @@ def correct_wall(
 
 
 @wp.func
-def push_wall(s: Scene, velocity: Vectors, c: int, dv: f64):
-    """Add the correction dv [m/s] of a contact to the speed of its wall."""
-    contact = s.contacts.contact
-    change_speed(s, velocity, first_of(contact, c), second_of(contact, c), normal_of(contact, c), dv)
-
-
-@wp.func
 def place_driven_walls(s: Scene):
     """Place driven walls inside the annulus where they are now; a step freezes its contacts there."""
     for b in range(1, s.walls.drive.shape[0]):

@@ -49,6 +49,23 @@ def test_one_endless_step(method: str, threads: int) -> None:
     assert np.array_equal(started.velocity, expected.velocity)
 
 
+def test_a_gpu_returns_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its memory holds the last good step also after an interrupt, and the host's does not."""
+    worker = Simulation("annulus")._engine
+    returned: list[int] = []
+
+    def interrupt(graph: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(worker, "_graph", lambda k: None)
+    monkeypatch.setattr(engine.wp, "capture_launch", interrupt)
+    monkeypatch.setattr(worker._records, "pull", returned.append)
+    worker.submit([1])
+    with pytest.raises(KeyboardInterrupt):
+        worker._work_on_gpu()
+    assert returned == [0]
+
+
 def test_short_steps_are_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     """In color order, bits depend on the list: an interrupt must not change it."""
     monkeypatch.setattr(engine, "BRIEF", 0)

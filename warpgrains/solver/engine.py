@@ -127,22 +127,10 @@ class Engine:
     def load(self, k: int, state: State) -> None:
         """Load a state, from which scene k continues."""
         self._memory[k].load(state)
-        self._records.push(k)
-
-    def _pulled(self, k: int) -> SceneMemory:
-        """Return the memory of scene k after copying it from the device."""
-        self._records.pull(k)
-        return self._memory[k]
-
-    def _pull_all(self) -> None:
-        """Copy all scenes from a GPU; on a CPU the host reads the memory of the kernels."""
-        if self._device.is_cuda:
-            for k in range(len(self.scenes)):
-                self._records.pull(k)
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k."""
-        return self._pulled(k).state()
+        return self._memory[k].state()
 
     def steps(self, k: int) -> int:
         """Return the number of steps of scene k since its start."""
@@ -154,27 +142,26 @@ class Engine:
 
     def grains(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return a copy of a grain array of scene k, such as "position"."""
-        return self._pulled(k).grains(name).copy()
+        return self._memory[k].grains(name).copy()
 
     def vectors(self, name: str) -> FloatArray:
         """Return a copy of "position" or "velocity" of all scenes, of n grains each, shape (scenes, n, 2)."""
-        self._pull_all()
         return self._records.stacked(f"grains.{name}", np.arange(len(self.scenes)))
 
     def driven(self, k: int) -> FloatArray:
         """Return coordinates [m] and speeds [m/s] of the walls of scene k, if a force drives one."""
-        return self._pulled(k).driven()
+        return self._memory[k].driven()
 
     def scene_at(self, k: int) -> Scene:
         """Return scene k with its driven walls where they are."""
         scene = self.scenes[k]
         return (
-            scene.with_walls_at(self._pulled(k).coordinates("position")) if scene.has_driven_walls else scene
+            scene.with_walls_at(self._memory[k].coordinates("position")) if scene.has_driven_walls else scene
         )
 
     def last_staggered(self, k: int) -> bool:
         """Return True if the velocities of scene k were half a step behind before its last good step."""
-        return bool(self._pulled(k).record["scheme"]["last_staggered"])
+        return bool(self._memory[k].record["scheme"]["last_staggered"])
 
     def ends(self, which: IndexArray, statistics: Sequence[RunStatistics] | None = None) -> FinalStates:
         """Return the final states of scenes with equal numbers of grains, on a CPU.
@@ -229,19 +216,24 @@ class Engine:
         return self._tasks[:count]
 
     def _work_on_gpu(self) -> None:
-        """Do the steps of all scenes, one scene after the other."""
+        """Do the steps of all scenes, one scene after the other.
+
+        The memory of the device holds a scene only meanwhile: before and after, the host's does.
+        """
         for k in range(len(self.scenes)):
             self._records.push(k)
-            while self.left[k] > 0 and self._outcome[k] == SOLVED and not self._cancel[0]:
-                with BUILDING:
-                    graph = self._graph(k)
-                start = perf_counter()
-                wp.capture_launch(graph)
-                self._records.pull_records()
-                self.seconds[k] += perf_counter() - start
-                self.left[k] -= self._memory[k].record["control"]["phase"] == Phase.ACCEPTED
-                self._outcome[k] = self._memory[k].record["step"]["outcome"]
-            self._records.pull(k)
+            try:
+                while self.left[k] > 0 and self._outcome[k] == SOLVED and not self._cancel[0]:
+                    with BUILDING:
+                        graph = self._graph(k)
+                    start = perf_counter()
+                    wp.capture_launch(graph)
+                    self._records.pull_records()
+                    self.seconds[k] += perf_counter() - start
+                    self.left[k] -= self._memory[k].record["control"]["phase"] == Phase.ACCEPTED
+                    self._outcome[k] = self._memory[k].record["step"]["outcome"]
+            finally:
+                self._records.pull(k)
 
     def _graph(self, k: int) -> wp.Graph:
         """Return the CUDA graph of one step of scene k."""
@@ -323,12 +315,11 @@ class Engine:
     @property
     def last_steps(self) -> LastSteps:
         """The steps since `submit`; the next steps change the record."""
-        self._pull_all()
         return self._last_steps
 
     def history(self, k: int) -> StepHistory:
         """Return zeta and residual of every iteration of the last step of scene k, which were kept."""
-        return self._pulled(k).history()
+        return self._memory[k].history()
 
     def infeasible_steps(self, k: int) -> list[tuple[int, tuple[int, ...]]]:
         """Return the steps of scene k since `submit` without a solution, and the grains that cannot fit."""

@@ -234,7 +234,6 @@ class SceneRecords:
             There is not so much memory.
         """
         if iterations != self.sizes.history[k]:
-            self.pull(k)
             history = self.sizes.history.copy()
             history[k] = iterations
             self._resize(k, replace(self.sizes, history=history))
@@ -248,7 +247,6 @@ class SceneRecords:
         for name, array in kept.items():
             moved = self.array(k, name)
             moved[: len(array)] = array[: len(moved)]
-        self.push(k)
 
     def pull_records(self) -> None:
         """Copy the records of all scenes from the device, without their blocks."""

@@ -89,7 +89,6 @@ class Service:
         proof = _find_proof(self._scenes[k], self._memory[k], "last_position", "velocity", 0)
         wait = 0 if proof else iterations_worth_a_search(self._scenes[k].n)
         self._memory[k].record["to_search"] = wait
-        self._records.push(k)
         if proof:
             self.proofs[k].append((self._memory[k].steps, proof.grains))
 
@@ -102,7 +101,6 @@ class Service:
     def undo_step(self, k: int) -> None:
         """Undo the unfinished step of scene k."""
         self._memory[k].give_up_step()
-        self._records.push(k)
 
 
 def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
