@@ -60,8 +60,8 @@ class RecordingReader:
         Fields of the simulated scene, except those of grains.
     radius, mass : ndarray
         Radii [m] and masses [kg] of the grains, shape (n,).
-    walls : list of Band
-        Walls as drawn; those that move are those of the first frame.
+    walls : dict of str to Band
+        Walls as drawn, by name; those that move are those of the first frame.
     scale : ColorScale or None
         Range of values that the colors represent; None for the palette.
     chain_scale : ChainScale or None
@@ -98,7 +98,7 @@ class RecordingReader:
         self.times = FrameTimes.of(checks.positive("dt", self.parameters["dt"]), rate, first_step)
         self.simulated_time = np.array([self.times.time(k) for k in range(len(self._codes))])
         self.mass, self.radius = (numbers(prim.GetAttribute(f"primvars:{name}")) for name in OF_GRAINS)
-        self.walls = list(read_walls(self._stage).values())
+        self.walls = read_walls(self._stage)
 
     @_guarded
     def position(self, frame: int) -> FloatArray:
@@ -123,8 +123,8 @@ class RecordingReader:
         )
 
     @_guarded
-    def moved_walls(self, frame: int) -> dict[int, Band]:
-        """Return the mobile walls as drawn in a frame, by their index in `walls`."""
+    def moved_walls(self, frame: int) -> dict[str, Band]:
+        """Return the mobile walls as drawn in a frame, by name."""
         return read_walls(self._stage, self._codes[frame], only_mobile=True)
 
     @_guarded
