@@ -170,7 +170,7 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
         It cannot be written there. It is an `OutputError` if another process writes it.
     """
     require_writable_path("film", output, *FILMS)
-    frames = range(0, len(reader.time), max(1, ceil(reader.times.rate / FILMS[output.suffix].fastest)))
+    frames = range(0, len(reader), max(1, ceil(reader.times.rate / FILMS[output.suffix].fastest)))
     with (
         Lock(output),
         draft_of(output) as draft,

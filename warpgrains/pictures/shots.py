@@ -139,4 +139,4 @@ def shot_of(reader: RecordingReader, frame: int) -> Shot:
     chains = None if reader.chain_scale is None else reader.chains(frame)
     angle = reader.rotation(frame)[1] if reader.has_rotation else None
     shown = reader.position(frame), reader.color(frame)
-    return Shot(float(reader.simulated_time[frame]), *shown, chains, angle, reader.moved_walls(frame))
+    return Shot(reader.times.time(frame), *shown, chains, angle, reader.moved_walls(frame))
