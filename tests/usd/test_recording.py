@@ -190,8 +190,8 @@ class TestRecord:
         recorder = Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50), draw_as="points")
         with pytest.raises(ValueError, match=re.escape("(5, 2), not (4, 2)")):
             recorder.record(Frame(np.zeros((4, 2)), np.zeros((5, 2))))
-        with pytest.raises(ValueError, match="no frame was recorded"):
-            recorder.close()
+        with pytest.raises(ValueError, match="no frame was recorded"), recorder:
+            pass
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize("options", [{"forces": True}, {"color_by": "pressure"}])

@@ -35,7 +35,8 @@ class Recorder:
     Use it in a ``with`` block. The file appears only when the block ends without an exception. Until then
     each frame is appended to the log next to it, see `FrameLog`. The log remains after a killed process or
     an exception, Ctrl-C included; only a log of one frame that was not flushed is deleted. `recover` makes a
-    recording from the log. During the block, the recorder holds a `Lock` on the output.
+    recording from the log. During the block, the recorder holds a `Lock` on the output. The end of the block
+    raises ValueError if no frame was recorded, and OSError if the file cannot be written; the log remains.
 
     Parameters
     ----------
@@ -160,19 +161,8 @@ class Recorder:
         self._frames.sync()
         self._is_needed = True
 
-    def close(self) -> None:
-        """Make one file of all frames, check it, move it to its name and delete the log.
-
-        Raises
-        ------
-        ValueError
-            No frame was recorded.
-        OSError
-            The file cannot be written. The log remains.
-        """
-        self.__exit__(None)
-
     def _finish(self) -> None:
+        """Make one file of all frames, check it, move it to its name and delete the log."""
         if self.frames == 0:
             raise ValueError(f"no frame was recorded for '{self.path}'")
         self.flush()
