@@ -139,6 +139,8 @@ class Recorder:
 
         Raises
         ------
+        InputError
+            float32 has no numbers of the size of a value.
         ValueError
             A shape is not (n, 2) or (n,) with the scene's number n of grains, or required contacts, spins or
             angles are missing.
@@ -152,7 +154,7 @@ class Recorder:
             if value is not None and np.shape(value) != self._shape[:1]:
                 raise ValueError(f"{name} of a frame has shape {self._shape[:1]}, not {np.shape(value)}")
         arrays: dict[str, NDArray[Any]] = {}
-        for drawing in self._drawings:
+        for drawing in reversed(self._drawings):  # forces first, so that a refusal does not name the pressure
             arrays |= drawing.samples(frame)
         self._frames.append(arrays)
 

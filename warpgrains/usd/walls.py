@@ -12,7 +12,7 @@ from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import WALL_COLOR, drawn_walls, moved_walls, wall_mesh
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.band import Band
-from warpgrains.usd.stage import covering_extent, define_mesh, set_kind
+from warpgrains.usd.stage import as_float32, covering_extent, define_mesh, set_kind
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -43,7 +43,7 @@ class Walls:
         if frame.places is not None:
             values[f"{WALLS}.{PLACES}"] = frame.places
         for name, wall in moved_walls(self._scene, frame.time, frame.places).items():
-            shown, path = wall_mesh(wall).points.astype(np.float32), WALLS.AppendChild(name)
+            shown, path = as_float32("a point of a wall", wall_mesh(wall).points), WALLS.AppendChild(name)
             values[f"{path}.points"] = shown
             values[f"{path}.extent"] = covering_extent(shown, np.zeros(len(shown)))
         return values
