@@ -222,7 +222,7 @@ class TestOutput:
 
     def test_velocities_that_float32_cannot_hold(self, tmp_path):
         recorder = Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50))
-        with pytest.raises(InputError, match=r"is 1e\+39: a recording holds at most"), recorder:
+        with pytest.raises(InputError, match=r"the velocity of a grain is 1e\+39: a recording"), recorder:
             recorder.record(Frame(np.zeros((5, 2)), np.full((5, 2), 1e39)))
 
     @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ class GrainPoints:
 
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
-        shown = triples(frame.position)
+        shown = triples("the position of a grain", frame.position)
         found = dict(zip(ROTATION, frame.rotation(), strict=True)) if self._rotates else {}
         found |= {
             name: own.values(self._scene, frame) for name, own in self._changing.items() if name not in found
@@ -97,7 +97,7 @@ class GrainPoints:
         values: dict[str, NDArray[Any]] = {
             self._position: shown,
             "extent": covering_extent(shown, self._half_width),
-            VELOCITIES: triples(frame.velocity),
+            VELOCITIES: triples("the velocity of a grain", frame.velocity),
             **{
                 f"primvars:{name}": as_float32(f"the {name} of a grain", value)
                 for name, value in found.items()

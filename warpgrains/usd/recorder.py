@@ -190,11 +190,11 @@ class Recorder:
 def _require_float32(scene: Scene) -> None:
     """Raise InputError unless the lengths of a scene are float32 numbers of full precision."""
     smallest, largest = float(scene.radius.min()), 2.0 * scene.radius_out
-    limits = np.finfo(np.float32)
-    if smallest < limits.tiny or largest > limits.max:
+    least, most = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
+    if smallest < least or largest > most:
         raise InputError(
-            f"lengths of the scene are {smallest} to {largest} m: a recording holds {limits.tiny:.3g} to"
-            f" {limits.max:.3g} m; choose another unit of length"
+            f"lengths of the scene are {smallest} to {largest} m: a recording holds {least:.3g} to"
+            f" {most:.3g} m; choose another unit of length"
         )
 
 
