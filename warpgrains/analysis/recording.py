@@ -131,10 +131,6 @@ class Recording(Shown):
     def _recorded_scene(self) -> Scene:
         return self._reader.scene()
 
-    def _scene_at(self, k: int) -> Scene:
-        """Return the scene with the walls that forces drive where they are in frame k."""
-        return self._recorded_scene.with_walls_at(self._reader.places(k))
-
     def frame(self, k: int, contacts: bool = True) -> Snapshot:
         """Return a frame as a snapshot, for `warpgrains.analysis`.
 
@@ -168,7 +164,7 @@ class Recording(Shown):
             pair, force, tangential = chains.pair, chains.force, chains.tangential_force
         between, pairs, walls = pairs_and_walls(pair)
         spin, angle = self._reader.rotation(k)
-        scene = self._scene_at(k)
+        scene = self._recorded_scene.with_walls_at(self._reader.places(k))
         times = self._reader.times
         steps = times.simulated_step(k)
         return Snapshot(

@@ -167,7 +167,7 @@ class OpenRun(CountedRun):
         )
 
     @property
-    def _next_frame(self) -> int:
+    def _step_of_next_frame(self) -> int:
         """Step of the run after which a frame is due: the last one, if there are not several frames."""
         if self.output is None or self.times is None:
             return self.statistics.steps if self.has_ended else self.steps
@@ -188,7 +188,7 @@ class OpenRun(CountedRun):
     def steps_to_output(self) -> int:
         """Number of steps to the next frame or observation, or to the end of the run."""
         steps = self.statistics.steps
-        left = min(self.steps, self._next_frame) - steps
+        left = min(self.steps, self._step_of_next_frame) - steps
         if self.observer is None:
             return left
         return min(left, steps_to(self.observer.every, self.first_step + steps))
@@ -198,7 +198,7 @@ class OpenRun(CountedRun):
         steps = self.statistics.steps
         if self.observer is not None and (self.first_step + steps) % self.observer.every == 0:
             self.observer.observe(now)
-        if self.output is not None and steps == self._next_frame:
+        if self.output is not None and steps == self._step_of_next_frame:
             frame = Frame.of(now, self.output.needs_contacts)
             shown = frame if self.times is None else self.times.shown(self.statistics.frames, frame)
             self.output.record(shown)
