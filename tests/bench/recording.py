@@ -45,15 +45,14 @@ def record(grains: int, frames: int, suffix: str) -> tuple[float, float, float]:
     velocity = np.random.default_rng(2).normal(size=scene.position.shape)
     with tempfile.TemporaryDirectory(dir=".") as folder:
         path = Path(folder) / f"run{suffix}"
-        recorder = Recorder(path, scene, FrameTimes(scene.dt, 100))
         seconds = 0.0
-        for frame in range(frames):
-            position, faster = scene.position + 1e-4 * frame * velocity, (1 + 1e-4 * frame) * velocity
+        with Recorder(path, scene, FrameTimes(scene.dt, 100)) as recorder:
+            for frame in range(frames):
+                position, faster = scene.position + 1e-4 * frame * velocity, (1 + 1e-4 * frame) * velocity
+                start = time.perf_counter()
+                recorder.record(Frame(position, faster))
+                seconds += time.perf_counter() - start
             start = time.perf_counter()
-            recorder.record(Frame(position, faster))
-            seconds += time.perf_counter() - start
-        start = time.perf_counter()
-        recorder.close()
         seconds += time.perf_counter() - start
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
         return seconds, peak, path.stat().st_size / 1e6

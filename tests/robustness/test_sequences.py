@@ -49,7 +49,7 @@ def model():
 def require_frames(path, count):
     """Check that a recording holds the first frames of the model, as far as its numbers go."""
     reader = RecordingReader(path)
-    assert len(reader.time) == count
+    assert len(reader) == count
     for frame in range(count):
         assert np.array_equal(reader.position(frame), model()[frame].position.astype(np.float32))
 

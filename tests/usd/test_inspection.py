@@ -3,6 +3,7 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
 from recordings import GRAINS, grains_of, make_frames, record
 
+from warpgrains.analysis.recording import Recording
 from warpgrains.errors import InputError
 from warpgrains.usd.check import inspect_recording
 
@@ -92,6 +93,13 @@ def leave_a_gap_in_time(stage):
         attribute.ClearAtTime(1)
 
 
+def begin_at_one(stage):
+    for attribute in grains_of(stage).GetPrim().GetAttributes():
+        for code in reversed(attribute.GetTimeSamples()):
+            attribute.Set(attribute.Get(code), code + 1)
+            attribute.ClearAtTime(code)
+
+
 def end_too_early(stage):
     stage.SetEndTimeCode(2)
 
@@ -162,7 +170,8 @@ def shrink_the_extent_of_forces(stage):
         (put_an_infinity_in_velocities, "velocities are not all finite (frame 2)"),
         (drop_an_extent, "Grains.extent has other time codes than the grains' positions"),
         (tighten_an_extent, "extent does not contain all grains or bands (frame 3)"),
-        (leave_a_gap_in_time, "the time codes of the grains are not consecutive integers"),
+        (leave_a_gap_in_time, "the time codes of the grains are not 0, 1, 2, ..."),
+        (begin_at_one, "the time codes of the grains are not 0, 1, 2, ..."),
         (end_too_early, "startTimeCode and endTimeCode are 0 and 2, but the frames are 0 to 3"),
         (lie_about_the_rate, "timeCodesPerSecond 50 differs from framesPerSecond 24"),
         (turn_upright, "upAxis is Z, not Y"),
@@ -183,6 +192,24 @@ def test_names_what_is_broken(recording, damage, problem):
     damage(stage)
     stage.Save()
     assert problem in inspect_recording(recording)
+
+
+@pytest.mark.parametrize(
+    ("damage", "complaint"),
+    [
+        (leave_a_gap_in_time, "holds frame 1 at time code 2: it must be 1"),
+        (begin_at_one, "holds frame 0 at time code 1: it must be 0"),
+        (lambda stage: stage.SetTimeCodesPerSecond(5e-324), "is damaged: OverflowError"),
+        (lambda stage: stage.SetTimeCodesPerSecond(0), "frames per second is 0.0"),
+    ],
+    ids=["a gap", "a later start", "endless frames", "no rate"],
+)
+def test_times_that_no_recording_has_are_refused(recording, damage, complaint):
+    stage = Usd.Stage.Open(str(recording))
+    damage(stage)
+    stage.Save()
+    with pytest.raises(InputError, match=complaint):
+        Recording(recording)
 
 
 def test_spheres_are_inspected_too(tmp_path):

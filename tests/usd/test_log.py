@@ -1,3 +1,4 @@
+import os
 import re
 from zipfile import ZipFile
 
@@ -162,12 +163,9 @@ class TestNothingIsLost:
         recorder = points_recorder(tmp_path / "run.usdc", make_scene())
         for frame in make_frames(12):
             recorder.record(Frame(*frame))
-        with recorder.log.open("r+b") as file:
-            file.truncate(ends_of_records(recorder.log)[8])
-        with pytest.raises(
-            OSError, match=re.escape("reads back 8 frames of /World/Grains.extent, but 12 were written")
-        ):
-            recorder.close()
+        lost = "reads back 8 frames of /World/Grains.extent, but 12 were written"
+        with pytest.raises(OSError, match=re.escape(lost)), recorder:
+            os.truncate(recorder.log, ends_of_records(recorder.log)[8])
         assert list(tmp_path.iterdir()) == [recorder.log]
 
     def test_frames_after_a_damaged_one_are_left_out(self, tmp_path):

@@ -4,10 +4,10 @@ import lightusd
 import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdValidation, Work
-from recordings import GRAINS, RADIUS, grains_of, make_frames, make_scene, record
+from recordings import GRAINS, RADIUS, grains_of, make_contacts, make_frames, make_scene, record
 
 import warpgrains
-from warpgrains import Scene, Simulation
+from warpgrains import Scene, Segment, Simulation
 from warpgrains.drawing.colors import speed_scale
 from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.kinds import RECORDINGS
@@ -190,8 +190,8 @@ class TestRecord:
         recorder = Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50), draw_as="points")
         with pytest.raises(ValueError, match=re.escape("(5, 2), not (4, 2)")):
             recorder.record(Frame(np.zeros((4, 2)), np.zeros((5, 2))))
-        with pytest.raises(ValueError, match="no frame was recorded"):
-            recorder.close()
+        with pytest.raises(ValueError, match="no frame was recorded"), recorder:
+            pass
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize("options", [{"forces": True}, {"color_by": "pressure"}])
@@ -222,8 +222,38 @@ class TestOutput:
 
     def test_velocities_that_float32_cannot_hold(self, tmp_path):
         recorder = Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50))
-        with pytest.raises(InputError, match=r"is 1e\+39: a recording holds at most"), recorder:
+        with pytest.raises(InputError, match=r"the velocity of a grain is 1e\+39: a recording"), recorder:
             recorder.record(Frame(np.zeros((5, 2)), np.full((5, 2), 1e39)))
+
+    @pytest.mark.parametrize(
+        ("options", "force", "complaint"),
+        [
+            ({"forces": True}, 1e37, "the pressure of a grain is 4.99e+38"),
+            ({"color_by": "pressure"}, 1e37, "the pressure of a grain is 4.99e+38"),
+            ({"forces": True}, 1e38, "a force is 1.83e+39"),  # not the pressure that follows from it
+        ],
+    )
+    def test_pressures_that_float32_cannot_hold(self, tmp_path, options, force, complaint):
+        contacts, wall_contacts = make_contacts()
+        contacts.force *= force
+        wall_contacts.force *= force
+        recorder = Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50), **options)
+        with pytest.raises(InputError, match=re.escape(f"{complaint}: a recording holds at most")), recorder:
+            recorder.record(Frame(*make_frames(1)[0], contacts, wall_contacts))
+
+    @pytest.mark.parametrize("name", ["spin", "angle"])
+    def test_rotation_that_float32_cannot_hold(self, tmp_path, name):
+        rotation = {"spin": np.zeros(5), "angle": np.zeros(5), name: np.full(5, -1e39)}
+        recorder = Recorder(tmp_path / "run.usdc", make_scene(friction=0.3), FrameTimes(0.01, 50))
+        with pytest.raises(InputError, match=rf"the {name} of a grain is 1e\+39: a recording"), recorder:
+            recorder.record(Frame(*make_frames(1)[0], **rotation))
+
+    def test_walls_that_move_where_float32_ends(self, tmp_path):
+        wall = Segment((-1e38, -5e37), (1e38, -5e37), velocity=(9e36, 0.0))
+        size = {"radius": 1e37, "radius_out": 1.5e38}
+        scene = Scene(position=[(0.0, 5e37)], mass=1.0, gravity=(0.0, 0.0), walls=[wall], dt=1.0, **size)
+        with pytest.raises(InputError, match=r"a point of a wall is .*: a recording holds at most"):
+            Simulation(scene).run(steps=40, record=tmp_path / "run.usdc", fps=1)
 
     def test_threads_that_write_restore_the_limit_of_usd(self):
         """The last one does, whichever began first."""

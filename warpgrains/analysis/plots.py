@@ -59,8 +59,8 @@ def plot(
     require_writable_path("picture", output, *STILLS)
     with refusing_untrusted_content(recording):
         reader = RecordingReader(recording)
-        numbers = _numbers(frames, len(reader.time))
-        save_figure(_draw(reader, numbers, curves and len(reader.time) > 1), output)
+        numbers = _numbers(frames, len(reader))
+        save_figure(_draw(reader, numbers, curves and len(reader) > 1), output)
     return numbers
 
 
@@ -92,19 +92,19 @@ def _draw(reader: RecordingReader, numbers: list[int], curves: bool) -> Figure:
     if setting.scale is not None:
         add_color_bar(upper, places, setting.scale)
     if curves:
-        _draw_curves(figure.add_subfigure(grid[1]), reader, reader.simulated_time[numbers])
+        _draw_curves(figure.add_subfigure(grid[1]), reader, numbers)
     return figure
 
 
-def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: FloatArray) -> None:
-    """Draw kinetic energy, height and number of contacts over time, and mark some times [s]."""
-    curves = measure(reader)
+def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: list[int]) -> None:
+    """Draw kinetic energy, height and number of contacts over time, and mark the times of some frames."""
+    curves, time = measure(reader), np.array([reader.times.time(k) for k in range(len(reader))])
     for axes, (label, values) in zip(
         figure.subplots(1, len(curves), squeeze=False).flat, curves.items(), strict=True
     ):
-        for time in marked:
-            axes.axvline(time, color=_MARK_COLOR, linewidth=_LINE_WIDTH)
-        axes.plot(reader.simulated_time, values, color="black", linewidth=_LINE_WIDTH)
+        for frame in marked:
+            axes.axvline(time[frame], color=_MARK_COLOR, linewidth=_LINE_WIDTH)
+        axes.plot(time, values, color="black", linewidth=_LINE_WIDTH)
         axes.set_title(label, fontsize="small")
         axes.tick_params(labelsize="small")
         axes.set_xlabel("t [s]", fontsize="small")
@@ -113,7 +113,7 @@ def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: FloatArray)
 
 def measure(reader: RecordingReader) -> dict[str, FloatArray]:
     """Return the curves by title, shape (f,); energy and height are means over the grains."""
-    frames = range(len(reader.time))
+    frames = range(len(reader))
     energies = [0.5 * (reader.velocity(frame) ** 2).sum(axis=1).mean() for frame in frames]
     curves: dict[str, list[float]] = {"kinetic energy per mass [J/kg]": energies}
     curves["mean height [m]"] = [reader.position(frame)[:, 1].mean() for frame in frames]

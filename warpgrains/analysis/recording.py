@@ -66,7 +66,8 @@ class Recording(Shown):
     def __init__(self, path: str | Path) -> None:
         self.path = Path(checks.path("path", path))
         self._reader = RecordingReader(self.path)
-        self.time, self.radius = self._reader.time, self._reader.radius
+        self.time = np.array([self._reader.times.elapsed(k) for k in range(len(self))])
+        self.radius = self._reader.radius
 
     def summary(self) -> dict[str, str]:
         """Return the fields of the one-line summary by name."""
@@ -78,7 +79,7 @@ class Recording(Shown):
         }
 
     def __len__(self) -> int:
-        return len(self.time)
+        return len(self._reader)
 
     @property
     def has_forces(self) -> bool:
@@ -130,10 +131,6 @@ class Recording(Shown):
     def _recorded_scene(self) -> Scene:
         return self._reader.scene()
 
-    def _scene_at(self, k: int) -> Scene:
-        """Return the scene with the walls that forces drive where they are in frame k."""
-        return self._recorded_scene.with_walls_at(self._reader.places(k))
-
     def frame(self, k: int, contacts: bool = True) -> Snapshot:
         """Return a frame as a snapshot, for `warpgrains.analysis`.
 
@@ -167,15 +164,16 @@ class Recording(Shown):
             pair, force, tangential = chains.pair, chains.force, chains.tangential_force
         between, pairs, walls = pairs_and_walls(pair)
         spin, angle = self._reader.rotation(k)
-        scene = self._scene_at(k)
-        steps = self._reader.times.simulated_step(k)
+        scene = self._recorded_scene.with_walls_at(self._reader.places(k))
+        times = self._reader.times
+        steps = times.simulated_step(k)
         return Snapshot(
             scene=scene,
             steps=steps,
-            time=float(self._reader.simulated_time[k]),
+            time=times.time(k),
             position=position,
             velocity=velocity,
-            start=position - self._reader.times.since_start(k) * velocity,
+            start=position - times.time_in_step(k) * velocity,
             start_scene=scene,
             start_staggered=scene.scheme == "leapfrog" and steps > 1,
             pair=pairs,

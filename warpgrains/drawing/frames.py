@@ -109,8 +109,12 @@ class FrameTimes:
         """Return the simulated time of frame k [s]."""
         return self.simulated_step(k) * self.dt - self._left(k)
 
-    def since_start(self, k: int) -> float:
-        """Return the time from the start of the step of frame k to it [s]."""
+    def elapsed(self, k: int) -> float:
+        """Return the time from frame 0 to frame k [s]."""
+        return k / self.rate
+
+    def time_in_step(self, k: int) -> float:
+        """Return the time from the start of the step of frame k to the frame [s]."""
         return self.dt - self._left(k)
 
     def _left(self, k: int) -> float:

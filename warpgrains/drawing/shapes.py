@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.scene.band import Band, ring
-from warpgrains.scene.walls import OUTER
+from warpgrains.scene.walls import INNER, OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -110,24 +110,29 @@ def wall_mesh(band: Band) -> Shape:
 
 def drawn_walls(scene: Scene) -> dict[str, Band]:
     """Return the drawn walls by name; they lie outside the space of the grains."""
-    thickness, (outer, inner) = _THICKNESS * scene.radius_out, scene.annulus.borders
-    drawn = {"Outer": ring(outer, thickness)}
-    if inner.radius > 0.0:
-        drawn["Inner"] = ring(inner, thickness)
-    for k, wall in enumerate(scene.walls):
-        drawn[f"{wall.kind.title()}{k}"] = wall.drawn(thickness)
-    return drawn
+    thickness, circles = _THICKNESS * scene.radius_out, enumerate(scene.annulus.borders)
+    drawn = {number: ring(border, thickness) for number, border in circles if border.radius > 0.0}
+    drawn |= {number: wall.drawn(thickness) for number, wall in enumerate(scene.walls, INNER + 1)}
+    return _by_name(scene, drawn)
 
 
-def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> dict[int, Band]:
-    """Return the mobile ones of the drawn walls as they are at a time [s], by their index in `drawn_walls`.
+def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> dict[str, Band]:
+    """Return the mobile ones of the drawn walls as they are at a time [s], by name.
 
     Walls that forces drive are at `places`, see `State.driven` [m], or where they begin.
     """
     now, thickness = scene.with_walls_at(places), _THICKNESS * scene.radius_out
-    circles = len(scene.wall_numbers) - len(scene.walls)
-    moved = {k: wall.drawn_at(time, thickness) for k, wall in enumerate(now.walls, circles) if wall.is_mobile}
-    return moved if scene.pressure is None else {OUTER: ring(now.annulus.borders[OUTER], thickness), **moved}
+    moved = {} if scene.pressure is None else {OUTER: ring(now.annulus.borders[OUTER], thickness)}
+    for number, wall in enumerate(now.walls, INNER + 1):
+        if wall.is_mobile:
+            moved[number] = wall.drawn_at(time, thickness)
+    return _by_name(scene, moved)
+
+
+def _by_name(scene: Scene, drawn: dict[int, Band]) -> dict[str, Band]:
+    """Return walls by name, such as "Outer" or "Segment0", from walls by number, see `Scene.wall_numbers`."""
+    names = ["Outer", "Inner", *(f"{wall.kind.title()}{k}" for k, wall in enumerate(scene.walls))]
+    return {names[number]: wall for number, wall in drawn.items()}
 
 
 def _in_mark() -> BoolArray:

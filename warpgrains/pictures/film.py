@@ -131,7 +131,6 @@ class FilmWriter:
         has_palette = not FILMS[path.suffix].encoding
         self._encoded = Path(self._folder.name) / "film.mkv" if has_palette else path
         self._encoder: Encoding | None = None
-        self.frames = 0
 
     def add(self, shot: Shot) -> None:
         """Append a frame."""
@@ -139,7 +138,6 @@ class FilmWriter:
         if self._encoder is None:
             self._encoder = encoding_of_frames(self._encoded, pixels.shape, self._rate)
         self._encoder.write(pixels)
-        self.frames += 1
 
     def __enter__(self) -> Self:
         return self
@@ -170,7 +168,7 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
         It cannot be written there. It is an `OutputError` if another process writes it.
     """
     require_writable_path("film", output, *FILMS)
-    frames = range(0, len(reader.time), max(1, ceil(reader.times.rate / FILMS[output.suffix].fastest)))
+    frames = range(0, len(reader), max(1, ceil(reader.times.rate / FILMS[output.suffix].fastest)))
     with (
         Lock(output),
         draft_of(output) as draft,

@@ -29,19 +29,19 @@ class Setting:
 
     radius: FloatArray
     """Radii of the grains [m], shape (n,)."""
-    walls: list[Band]
-    """Walls as drawn."""
+    walls: Mapping[str, Band]
+    """Walls as drawn, by name."""
     scale: ColorScale | None
     chain_scale: ChainScale | None
     rotates: bool = False
     """Whether grains rotate, and have marks."""
-    mobile: tuple[int, ...] = ()
-    """Indices of the mobile walls."""
+    mobile: tuple[str, ...] = ()
+    """Names of the mobile walls."""
 
     @property
     def reach(self) -> float:
         """Largest coordinate of a wall as drawn [m]."""
-        return max(wall.reach for wall in self.walls)
+        return max(wall.reach for wall in self.walls.values())
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ class Shot:
     chains: Chains | None
     angle: FloatArray | None = None
     """By which grains have turned [rad], shape (n,); None where they do not rotate."""
-    walls: Mapping[int, Band] = field(default_factory=dict)
-    """The walls that move as drawn now, by their index in `Setting.walls`."""
+    walls: Mapping[str, Band] = field(default_factory=dict)
+    """The mobile walls as drawn now, by name."""
 
 
 class Painter:
@@ -90,7 +90,7 @@ class Painter:
             chain_scale = chain_scale and replace(chain_scale, force=largest)
             if color_by == "pressure":
                 self._colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
-        walls, mobile = list(drawn_walls(scene).values()), tuple(moved_walls(scene, 0.0))
+        walls, mobile = drawn_walls(scene), tuple(moved_walls(scene, 0.0))
         scales = self._colors.scale, chain_scale
         self.setting = Setting(scene.radius, walls, *scales, scene.has_friction, mobile)
 
@@ -139,4 +139,4 @@ def shot_of(reader: RecordingReader, frame: int) -> Shot:
     chains = None if reader.chain_scale is None else reader.chains(frame)
     angle = reader.rotation(frame)[1] if reader.has_rotation else None
     shown = reader.position(frame), reader.color(frame)
-    return Shot(float(reader.simulated_time[frame]), *shown, chains, angle, reader.moved_walls(frame))
+    return Shot(reader.times.time(frame), *shown, chains, angle, reader.moved_walls(frame))

@@ -44,11 +44,11 @@ class FrameArtists:
         reach = (1.0 + _MARGIN) * setting.reach
         axes.set_axis_off()
         axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-        outlines = map(_outline, setting.walls)
-        walls = [PathPatch(line, color=WALL_COLOR, linewidth=0.0) for line in outlines]
-        for wall in walls:
+        outlines = {name: _outline(wall) for name, wall in setting.walls.items()}
+        walls = {name: PathPatch(line, color=WALL_COLOR, linewidth=0.0) for name, line in outlines.items()}
+        for wall in walls.values():
             axes.add_patch(wall)
-        self._mobile = {k: walls[k] for k in setting.mobile}
+        self._mobile = {name: walls[name] for name in setting.mobile}
         diameter = 2.0 * setting.radius
         self._grains = EllipseCollection(
             diameter,
@@ -82,8 +82,8 @@ class FrameArtists:
 
     def show(self, shot: Shot) -> None:
         """Draw a shot, replacing the last one."""
-        for k, wall in self._mobile.items():
-            wall.set_path(_outline(shot.walls[k]))
+        for name, wall in self._mobile.items():
+            wall.set_path(_outline(shot.walls[name]))
         self._grains.set(offsets=shot.position, facecolor=shot.color)
         if self._marks is not None and shot.angle is not None:
             turned = marks(shot.position, self._radius, shot.angle)

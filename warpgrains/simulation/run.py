@@ -57,7 +57,7 @@ class OpenRun(CountedRun):
     scene : Scene
     options : RunOptions
     statistics : RunStatistics
-        Statistics of the steps done.
+        Statistics of the steps done. Their number of frames is the number of the next frame.
     first_step : int
         Time steps before the run.
     until : str or callable, optional
@@ -97,12 +97,10 @@ class OpenRun(CountedRun):
         self.times: FrameTimes | None = None
         if options.shows is not None and options.shows.has_frames:
             self.times = FrameTimes.of(scene.dt, options.rate, first_step)
-        self.frames = 0
-        if is_resumed and self.times is not None:
-            self.frames = self.times.count(statistics.steps)
-            if self.frames != statistics.frames:
+            due = self.times.count(statistics.steps)
+            if is_resumed and due != statistics.frames:
                 after = f"{statistics.frames} frames after {statistics.steps} steps"
-                raise InputError(f"the checkpoint counts {after}: there are {self.frames}")
+                raise InputError(f"the checkpoint counts {after}: there are {due}")
 
     @contextmanager
     def opened(self) -> Iterator[None]:
@@ -165,15 +163,15 @@ class OpenRun(CountedRun):
             color_by=options.color_by,
             forces=options.forces,
             draw_as=options.draw_as,
-            resume_at=self.frames if self._is_resumed else None,
+            resume_at=self.statistics.frames if self._is_resumed else None,
         )
 
     @property
-    def _next_frame(self) -> int:
+    def _step_of_next_frame(self) -> int:
         """Step of the run after which a frame is due: the last one, if there are not several frames."""
         if self.output is None or self.times is None:
             return self.statistics.steps if self.has_ended else self.steps
-        return self.times.step(self.frames)
+        return self.times.step(self.statistics.frames)
 
     @property
     def lowered_rate(self) -> str | None:
@@ -190,7 +188,7 @@ class OpenRun(CountedRun):
     def steps_to_output(self) -> int:
         """Number of steps to the next frame or observation, or to the end of the run."""
         steps = self.statistics.steps
-        left = min(self.steps, self._next_frame) - steps
+        left = min(self.steps, self._step_of_next_frame) - steps
         if self.observer is None:
             return left
         return min(left, steps_to(self.observer.every, self.first_step + steps))
@@ -200,11 +198,11 @@ class OpenRun(CountedRun):
         steps = self.statistics.steps
         if self.observer is not None and (self.first_step + steps) % self.observer.every == 0:
             self.observer.observe(now)
-        if self.output is not None and steps == self._next_frame:
+        if self.output is not None and steps == self._step_of_next_frame:
             frame = Frame.of(now, self.output.needs_contacts)
-            self.output.record(frame if self.times is None else self.times.shown(self.frames, frame))
-            self.frames += 1
-            self.statistics.frames = self.frames
+            shown = frame if self.times is None else self.times.shown(self.statistics.frames, frame)
+            self.output.record(shown)
+            self.statistics.frames += 1
 
     def flush_and_checkpoint(self, state: State) -> Checkpoint:
         """Return a checkpoint, after flushing the frames and measurements that it counts to the disk."""

@@ -97,7 +97,7 @@ class LongRun(OpenRun):
 
     def complete(self) -> str | None:
         """Complete the recording, or discard one without frames; return the reason if that fails."""
-        failed = None if self.frames else self.error
+        failed = None if self.statistics.frames else self.error
         try:
             self._outputs.__exit__(None if failed is None else type(failed), failed, None)
         except OSError as error:

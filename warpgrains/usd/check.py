@@ -82,8 +82,8 @@ def _code_problems(stage: Usd.Stage, codes: list[float]) -> Iterator[str]:
     if not codes:
         yield "the grains have no time samples"
         return
-    if codes != [codes[0] + frame for frame in range(len(codes))] or codes[0] != int(codes[0]):
-        yield "the time codes of the grains are not consecutive integers"
+    if codes != list(range(len(codes))):
+        yield "the time codes of the grains are not 0, 1, 2, ..."
     start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     if (start, end) != (codes[0], codes[-1]):
         frames = f"{codes[0]:g} to {codes[-1]:g}"

@@ -57,7 +57,7 @@ class ForceChains:
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
         chains = chains_of(self._scene, self._scale, frame)
-        shown = triples(chains.corners().reshape(-1, 2))
+        shown = triples("a corner of a force chain", chains.corners().reshape(-1, 2))
         shown[:, 2] = self._depth
         grains = zip(GRAINS_OF, chains.pair.T, strict=True)
         sampled = {

@@ -13,7 +13,7 @@ from warpgrains.drawing.colors import GrainColors, linear, quantities_of
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import Shape
 from warpgrains.frame_log import Arrays
-from warpgrains.usd.stage import bind_material, covering_extent, define_mesh, set_kind, triples
+from warpgrains.usd.stage import as_float32, bind_material, covering_extent, define_mesh, set_kind, triples
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -89,7 +89,7 @@ class GrainPoints:
 
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
-        shown = triples(frame.position)
+        shown = triples("the position of a grain", frame.position)
         found = dict(zip(ROTATION, frame.rotation(), strict=True)) if self._rotates else {}
         found |= {
             name: own.values(self._scene, frame) for name, own in self._changing.items() if name not in found
@@ -97,8 +97,11 @@ class GrainPoints:
         values: dict[str, NDArray[Any]] = {
             self._position: shown,
             "extent": covering_extent(shown, self._half_width),
-            VELOCITIES: triples(frame.velocity),
-            **{f"primvars:{name}": value.astype(np.float32) for name, value in found.items()},
+            VELOCITIES: triples("the velocity of a grain", frame.velocity),
+            **{
+                f"primvars:{name}": as_float32(f"the {name} of a grain", value)
+                for name, value in found.items()
+            },
         }
         if self._rotates:
             values |= self._orientations(frame.rotation()[1])

@@ -42,6 +42,8 @@ def _guarded(read: Read[Given, Found]) -> Read[Given, Found]:
 class RecordingReader:
     """The frames of a recording, for any form in which its grains are drawn.
 
+    Its length is the number of frames. Frames are numbered 0, 1, 2, ... like their time codes.
+
     Parameters
     ----------
     path : str or Path
@@ -50,18 +52,14 @@ class RecordingReader:
     Attributes
     ----------
     path : Path
-    time : ndarray
-        Time of each frame since the first one [s], shape (f,).
     times : FrameTimes
-        Steps of the frames, and their rate.
-    simulated_time : ndarray
-        Simulated time of each frame [s], shape (f,).
+        Times and steps of the frames, and their rate.
     parameters : dict
         Fields of the simulated scene, except those of grains.
     radius, mass : ndarray
         Radii [m] and masses [kg] of the grains, shape (n,).
-    walls : list of Band
-        Walls as drawn; those that move are those of the first frame.
+    walls : dict of str to Band
+        Walls as drawn, by name; those that move are those of the first frame.
     scale : ColorScale or None
         Range of values that the colors represent; None for the palette.
     chain_scale : ChainScale or None
@@ -70,8 +68,8 @@ class RecordingReader:
     Raises
     ------
     InputError
-        The file is missing, is not USD, holds no frames of grains or no scene, or is damaged. So do methods
-        that meet damage.
+        The file is missing, is not USD, holds no frames of grains or no scene, has other time codes than 0,
+        1, 2, ..., or is damaged. So do methods that meet damage.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -86,29 +84,35 @@ class RecordingReader:
         if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
             raise InputError(f"'{path}' holds no grains")
         self._prim, self._position = prim, position_of(prim)
-        self._codes = self._position.GetTimeSamples()
-        if not self._codes:
+        codes = self._position.GetTimeSamples()
+        if not codes:
             raise InputError(f"'{path}' holds no frames")
         data = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY)
         if data is None:
             raise InputError(f"'{path}' holds no scene: warpgrains has not recorded it")
+        for frame, code in enumerate(codes):
+            if code != frame:
+                raise InputError(f"'{path}' holds frame {frame} at time code {code:.17g}: it must be {frame}")
+        self._count = len(codes)
         self.parameters, first_step, self.scale, self.chain_scale = Metadata.read(data)
         rate = float(self._stage.GetTimeCodesPerSecond())
-        self.time = (np.array(self._codes) - self._codes[0]) / rate
         self.times = FrameTimes.of(checks.positive("dt", self.parameters["dt"]), rate, first_step)
-        self.simulated_time = np.array([self.times.time(k) for k in range(len(self._codes))])
+        checks.not_negative("time of the last frame", self.times.time(self._count - 1))
         self.mass, self.radius = (numbers(prim.GetAttribute(f"primvars:{name}")) for name in OF_GRAINS)
-        self.walls = list(read_walls(self._stage).values())
+        self.walls = read_walls(self._stage)
+
+    def __len__(self) -> int:
+        return self._count
 
     @_guarded
     def position(self, frame: int) -> FloatArray:
         """Return the centers of the grains [m], shape (n, 2)."""
-        return numbers(self._position, self._codes[frame])[:, :2]
+        return numbers(self._position, frame)[:, :2]
 
     @_guarded
     def velocity(self, frame: int) -> FloatArray:
         """Return the velocities of the grains [m/s], shape (n, 2)."""
-        return numbers(self._prim.GetAttribute(VELOCITIES), self._codes[frame])[:, :2]
+        return numbers(self._prim.GetAttribute(VELOCITIES), frame)[:, :2]
 
     @_guarded
     def scene(self) -> Scene:
@@ -123,15 +127,15 @@ class RecordingReader:
         )
 
     @_guarded
-    def moved_walls(self, frame: int) -> dict[int, Band]:
-        """Return the mobile walls as drawn in a frame, by their index in `walls`."""
-        return read_walls(self._stage, self._codes[frame], only_mobile=True)
+    def moved_walls(self, frame: int) -> dict[str, Band]:
+        """Return the mobile walls as drawn in a frame, by name."""
+        return read_walls(self._stage, frame, only_mobile=True)
 
     @_guarded
     def places(self, frame: int) -> FloatArray | None:
         """Return the coordinates of walls [m], shape (walls,); None where no force drives a wall."""
         places = self._stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
-        return numbers(places, self._codes[frame]) if places else None
+        return numbers(places, frame) if places else None
 
     @property
     def has_rotation(self) -> bool:
@@ -144,19 +148,19 @@ class RecordingReader:
         if not self.has_rotation:
             return np.zeros(len(self.radius)), np.zeros(len(self.radius))
         spin, angle = (self._prim.GetAttribute(f"primvars:{name}") for name in ROTATION)
-        return numbers(spin, self._codes[frame]), numbers(angle, self._codes[frame])
+        return numbers(spin, frame), numbers(angle, frame)
 
     @_guarded
     def color(self, frame: int) -> FloatArray:
         """Return the colors of the grains as screens need them (sRGB), shape (n, 3)."""
         table = encoded(numbers(self._prim.GetAttribute("primvars:displayColor")))
-        indices = values_of(self._prim.GetAttribute(COLOR_INDICES), self._codes[frame])
+        indices = values_of(self._prim.GetAttribute(COLOR_INDICES), frame)
         return np.tile(table[0], (len(self.radius), 1)) if indices is None else table[indices]
 
     @_guarded
     def chains(self, frame: int) -> Chains:
         """Return the force chains of a frame."""
-        chains = read_chains(self._stage, self._codes[frame])
+        chains = read_chains(self._stage, frame)
         (first, other), n = chains.pair.T, len(self.radius)
         last_wall = -2 - len(self.parameters.get("walls", ()))
         if not ((first >= 0) & (first < n) & (last_wall <= other) & (other < n)).all():

@@ -35,7 +35,8 @@ class Recorder:
     Use it in a ``with`` block. The file appears only when the block ends without an exception. Until then
     each frame is appended to the log next to it, see `FrameLog`. The log remains after a killed process or
     an exception, Ctrl-C included; only a log of one frame that was not flushed is deleted. `recover` makes a
-    recording from the log. During the block, the recorder holds a `Lock` on the output.
+    recording from the log. During the block, the recorder holds a `Lock` on the output. The end of the block
+    raises ValueError if no frame was recorded, and OSError if the file cannot be written; the log remains.
 
     Parameters
     ----------
@@ -138,6 +139,8 @@ class Recorder:
 
         Raises
         ------
+        InputError
+            float32 has no numbers of the size of a value.
         ValueError
             A shape is not (n, 2) or (n,) with the scene's number n of grains, or required contacts, spins or
             angles are missing.
@@ -151,7 +154,7 @@ class Recorder:
             if value is not None and np.shape(value) != self._shape[:1]:
                 raise ValueError(f"{name} of a frame has shape {self._shape[:1]}, not {np.shape(value)}")
         arrays: dict[str, NDArray[Any]] = {}
-        for drawing in self._drawings:
+        for drawing in reversed(self._drawings):  # forces first, so that a refusal does not name the pressure
             arrays |= drawing.samples(frame)
         self._frames.append(arrays)
 
@@ -160,19 +163,8 @@ class Recorder:
         self._frames.sync()
         self._is_needed = True
 
-    def close(self) -> None:
-        """Make one file of all frames, check it, move it to its name and delete the log.
-
-        Raises
-        ------
-        ValueError
-            No frame was recorded.
-        OSError
-            The file cannot be written. The log remains.
-        """
-        self.__exit__(None)
-
     def _finish(self) -> None:
+        """Make one file of all frames, check it, move it to its name and delete the log."""
         if self.frames == 0:
             raise ValueError(f"no frame was recorded for '{self.path}'")
         self.flush()
@@ -198,11 +190,11 @@ class Recorder:
 def _require_float32(scene: Scene) -> None:
     """Raise InputError unless the lengths of a scene are float32 numbers of full precision."""
     smallest, largest = float(scene.radius.min()), 2.0 * scene.radius_out
-    limits = np.finfo(np.float32)
-    if smallest < limits.tiny or largest > limits.max:
+    least, most = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
+    if smallest < least or largest > most:
         raise InputError(
-            f"lengths of the scene are {smallest} to {largest} m: a recording holds {limits.tiny:.3g} to"
-            f" {limits.max:.3g} m; choose another unit of length"
+            f"lengths of the scene are {smallest} to {largest} m: a recording holds {least:.3g} to"
+            f" {most:.3g} m; choose another unit of length"
         )
 
 

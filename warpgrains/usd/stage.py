@@ -50,9 +50,7 @@ def static_layer(
 ) -> Sdf.Layer:
     """Return an anonymous layer with the content that is the same in all frames.
 
-    `rate` is in frames per second [1/s].
-
-    `data` are its custom data, see `metadata.described`.
+    `rate` is in frames per second [1/s]; `data` are its custom data, see `metadata.described`.
     """
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
@@ -155,10 +153,10 @@ def _define_camera(stage: Usd.Stage, shown: float) -> None:
     camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 10.0 * distance))
 
 
-def triples(values: NDArray[Any]) -> NDArray[np.float32]:
-    """Return values, shape (n, 2), as stored in the file: float32, shape (n, 3), with third component 0."""
+def triples(what: str, values: FloatArray) -> NDArray[np.float32]:
+    """Return vectors, shape (n, 2), as `as_float32` does, shape (n, 3), with third component 0."""
     shown = np.zeros((len(values), 3), dtype=np.float32)
-    shown[:, :2] = as_float32("a position or a velocity", values)
+    shown[:, :2] = as_float32(what, values)
     return shown
 
 

@@ -12,7 +12,7 @@ from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import WALL_COLOR, drawn_walls, moved_walls, wall_mesh
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.band import Band
-from warpgrains.usd.stage import covering_extent, define_mesh, set_kind
+from warpgrains.usd.stage import as_float32, covering_extent, define_mesh, set_kind
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -39,23 +39,23 @@ class Walls:
 
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
-        names, values = list(self._drawn), dict[str, NDArray[Any]]()
+        values = dict[str, NDArray[Any]]()
         if frame.places is not None:
             values[f"{WALLS}.{PLACES}"] = frame.places
-        for k, wall in moved_walls(self._scene, frame.time, frame.places).items():
-            shown, path = wall_mesh(wall).points.astype(np.float32), WALLS.AppendChild(names[k])
+        for name, wall in moved_walls(self._scene, frame.time, frame.places).items():
+            shown, path = as_float32("a point of a wall", wall_mesh(wall).points), WALLS.AppendChild(name)
             values[f"{path}.points"] = shown
             values[f"{path}.extent"] = covering_extent(shown, np.zeros(len(shown)))
         return values
 
 
-def read_walls(stage: Usd.Stage, code: float = 0.0, *, only_mobile: bool = False) -> dict[int, Band]:
-    """Return the walls as drawn at a time code, or only the mobile ones, by their index among all."""
+def read_walls(stage: Usd.Stage, code: float = 0.0, *, only_mobile: bool = False) -> dict[str, Band]:
+    """Return the walls as drawn at a time code, or only the mobile ones, by name, as `drawn_walls` does."""
     found = {}
-    for k, wall in enumerate(stage.GetPrimAtPath(WALLS).GetChildren()):
+    for wall in stage.GetPrimAtPath(WALLS).GetChildren():
         points = wall.GetAttribute("points")
         if not only_mobile or points.GetNumTimeSamples() > 0:
             first, second = np.split(np.array(points.Get(code))[:, :2].astype(np.float64), 2)
             quads = len(wall.GetAttribute("faceVertexCounts").Get(code))
-            found[k] = Band(first, second, is_closed=quads == len(first))
+            found[wall.GetName()] = Band(first, second, is_closed=quads == len(first))
     return found

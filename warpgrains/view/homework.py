@@ -41,7 +41,7 @@ class Homework:
 
     def __init__(self, scene: Scene, start: Callable[[], tuple[Child, Child]], name: str) -> None:
         self._scene, self._start, self.name = scene, start, name
-        self.setting = Setting(scene.radius, list(drawn_walls(scene).values()), None, None)
+        self.setting = Setting(scene.radius, drawn_walls(scene), None, None)
         self._children: tuple[Child, ...] = ()
         self.restart()
 

@@ -153,7 +153,7 @@ class Recorded:
 
     def __init__(self, reader: RecordingReader, name: str) -> None:
         self._reader, self.name = reader, name
-        self.dt, self.steps, self.last = 1.0 / reader.times.rate, 0, len(reader.time) - 1
+        self.dt, self.steps, self.last = 1.0 / reader.times.rate, 0, len(reader) - 1
         self.setting, self._forces = setting_of(reader), True
         self.colorings: tuple[str, ...] = ()
         self.has_chains = reader.chain_scale is not None
@@ -183,7 +183,7 @@ class Recorded:
     def readout(self) -> dict[str, str]:
         """Return numbers of the frame by name."""
         rows = {
-            "time": f"{self._reader.simulated_time[self.steps]:.4g} s",
+            "time": f"{self._reader.times.time(self.steps):.4g} s",
             "frame": f"{self.steps} of {self.last}",
         }
         if self.has_chains:

@@ -29,8 +29,8 @@ class Stage:
         self._scene.configure_default_lights(False)
         self._scene.configure_environment_map(None)
         self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors unchanged
-        for number, wall in enumerate(setting.walls):
-            self._add_wall(number, wall)
+        for name, wall in setting.walls.items():
+            self._add_wall(name, wall)
         self._radius, self._reach = setting.radius, setting.reach
         angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
         self._grains = self._add_instances("/grains", np.stack([np.cos(angle), np.sin(angle)], axis=1))
@@ -39,8 +39,8 @@ class Stage:
 
     def show(self, shot: Shot) -> None:
         """Draw a shot in the place of the last one."""
-        for number, wall in shot.walls.items():
-            self._add_wall(number, wall)
+        for name, wall in shot.walls.items():
+            self._add_wall(name, wall)
         _place(self._grains, shot.position, 0.0, shot.color)
         if shot.angle is not None:
             if self._marks is None:
@@ -61,10 +61,10 @@ class Stage:
             self._scene.remove_by_name(_CHAINS)
             self._has_chains = False
 
-    def _add_wall(self, number: int, wall: Band) -> None:
+    def _add_wall(self, name: str, wall: Band) -> None:
         """Add a wall, or replace it where it is now."""
         mesh = wall_mesh(wall)
-        self._add_mesh(f"/walls/{number}", mesh.points, mesh.corners, WALL_COLOR)
+        self._add_mesh(f"/walls/{name}", mesh.points, mesh.corners, WALL_COLOR)
 
     def _add_instances(self, name: str, outline: FloatArray) -> viser.BatchedMeshHandle:
         """Add a convex shape of each grain, whose outline has the corners of shape (k, 2) at radius 1."""
