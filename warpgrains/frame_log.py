@@ -107,15 +107,16 @@ class FrameLog:
         """
         if self._file is None:
             self._create(arrays)
+        count, size = self._unsynced
+        if count >= _SYNC_FRAMES or size >= _SYNC_BYTES:
+            self.sync()  # before the frame is written: if this fails, the call may be repeated
+            count = size = 0
         ordered = [np.ascontiguousarray(arrays[name]) for name in self._kinds]
         lengths = struct.pack(f"<{len(ordered)}I", *map(len, ordered))
         record = _record(b"".join([lengths, *(array.data for array in ordered)]))
         self._write(record)
         self.frames += 1
-        count, size = self._unsynced
         self._unsynced = count + 1, size + len(record)
-        if count + 1 >= _SYNC_FRAMES or size + len(record) >= _SYNC_BYTES:
-            self.sync()
 
     def sync(self) -> None:
         """Flush all frames to the disk."""

@@ -128,6 +128,18 @@ class TestStrip:
         ):
             plot(recording, tmp_path / "run.png", [0, frame])
 
+    @pytest.mark.parametrize(
+        ("numbers", "message"),
+        [
+            ([], "frames is empty: name one frame or more"),
+            ([1.5], r"frame is 1\.5: it must be a whole number"),
+            (["1"], "frame is '1': it must be a whole number"),
+        ],
+    )
+    def test_frames_that_are_no_numbers(self, recording, tmp_path, numbers, message):
+        with pytest.raises(InputError, match=message):
+            plot(recording, tmp_path / "run.png", numbers)
+
 
 class TestCurves:
     def test_energy_height_and_contacts(self, tmp_path, frames):

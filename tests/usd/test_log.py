@@ -1,5 +1,6 @@
 import os
 import re
+from errno import ENOSPC
 from zipfile import ZipFile
 
 import numpy as np
@@ -64,6 +65,20 @@ class TestLog:
             for ours, theirs in zip(frames, read, strict=True):
                 assert all(np.array_equal(ours[name], theirs[name]) for name in "abc")
                 assert all(theirs[name].flags.aligned for name in "abc")
+
+    def test_a_frame_is_repeated_after_a_failed_flush(self, tmp_path, monkeypatch):
+        def fail(file):
+            raise OSError(ENOSPC, "no space")
+
+        log = FrameLog(tmp_path / "log", "constants")
+        for k in range(100):
+            log.append({"a": np.full(2, k, np.int32)})
+        with monkeypatch.context() as full:
+            full.setattr(os, "fsync", fail)
+            with pytest.raises(OSError, match="no space"):
+                log.append({"a": np.full(2, 100, np.int32)})
+        log.append({"a": np.full(2, 100, np.int32)})
+        assert [frame["a"][0] for frame in LogReader(log.path)] == list(range(101))
 
     def test_killed_at_any_byte_keeps_every_complete_frame(self, tmp_path):
         frames = make_frames(3)

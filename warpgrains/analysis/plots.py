@@ -16,6 +16,7 @@ from warpgrains.errors import InputError
 from warpgrains.files import read_table, require_writable_path
 from warpgrains.pictures.shots import setting_of, shot_of
 from warpgrains.pictures.still import FrameArtists, add_color_bar, save_figure
+from warpgrains.scene import checks
 from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
 
 _FRAMES_IN_A_ROW = 5
@@ -57,9 +58,9 @@ def plot(
     """
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
+    reader = RecordingReader(recording)
+    numbers = _numbers(frames, len(reader))
     with refusing_untrusted_content(recording):
-        reader = RecordingReader(recording)
-        numbers = _numbers(frames, len(reader))
         save_figure(_draw(reader, numbers, curves and len(reader) > 1), output)
     return numbers
 
@@ -68,8 +69,11 @@ def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
     """Return the numbers of the frames to draw, counted from the start."""
     if frames is None:
         return sorted(set(np.linspace(0, count - 1, _FRAMES_IN_A_ROW).round().astype(int).tolist()))
+    if not len(frames):
+        raise InputError("frames is empty: name one frame or more")
     for frame in frames:
-        if not -count <= frame < count:
+        number = checks.whole_number("frame", frame, least=-checks.LARGEST_WHOLE_NUMBER)
+        if not -count <= number < count:
             raise InputError(
                 f"frame {frame} does not exist: the recording has {count} frames, 0 to {count - 1}"
             )

@@ -1,6 +1,5 @@
 """Kinds of outputs of runs, by the suffix of their files."""
 
-from math import inf
 from typing import NamedTuple
 
 from warpgrains.errors import requiring
@@ -21,15 +20,17 @@ class FilmFormat(NamedTuple):
     height: int = 400
     """Of a frame [pixels]."""
     fastest: float = 50.0
-    """Largest frame rate that browsers play [1/s]."""
+    """Largest frame rate that browsers play, or ffmpeg writes [1/s]."""
 
 
+SLOWEST = 1e-4
+"""Least frame rate of a film [1/s], which ffmpeg takes as a fraction."""
 FILMS = {
     ".mp4": FilmFormat(
         "mp4",
         ("libx264", "yuv420p", "-crf", "18", "-preset", "fast", "-movflags", "+faststart"),
         height=720,
-        fastest=inf,
+        fastest=1e6,
     ),
     ".gif": FilmFormat("gif"),
     ".webp": FilmFormat("webp", ("libwebp_anim", "yuv420p", "-lossless", "0", "-q:v", "80", "-loop", "0")),

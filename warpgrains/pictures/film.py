@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.drawing.frames import Frame
-from warpgrains.drawing.kinds import FILMS, FilmFormat
+from warpgrains.drawing.kinds import FILMS, SLOWEST, FilmFormat
+from warpgrains.errors import InputError
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.pictures.shots import DrawnOutput, Painter, Setting, Shot, setting_of, shot_of
@@ -111,6 +112,12 @@ def encoding_of_frames(output: Path, shape: tuple[int, ...], rate: float) -> Enc
     return Encoding([*frames, "-an", "-vcodec", codec, "-pix_fmt", colors, *even, *options], output)
 
 
+def require_rate(rate: float) -> None:
+    """Raise InputError if a film cannot have so few frames a second [1/s]."""
+    if rate < SLOWEST:
+        raise InputError(f"a film has at least {SLOWEST:g} frames a second of simulated time, not {rate:g}")
+
+
 class FilmWriter:
     """Writer of a film from shots, at `rate` frames per second [1/s].
 
@@ -165,9 +172,11 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
     Raises
     ------
     InputError
-        It cannot be written there. It is an `OutputError` if another process writes it.
+        It cannot be written there, or the recording has too few frames a second. It is an `OutputError` if
+        another process writes it.
     """
     require_writable_path("film", output, *FILMS)
+    require_rate(reader.times.rate)
     frames = range(0, len(reader), max(1, ceil(reader.times.rate / FILMS[output.suffix].fastest)))
     with (
         Lock(output),
@@ -183,6 +192,7 @@ class Film(DrawnOutput):
     """A film of a run with `rate` frames per second [1/s], see `DrawnOutput`."""
 
     def __init__(self, path: Path, rate: float, painter: Painter) -> None:
+        require_rate(rate)
         self._rate = rate
         super().__init__(path, painter)
 
