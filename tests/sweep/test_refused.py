@@ -1,8 +1,10 @@
 """What a sweep refuses: axes, sweep files, command lines, and outputs of other sweeps. Each is one line."""
 
+import os
 import shutil
 import signal
 import sys
+from pathlib import Path
 
 import pytest
 from command import require_refusal
@@ -42,9 +44,10 @@ OTHER_AXIS = ("[5, 15]", "[5, 14]")
         ("done", ("= 30", "= 31"), "--resume", "annulus.toml' is of a sweep with another scene"),
         ("done", OTHER_AXIS, "--resume", "run 1 in '"),
         ("kept", OTHER_AXIS, "--resume", "is the scene of another sweep: choose another -o"),
-        ("done", (), "--resume --until rest", "another scene, --measure or --until: choose another -o"),
-        ("done", (), "--resume --measure stress", "another scene, --measure or --until: choose another -o"),
-        ("kept", (), "--resume --measure stress", "another scene, --measure or --until: choose another -o"),
+        ("done", (), "--resume --until rest", "settings.toml' is of a sweep with --until none: choose"),
+        ("done", (), "--resume --measure stress", "settings.toml' is of a sweep with --measure none: choose"),
+        ("kept", (), "--resume --measure stress", "settings.toml' is of a sweep with --measure none: choose"),
+        ("done", (), "--resume --measure stress --until rest", "with --measure none and --until none: "),
         ("done", ("physics.drag =", "contact.friction ="), "--resume", "csv' is of another sweep"),
     ],
 )
@@ -56,3 +59,45 @@ def test_output_of_another_sweep(tmp_path, request, capfd, output, change, optio
     assert batch(sweep, "-o", tmp_path / "out", *options.split()) == 2
     require_refusal(capfd, complaint)
     assert results(tmp_path / "out") == results(finished)
+
+
+@pytest.mark.parametrize(
+    ("damage", "complaint"),
+    [
+        (lambda file: file.write_text(""), "settings.toml' is damaged: restore it, or choose another -o"),
+        (lambda file: file.write_text("measure = []"), "settings.toml' is damaged"),
+        (lambda file: file.write_bytes(b"\xff"), "settings.toml' is not TOML"),
+        (lambda file: file.write_text("measure = 1\nuntil = [2]"), "with --measure 1 and --until 2: choose"),
+        (lambda file: file.unlink(), "results.csv': '"),
+        (lambda file: (file.unlink(), file.with_name("results.csv").unlink()), "scenes': '"),
+        (lambda file: (file.unlink(), os.mkfifo(file)), "settings.toml' is not a regular file"),
+    ],
+)
+def test_output_with_damaged_settings(tmp_path, capfd, done, damage, complaint):
+    out = tmp_path / "out"
+    shutil.copytree(done, out)
+    damage(out / "settings.toml")
+    capfd.readouterr()
+    assert batch(write(tmp_path), "-o", out, "--resume") == 2
+    require_refusal(capfd, complaint)
+    shutil.rmtree(out / "scenes")
+    (out / "results.csv").unlink(missing_ok=True)
+    (out / "settings.toml").unlink(missing_ok=True)
+    assert batch(write(tmp_path), "-o", out, "--resume") == 1
+    assert results(out) == results(done)
+
+
+def test_settings_that_another_process_has_just_written(tmp_path, done, monkeypatch):
+    """Between two looks into the folder: who finds its scenes finds its settings, too."""
+    out, exists, looks = tmp_path / "out", Path.exists, []
+
+    def exists_just_before(path):
+        found = exists(path)
+        if path.parent == out and not looks:
+            looks.append(path)
+            shutil.copytree(done, out, dirs_exist_ok=True)
+        return found
+
+    monkeypatch.setattr(Path, "exists", exists_just_before)
+    assert batch(write(tmp_path), "-o", out, "--resume") == 1
+    assert results(out) == results(done)

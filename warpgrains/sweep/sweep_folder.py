@@ -2,6 +2,7 @@
 
 ================== ==========================================================================================
 results.csv        the results of all runs that are finished; timing.csv, how long they took
+settings.toml      the settings of all runs, see `RunSettings`
 scenes/NAME.toml   the common part of the runs of a scene; their values on the axes are in their results
 parts/             results of runs without a folder, see `ResultShards`
 runs/00042/        the folder of a run, if it needs one, see `ExecutionOptions.needs_folders`
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple
 
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_atomically
+from warpgrains.scene.document import Table, parse_toml, toml_text
 from warpgrains.sweep.execution import RunSettings
 from warpgrains.sweep.results import MET, SECONDS, value_columns
 from warpgrains.sweep.run_folder import RESULT, RunFolder
@@ -64,7 +66,7 @@ class SweepFolder:
         self.columns = ["run", "scene", *axes, *value_columns(settings)]
         self.results, self.timing = path / RESULTS, path / "timing.csv"
         self.shards = ResultShards(path / "parts", [*self.columns, SECONDS])
-        self._runs = path / "runs"
+        self._runs, self._scenes, self._settings_file = path / "runs", path / "scenes", path / "settings.toml"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.path, self._axes, self.settings)
@@ -77,25 +79,20 @@ class SweepFolder:
         return self._runs / f"{number:05}"
 
     def prepare(self, sweep: Sweep) -> None:
-        """Write the common part of the runs, unless it exists, see `enter`."""
+        """Write what all runs have in common, unless it exists, see `enter`. The settings come first."""
+        _write_if_missing(self._settings_file, toml_text(self._settings_table).encode())
         for base in sweep.bases:
-            files = {self._scene_file(base): self._common(base)}
+            _write_if_missing(self._scene_file(base), base.text.encode())
             for source, copy in base.grain_files.values():
-                files[self.path / GRAINS / copy] = source.read_bytes()
-            for path, content in files.items():
-                if not path.exists():
-                    path.parent.mkdir(parents=True, exist_ok=True)
-                    write_atomically(path, content, writer())
+                _write_if_missing(self.path / GRAINS / copy, source.read_bytes())
 
     def _scene_file(self, base: BaseScene) -> Path:
-        return self.path / "scenes" / f"{base.name}.toml"
+        return self._scenes / f"{base.name}.toml"
 
-    def _common(self, base: BaseScene) -> bytes:
-        """Return the content of the file with the common part of the runs of a scene."""
-        measured, until = self.settings
-        head = "" if until is None else f"# Its runs end earlier, at {until}\n"
-        head += f"# Its runs are measured: {','.join(measured)}\n" if measured else ""
-        return f"{head}{base.text}".encode()
+    @property
+    def _settings_table(self) -> Table:
+        """Content of the file of the settings: those that are not given are empty."""
+        return {"measure": list(self.settings.measured), "until": self.settings.until or ""}
 
     def enter(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
         """Create the folder, or admit a share of the runs to it; rename its damaged shards.
@@ -107,14 +104,11 @@ class SweepFolder:
             another sweep.
         """
         make_folder(self.path)
-        if self.results.exists() and not (self.path / "scenes").exists():
-            raise OutputError(f"refusing to overwrite '{self.results}': not the results of a sweep")
+        self._require_same_settings()
         for base in sweep.bases:
             scene = self._scene_file(base)
-            if scene.exists() and read_regular(scene) != self._common(base):
-                raise OutputError(
-                    f"'{scene}' is of a sweep with another scene, --measure or --until: choose another -o"
-                )
+            if scene.exists() and read_regular(scene) != base.text.encode():
+                raise OutputError(f"'{scene}' is of a sweep with another scene: choose another -o")
         self.shards.refresh(range(len(sweep.runs)))
         self.shards.set_damaged_aside()
         for run in sweep.runs:
@@ -129,6 +123,26 @@ class SweepFolder:
                 if folder.scene_file.exists() and not resume:
                     raise InputError(f"'{folder.path}' exists: {HOW_TO_CONTINUE}")
                 folder.require_this_sweep()
+
+    def _require_same_settings(self) -> None:
+        """Raise OutputError if the settings in the folder differ, or are missing next to its other files.
+
+        `prepare` writes the settings first. They are searched last, so that those that another process has
+        just written are found.
+        """
+        others = [path for path in (self.results, self._scenes) if path.exists()]
+        file, own = self._settings_file, self._settings_table
+        if not file.exists():
+            if others:
+                missing = f"'{file}', which every sweep has, does not exist"
+                raise OutputError(f"refusing to overwrite '{others[0]}': {missing}")
+            return
+        found = parse_toml(read_regular(file).decode(errors="replace"), f"'{file}'")
+        if found.keys() != own.keys():
+            raise OutputError(f"'{file}' is damaged: restore it, or choose another -o")
+        differing = [_option(name, value) for name, value in found.items() if value != own[name]]
+        if differing:
+            raise OutputError(f"'{file}' is of a sweep with {' and '.join(differing)}: choose another -o")
 
     def unfinished(self, runs: Sequence[Run]) -> list[Run]:
         """Return those of some runs that have no result."""
@@ -192,6 +206,18 @@ class SweepFolder:
 
         unconverged = set(numbers) - errors.keys() - good("unconverged", "0", "")
         return Outcomes(finished, errors, unconverged, good(MET, "0") if met else None)
+
+
+def _option(name: str, value: Any) -> str:
+    """Return the option of the command line that gives a setting."""
+    text = ",".join(map(str, value)) if isinstance(value, list) else value
+    return f"--{name} {text or 'none'}"
+
+
+def _write_if_missing(path: Path, content: bytes) -> None:
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, content, writer())
 
 
 def _write(table: Path, lines: Iterable[bytes]) -> None:
