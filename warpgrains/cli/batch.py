@@ -48,7 +48,7 @@ def run(arguments: Namespace) -> bool:
         plot.require_columns(folder.columns)
     share = _share(sweep, arguments)
     start = perf_counter()
-    folder.enter(sweep, share, arguments.resume)
+    folder.create_or_check(sweep, share, arguments.resume)
     left = folder.unfinished(share)
     try:
         with (
@@ -130,12 +130,12 @@ def _finish(
         find_device(execution.device)  # starts Warp, which `runner` imports
         from warpgrains.sweep.runner import finish_runs
 
-        folder.prepare(sweep)
+        folder.write_common_files(sweep)
         return finish_runs(folder, left, execution, on_progress)
     from warpgrains.sweep.cluster import connected, finish_on_cluster
 
     with connected(arguments.scheduler, arguments.slurm) as client:
-        folder.prepare(sweep)
+        folder.write_common_files(sweep)
         return finish_on_cluster(folder, left, execution, on_progress, client)
 
 

@@ -38,7 +38,7 @@ class LongRun(OpenRun):
     """A run with a folder in execution. No other process executes it, because its folder is locked."""
 
     def __init__(self, folder: RunFolder, start: Checkpoint, is_resumed: bool):
-        assert start.options is not None  # `RunFolder.begin` returns them
+        assert start.options is not None  # `RunFolder.start_or_checkpoint` returns them
         of_start = start.scene, start.options, start.statistics, start.first_step
         super().__init__(*of_start, is_resumed=is_resumed, is_locked=True)
         self.folder, self.saved = folder, start.state  # that of the last checkpoint, if there is one
@@ -47,8 +47,8 @@ class LongRun(OpenRun):
 
     @classmethod
     @contextmanager
-    def begun(cls, folder: RunFolder, execution: ExecutionOptions) -> Iterator[Self | None]:
-        """Lock a run and open its outputs. Yield None if it cannot begin, which is then its result.
+    def locked(cls, folder: RunFolder, execution: ExecutionOptions) -> Iterator[Self | None]:
+        """Lock a run and open its outputs. Yield None if it cannot continue, the reason being its result.
 
         Raises
         ------
@@ -62,7 +62,7 @@ class LongRun(OpenRun):
         with folder.lock():
             run = None
             try:
-                run = cls(folder, *folder.begin(execution))
+                run = cls(folder, *folder.start_or_checkpoint(execution))
                 exact_solver(run.scene.method)
                 run._outputs.enter_context(run.opened())
             except (OutputError, MissingExtraError):
@@ -119,11 +119,11 @@ class LongGroup(NamedTuple):
 
     runs: list[LongRun]
     held: ExitStack
-    """The runs as contexts, see `LongRun.begun`."""
+    """The runs as contexts, see `LongRun.locked`."""
 
 
 class LongRunner:
-    """Runner for runs with a folder each. It locks them from `begin` to their ends.
+    """Runner for runs with a folder each. It locks them from `prepare` to their ends.
 
     Parameters
     ----------
@@ -149,12 +149,12 @@ class LongRunner:
     def __exit__(self, *error: Any) -> None:
         self._held.__exit__(*error)
 
-    def begin(self, chosen: list[Run]) -> LongGroup:
+    def prepare(self, chosen: list[Run]) -> LongGroup:
         """Return the runs that can continue."""
         group = LongGroup([], self._held.enter_context(ExitStack()))
         for one in chosen:
             try:
-                run = group.held.enter_context(LongRun.begun(self._folder.of(one), self._execution))
+                run = group.held.enter_context(LongRun.locked(self._folder.of(one), self._execution))
             except (OutputError, MissingExtraError, OSError) as error:
                 self.reasons[one.number] = str(error)
             else:

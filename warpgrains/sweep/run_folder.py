@@ -99,7 +99,9 @@ class RunFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         return Lock(self.checkpoint)
 
-    def begin(self, execution: ExecutionOptions, scene: Scene | None = None) -> tuple[Checkpoint, bool]:
+    def start_or_checkpoint(
+        self, execution: ExecutionOptions, scene: Scene | None = None
+    ) -> tuple[Checkpoint, bool]:
         """Return the start of the locked run, or its checkpoint; and whether it is resumed from that.
 
         `execution` determines the outputs of a new run, whose scene is read unless it is given. A resumed run

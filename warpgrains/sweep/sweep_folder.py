@@ -78,8 +78,8 @@ class SweepFolder:
     def _of(self, number: int) -> Path:
         return self._runs / f"{number:05}"
 
-    def prepare(self, sweep: Sweep) -> None:
-        """Write what all runs have in common, unless it exists, see `enter`. The settings come first."""
+    def write_common_files(self, sweep: Sweep) -> None:
+        """Write the files that all runs have in common, unless they exist. The settings come first."""
         _write_if_missing(self._settings_file, toml_text(self._settings_table).encode())
         for base in sweep.bases:
             _write_if_missing(self._scene_file(base), base.text.encode())
@@ -94,14 +94,14 @@ class SweepFolder:
         """Content of the file of the settings: those that are not given are empty."""
         return {"measure": list(self.settings.measured), "until": self.settings.until or ""}
 
-    def enter(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
-        """Create the folder, or admit a share of the runs to it; rename its damaged shards.
+    def create_or_check(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
+        """Create the folder, or check that a share of the runs may continue in it; rename damaged shards.
 
         Raises
         ------
         InputError
-            Some runs have begun although `resume` is False. It is an `OutputError` if the folder belongs to
-            another sweep.
+            `resume` is False, and some runs of the share have results or folders. It is an `OutputError` if
+            the folder belongs to another sweep.
         """
         make_folder(self.path)
         self._require_same_settings()
@@ -114,11 +114,11 @@ class SweepFolder:
         for run in sweep.runs:
             if run.number in self.shards.lines:
                 self.shards.require_this_run(run.number, run.labels())
-        begun = self.begun()
+        with_folders = self.with_folders()
         for run in share:
             if run.number in self.shards.lines and not resume:
                 raise InputError(f"'{self.path}' has results: {HOW_TO_CONTINUE}")
-            if run.number in begun:
+            if run.number in with_folders:
                 folder = self.of(run)
                 if folder.scene_file.exists() and not resume:
                     raise InputError(f"'{folder.path}' exists: {HOW_TO_CONTINUE}")
@@ -127,8 +127,8 @@ class SweepFolder:
     def _require_same_settings(self) -> None:
         """Raise OutputError if the settings in the folder differ, or are missing next to its other files.
 
-        `prepare` writes the settings first. They are searched last, so that those that another process has
-        just written are found.
+        `write_common_files` writes the settings first. They are searched last, so that those that another
+        process has just written are found.
         """
         others = [path for path in (self.results, self._scenes) if path.exists()]
         file, own = self._settings_file, self._settings_table
@@ -149,7 +149,7 @@ class SweepFolder:
         finished = self.finished(runs)
         return [run for run in runs if run.number not in finished]
 
-    def begun(self) -> set[int]:
+    def with_folders(self) -> set[int]:
         """Return the numbers of the runs that have a folder."""
         try:
             with os.scandir(self._runs) as entries:
@@ -165,7 +165,8 @@ class SweepFolder:
         """Return the numbers of those of some runs that have a result in a folder, and in a shard."""
         numbers = {run.number for run in runs}
         self.shards.refresh(numbers)
-        in_folders = {number for number in numbers & self.begun() if (self._of(number) / RESULT).exists()}
+        candidates = numbers & self.with_folders()
+        in_folders = {number for number in candidates if (self._of(number) / RESULT).exists()}
         return in_folders, numbers & self.shards.lines.keys()
 
     def write_tables(self, sweep: Sweep) -> Outcomes:
