@@ -14,7 +14,7 @@ from warpgrains import Recording, SimulationError
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
-from warpgrains.sweep import execution, runner, short, sweep_folder
+from warpgrains.sweep import execution, run_folder, runner, short, sweep_folder
 from warpgrains.sweep.run_folder import RunFolder
 
 DRIVER = """
@@ -196,6 +196,25 @@ def test_a_folder_that_another_process_has_begun_keeps_its_outputs(tmp_path, sli
     assert batch(sweep, "-o", out, "--resume") == 0
     assert results(out) == results(tmp_path / "undisturbed")
     assert [len(Recording(path)) for path in sorted(out.glob("runs/*/recording.usdc"))] == [41] * 12
+
+
+@pytest.mark.parametrize("options", [["--usd"], []])
+def test_frames_without_a_checkpoint_are_not_kept(tmp_path, done, monkeypatch, options):
+    """Those of a process that ended between the first frame and the first checkpoint."""
+    sweep, out = write(tmp_path), tmp_path / "out"
+
+    def fail(*_):
+        raise OSError("killed")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(run_folder, "write_checkpoint", fail)
+        batch(sweep, "-o", out, "--usd")
+    assert len(list(out.rglob("*.frames"))) == 4
+    assert not list(out.rglob("*.npz"))
+    assert batch(sweep, "-o", out, "--resume", *options) == 1
+    assert results(out) == results(done)
+    assert not list(out.rglob("*.frames"))
+    assert len(list(out.rglob("*.usdc"))) == (4 if options else 0)
 
 
 def test_longer_sweep_goes_on(tmp_path, done):

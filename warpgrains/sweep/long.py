@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Self
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import InputError, MissingExtraError, OutputError, SimulationError
+from warpgrains.frame_log import log_of
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.run import OpenRun
@@ -62,7 +63,12 @@ class LongRun(OpenRun):
         with folder.lock():
             run = None
             try:
-                run = cls(folder, *folder.start_or_checkpoint(execution))
+                start, is_resumed = folder.start_or_checkpoint(execution)
+                if not is_resumed:
+                    # A process ended after its first frame and before its first checkpoint. The run starts
+                    # again and records the same frames, if it is recorded.
+                    log_of(folder.recording).unlink(missing_ok=True)
+                run = cls(folder, start, is_resumed)
                 exact_solver(run.scene.method)
                 run._outputs.enter_context(run.opened())
             except (OutputError, MissingExtraError):

@@ -17,7 +17,6 @@ from typing import Any
 from warpgrains.analysis.quantities import require_quantities
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import Row, csv_line, read_regular, read_table, table_text, write_atomically
-from warpgrains.frame_log import log_of
 from warpgrains.locks import Lock
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.scene import Scene
@@ -130,7 +129,6 @@ class RunFolder:
         scene = scene.with_settings(name=self.labels["scene"], text=self._text.decode())
         wanted: dict[str, Any] = {}
         if execution.fps is not None:
-            log_of(self.recording).unlink(missing_ok=True)
             wanted = {"record": str(self.recording), "fps": execution.fps}
         if execution.measure_every is not None:
             wanted |= {
