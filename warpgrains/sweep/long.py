@@ -6,10 +6,10 @@ Checkpoints at intervals and at the end let a killed process lose little.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from math import inf
 from time import perf_counter
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
@@ -103,9 +103,10 @@ class LongRun(OpenRun):
 
     def complete(self) -> str | None:
         """Complete the recording, or discard one without frames; return the reason if that fails."""
-        failed = None if self.frames else self.error
         try:
-            self._outputs.__exit__(None if failed is None else type(failed), failed, None)
+            with suppress(SimulationError), self._outputs:
+                if self.error is not None and self.frames == 0:
+                    raise self.error  # an error discards a recording without frames
         except OSError as error:
             return str(error)
         return None
@@ -135,6 +136,8 @@ class LongRunner:
     ----------
     folder, execution, on_progress
         As for `finish_runs`.
+    held
+        Contexts that end after the last group: those of groups that are prepared and not carried out.
 
     Attributes
     ----------
@@ -142,18 +145,13 @@ class LongRunner:
         Reasons why runs are unfinished, by their numbers.
     """
 
-    def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction):
+    def __init__(
+        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction, held: ExitStack
+    ):
         self.reasons: dict[int, str] = {}
-        self._folder, self._execution, self._on_progress = folder, execution, on_progress
+        self._folder, self._execution, self._on_progress, self._held = folder, execution, on_progress, held
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self.narrowest, self.widest = min(LEAST_WIDTH, WIDTH), WIDTH
-        self._held = ExitStack()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._held.__exit__(*error)
 
     def prepare(self, chosen: list[Run]) -> LongGroup:
         """Return the runs that can continue."""

@@ -65,12 +65,12 @@ def finish_runs(
         A file cannot be written.
     """
     reasons: dict[int, str] = {}
-    with ExitStack() as ended:
+    with ExitStack() as held:
         if not execution.needs_folders:
-            short = ended.enter_context(ShortRunner(folder, execution, on_progress))
+            short = held.enter_context(ShortRunner(folder, execution, on_progress))
             _in_groups(short, runs)
             reasons, runs = short.reasons, short.longer
-        long = ended.enter_context(LongRunner(folder, execution, on_progress))
+        long = LongRunner(folder, execution, on_progress, held)
         _in_groups(long, runs)
     return reasons | long.reasons
 
