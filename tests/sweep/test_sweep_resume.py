@@ -21,7 +21,8 @@ DRIVER = """
 import sys
 from warpgrains.cli.main import main
 from warpgrains.sweep import long, runner, short
-short.SHORT, short.WIDTH, runner.FIRST_WIDTH, long.WIDTH, long.SLICE = {short}, {width}, {width}, 4, 0.02
+short.SHORT, short.WIDTH, runner.FIRST_WIDTH = {short}, {width}, {width}
+long.LEAST_WIDTH, long.WIDTH, long.SLICE = 4, 4, 0.02
 long.BETWEEN_CHECKPOINTS = 0.5 if "--usd" in sys.argv else 0.05
 sys.exit(main(sys.argv[1:]))
 """

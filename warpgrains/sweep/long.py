@@ -151,7 +151,7 @@ class LongRunner:
         self.reasons: dict[int, str] = {}
         self._folder, self._execution, self._on_progress, self._held = folder, execution, on_progress, held
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
-        self.narrowest, self.widest = min(LEAST_WIDTH, WIDTH), WIDTH
+        self.narrowest, self.widest = LEAST_WIDTH, WIDTH
 
     def prepare(self, chosen: list[Run]) -> LongGroup:
         """Return the runs that can continue."""
