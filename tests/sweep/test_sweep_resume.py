@@ -218,6 +218,19 @@ def test_frames_without_a_checkpoint_are_not_kept(tmp_path, done, monkeypatch, o
     assert len(list(out.rglob("*.usdc"))) == (4 if options else 0)
 
 
+def test_warp_is_not_started_if_no_run_is_left(tmp_path, done):
+    shutil.copytree(done, tmp_path / "out")
+    script = (
+        "import sys\n"
+        "from warpgrains.cli.main import main\n"
+        "assert main(sys.argv[1:]) == 1\n"
+        "assert 'warp' not in sys.modules\n"
+    )
+    arguments = ["batch", write(tmp_path), "-o", tmp_path / "out", "--resume"]
+    subprocess.run([sys.executable, "-c", script, *arguments], check=True, timeout=60)
+    assert results(tmp_path / "out") == results(done)
+
+
 def test_longer_sweep_goes_on(tmp_path, done):
     """Values at the end of the first axis are runs that follow those that are there."""
     shutil.copytree(done, tmp_path / "out")

@@ -126,6 +126,8 @@ def _finish(
     arguments: Namespace,
 ) -> dict[int, str]:
     """Finish the remaining runs, here or on a cluster; return why some are unfinished, by their numbers."""
+    if not left:
+        return {}
     if arguments.scheduler is None and arguments.slurm is None:
         find_device(execution.device)  # starts Warp, which `runner` imports
         from warpgrains.sweep.runner import finish_runs
