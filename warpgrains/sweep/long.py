@@ -11,6 +11,7 @@ from math import inf
 from time import perf_counter
 from typing import NamedTuple, Self
 
+from warpgrains.analysis.quantities import require_quantities
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import InputError, MissingExtraError, OutputError, SimulationError
@@ -64,6 +65,7 @@ class LongRun(OpenRun):
             run = None
             try:
                 start, is_resumed = folder.start_or_checkpoint(execution)
+                require_quantities(folder.settings.measured, start.scene)
                 if not is_resumed:
                     # A process ended after its first frame and before its first checkpoint. The run starts
                     # again and records the same frames, if it is recorded.

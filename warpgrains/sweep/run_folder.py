@@ -14,7 +14,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from warpgrains.analysis.quantities import require_quantities
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import Row, csv_line, read_regular, read_table, table_text, write_atomically
 from warpgrains.locks import Lock
@@ -52,7 +51,7 @@ class RunFolder:
     """
 
     def __init__(self, path: Path, run: Run, settings: RunSettings):
-        self.path, self.number, self._settings, self._run = path, run.number, settings, run
+        self.path, self.number, self.settings, self._run = path, run.number, settings, run
         self.columns = value_columns(settings)
         self.scene_file, self.checkpoint = path / "scene.toml", path / "checkpoint.npz"
         self.recording, self.series = path / "recording.usdc", path / "series.csv"
@@ -109,8 +108,8 @@ class RunFolder:
         Raises
         ------
         InputError
-            The scene is invalid or cannot have a measured quantity, or the checkpoint is damaged. It is an
-            `OutputError` if the run is finished or the folder belongs to another run.
+            The scene is invalid, or the checkpoint is damaged. It is an `OutputError` if the run is finished
+            or the folder belongs to another run.
         """
         self.require_this_sweep()
         self._require_intact()
@@ -118,7 +117,6 @@ class RunFolder:
             raise OutputError("another process has finished it")
         is_resumed = self.checkpoint.exists()
         start = self._read_checkpoint() if is_resumed else self._start(execution, scene or self._scene())
-        require_quantities(self._settings.measured, start.scene)
         return start, is_resumed
 
     def _scene(self) -> Scene:
@@ -132,12 +130,12 @@ class RunFolder:
             wanted = {"record": str(self.recording), "fps": execution.fps}
         if execution.measure_every is not None:
             wanted |= {
-                "measure": ",".join(self._settings.measured),
+                "measure": ",".join(self.settings.measured),
                 "measure_every": execution.measure_every,
                 "series": str(self.series),
             }
         options = RunOptions(
-            steps=scene.steps, checkpoint=str(self.checkpoint), until=self._settings.until, **wanted
+            steps=scene.steps, checkpoint=str(self.checkpoint), until=self.settings.until, **wanted
         )
         return Checkpoint(scene, first_state(scene), options, RunStatistics())
 
@@ -145,7 +143,7 @@ class RunFolder:
         """Return the checkpoint of this run; file names that it contains are ignored."""
         kept = read_checkpoint(self.checkpoint)
         options = kept.options
-        own = (self._text.decode(), self._settings.until, kept.scene.steps)
+        own = (self._text.decode(), self.settings.until, kept.scene.steps)
         if options is None or (kept.scene.text, options.until, options.steps) != own:
             raise InputError(f"checkpoint '{self.checkpoint}' is of another run: {HOW_TO_REPEAT}")
         record = None if options.record is None else str(self.recording)
