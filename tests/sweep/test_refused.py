@@ -61,6 +61,14 @@ def test_output_of_another_sweep(tmp_path, request, capfd, output, change, optio
     assert results(tmp_path / "out") == results(finished)
 
 
+def keep_only(folder, name):
+    """Delete the other files and folders."""
+    (folder / name).rename(folder.with_name(name))
+    shutil.rmtree(folder)
+    folder.mkdir()
+    folder.with_name(name).rename(folder / name)
+
+
 @pytest.mark.parametrize(
     ("damage", "complaint"),
     [
@@ -70,6 +78,7 @@ def test_output_of_another_sweep(tmp_path, request, capfd, output, change, optio
         (lambda file: file.write_text("measure = 1\nuntil = [2]"), "with --measure 1 and --until 2: choose"),
         (lambda file: file.unlink(), "results.csv': '"),
         (lambda file: (file.unlink(), file.with_name("results.csv").unlink()), "scenes': '"),
+        (lambda file: keep_only(file.parent, "parts"), "parts': '"),
         (lambda file: (file.unlink(), os.mkfifo(file)), "settings.toml' is not a regular file"),
     ],
 )
@@ -80,11 +89,22 @@ def test_output_with_damaged_settings(tmp_path, capfd, done, damage, complaint):
     capfd.readouterr()
     assert batch(write(tmp_path), "-o", out, "--resume") == 2
     require_refusal(capfd, complaint)
-    shutil.rmtree(out / "scenes")
-    (out / "results.csv").unlink(missing_ok=True)
     (out / "settings.toml").unlink(missing_ok=True)
+    shutil.copy(done / "settings.toml", out)
     assert batch(write(tmp_path), "-o", out, "--resume") == 1
     assert results(out) == results(done)
+
+
+def test_common_files_are_written_though_no_run_is_left(tmp_path, kept):
+    """A later resumption compares them."""
+    out = tmp_path / "out"
+    shutil.copytree(kept, out)
+    keep_only(out, "runs")
+    for _ in range(2):
+        assert batch(write(tmp_path), "-o", out, "--resume") == 1
+        assert results(out) == results(kept)
+    for name in ("settings.toml", "scenes/annulus.toml"):
+        assert (out / name).read_bytes() == (kept / name).read_bytes()
 
 
 def test_settings_that_another_process_has_just_written(tmp_path, done, monkeypatch):

@@ -127,6 +127,7 @@ def _finish(
 ) -> dict[int, str]:
     """Finish the remaining runs, here or on a cluster; return why some are unfinished, by their numbers."""
     if not left:
+        folder.write_common_files(sweep)
         return {}
     if arguments.scheduler is None and arguments.slurm is None:
         find_device(execution.device)  # starts Warp, which `runner` imports

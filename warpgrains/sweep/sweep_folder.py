@@ -130,7 +130,7 @@ class SweepFolder:
         `write_common_files` writes the settings first. They are searched last, so that those that another
         process has just written are found.
         """
-        others = [path for path in (self.results, self._scenes) if path.exists()]
+        others = [path for path in (self.results, self._scenes, self.shards.path) if path.exists()]
         file, own = self._settings_file, self._settings_table
         if not file.exists():
             if others:
