@@ -118,7 +118,7 @@ class LongRun(OpenRun):
         if self.error is None:
             assert self.saved.steps == self.first_step + self.statistics.steps, "an earlier checkpoint"
             end = snapshot(self.scene, self.saved)
-            self.folder.finish(result(end, self.statistics, self.folder.columns))
+            self.folder.finish(result(end, self.statistics, self.folder.value_columns))
         else:
             self.folder.fail(str(self.error), self.statistics.seconds)
 

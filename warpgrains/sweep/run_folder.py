@@ -46,13 +46,13 @@ class RunFolder:
     ----------
     number : int
         Of the run.
-    columns : list of str
+    value_columns : list of str
         Columns of its result after the labels, without the seconds.
     """
 
     def __init__(self, path: Path, run: Run, settings: RunSettings):
         self.path, self.number, self.settings, self._run = path, run.number, settings, run
-        self.columns = value_columns(settings)
+        self.value_columns = value_columns(settings)
         self.scene_file, self.checkpoint = path / "scene.toml", path / "checkpoint.npz"
         self.recording, self.series = path / "recording.usdc", path / "series.csv"
         self.result = path / RESULT
@@ -159,13 +159,13 @@ class RunFolder:
     def finish(self, values: RunResult) -> None:
         """Save the result of the run, which is finished from then on."""
         self._write_scene()
-        names = (*self.columns, SECONDS)
+        names = (*self.value_columns, SECONDS)
         row = self.labels | dict(zip(names, values, strict=True))
         write_atomically(self.result, table_text([row]).encode())
 
     def fail(self, reason: str, seconds: float = 0.0) -> None:
         """Save a failure as the result of the run, which is finished from then on."""
-        self.finish(failure(reason, self.columns, seconds))
+        self.finish(failure(reason, self.value_columns, seconds))
 
     def line(self) -> bytes:
         """Return the line of the run's result.
@@ -173,9 +173,9 @@ class RunFolder:
         If it cannot be read, the result is a failure for this reason.
         """
         try:
-            return csv_line(require_result(read_table(self.result), self.labels, self.columns).values())
+            return csv_line(require_result(read_table(self.result), self.labels, self.value_columns).values())
         except InputError:
-            lost = failure(f"{RESULT} is damaged: {HOW_TO_REPEAT}", self.columns)
+            lost = failure(f"{RESULT} is damaged: {HOW_TO_REPEAT}", self.value_columns)
             return csv_line([*self.labels.values(), *lost])
 
     def _write_scene(self) -> None:

@@ -1,4 +1,4 @@
-"""Short runs: executed in large groups, without folders and locks for single runs.
+"""Short runs: executed in large groups, without a folder and a lock file for each run.
 
 The results of a group are one shard. It is written before the next group is advanced, and so are checkpoints
 of runs that take longer. So a killed process loses one group only.
@@ -58,8 +58,8 @@ class ShortRunner:
     """Runner for the short runs of a sweep.
 
     It leaves a run that has a folder already, takes longer than `SHORT`, fails, has a label of several lines,
-    or a scene that is invalid or without a measured quantity, does not fit in memory, or is so large that
-    several threads share it.
+    or a scene that is invalid or without a measured quantity, needs an extra that is missing, does not fit in
+    memory, or is so large that several threads share it.
 
     Parameters
     ----------

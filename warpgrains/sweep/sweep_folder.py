@@ -146,8 +146,8 @@ class SweepFolder:
 
     def unfinished(self, runs: Sequence[Run]) -> list[Run]:
         """Return those of some runs that have no result."""
-        finished = self.finished(runs)
-        return [run for run in runs if run.number not in finished]
+        in_folders, in_shards = self._finished(runs)
+        return [run for run in runs if run.number not in in_folders and run.number not in in_shards]
 
     def with_folders(self) -> set[int]:
         """Return the numbers of the runs that have a folder."""
@@ -157,12 +157,11 @@ class SweepFolder:
         except FileNotFoundError:
             return set()
 
-    def finished(self, runs: Sequence[Run]) -> set[int]:
-        """Return the numbers of those of some runs that have a result, also of a failure."""
-        return set().union(*self._finished(runs))
-
     def _finished(self, runs: Sequence[Run]) -> tuple[set[int], set[int]]:
-        """Return the numbers of those of some runs that have a result in a folder, and in a shard."""
+        """Return the numbers of those of some runs that have a result in a folder, and in a shard.
+
+        A failure is a result, too.
+        """
         numbers = {run.number for run in runs}
         self.shards.refresh(numbers)
         candidates = numbers & self.with_folders()
@@ -175,9 +174,9 @@ class SweepFolder:
         If more runs have finished during the writing, the tables are written again. So if several processes
         share a sweep, the last tables are complete, and no process waits for another one.
         """
-        found = self._finished(sweep.runs)
+        in_folders, in_shards = self._finished(sweep.runs)
         while True:
-            in_folders, finished = found[0], set().union(*found)
+            finished = in_folders | in_shards
             if not finished:
                 return Outcomes(finished, {}, set(), None if self.settings.until is None else set())
             results, timing = [csv_line(self.columns)], [csv_line(["run", SECONDS])]
@@ -190,8 +189,8 @@ class SweepFolder:
                     timing.append(b"%d,%b" % (run.number, seconds))
             _write(self.results, results)
             _write(self.timing, timing)
-            found = self._finished(sweep.runs)
-            if set().union(*found) == finished:
+            in_folders, in_shards = self._finished(sweep.runs)
+            if in_folders | in_shards == finished:
                 return self._outcomes(finished, results)
 
     def _outcomes(self, finished: set[int], results: list[bytes]) -> Outcomes:
