@@ -34,7 +34,7 @@ class TestResults:
         assert [list(row) for row in table(done / "timing.csv")] == [["run", "seconds"]] * 6
 
     def test_short_runs_are_few_files(self, done):
-        tables = ["results.csv", "runs", "scenes", "settings.toml", "timing.csv"]
+        tables = ["results.csv", "runs", "scenes", "settings.json", "timing.csv"]
         assert sorted(path.name for path in done.iterdir()) == ["parts", *tables]
         assert sorted(path.name for path in (done / "runs").iterdir()) == ["00002", "00003"]  # which failed
         (part,) = (done / "parts").glob("[0-9]*.csv")

@@ -44,9 +44,9 @@ OTHER_AXIS = ("[5, 15]", "[5, 14]")
         ("done", ("= 30", "= 31"), "--resume", "annulus.toml' is of a sweep with another scene"),
         ("done", OTHER_AXIS, "--resume", "run 1 in '"),
         ("kept", OTHER_AXIS, "--resume", "is the scene of another sweep: choose another -o"),
-        ("done", (), "--resume --until rest", "settings.toml' is of a sweep with --until none: choose"),
-        ("done", (), "--resume --measure stress", "settings.toml' is of a sweep with --measure none: choose"),
-        ("kept", (), "--resume --measure stress", "settings.toml' is of a sweep with --measure none: choose"),
+        ("done", (), "--resume --until rest", "settings.json' is of a sweep with --until none: choose"),
+        ("done", (), "--resume --measure stress", "settings.json' is of a sweep with --measure none: choose"),
+        ("kept", (), "--resume --measure stress", "settings.json' is of a sweep with --measure none: choose"),
         ("done", (), "--resume --measure stress --until rest", "with --measure none and --until none: "),
         ("done", ("physics.drag =", "contact.friction ="), "--resume", "csv' is of another sweep"),
     ],
@@ -72,25 +72,30 @@ def keep_only(folder, name):
 @pytest.mark.parametrize(
     ("damage", "complaint"),
     [
-        (lambda file: file.write_text(""), "settings.toml' is damaged: restore it, or choose another -o"),
-        (lambda file: file.write_text("measure = []"), "settings.toml' is damaged"),
-        (lambda file: file.write_bytes(b"\xff"), "settings.toml' is not TOML"),
-        (lambda file: file.write_text("measure = 1\nuntil = [2]"), "with --measure 1 and --until 2: choose"),
+        (lambda file: file.write_text(""), "settings.json' does not hold the settings of a sweep: restore"),
+        (lambda file: file.write_text('{"measure": []}'), "settings.json' does not hold"),
+        (lambda file: file.write_text("[]"), "settings.json' does not hold"),
+        (lambda file: file.write_text("[" * 100_000), "settings.json' does not hold"),
+        (lambda file: file.write_bytes(b"\xff"), "settings.json' does not hold"),
+        (
+            lambda file: file.write_text('{"measure": 1, "until": [2]}'),
+            "with --measure 1 and --until 2: choose",
+        ),
         (lambda file: file.unlink(), "results.csv': '"),
-        (lambda file: (file.unlink(), file.with_name("results.csv").unlink()), "scenes': '"),
-        (lambda file: keep_only(file.parent, "parts"), "parts': '"),
-        (lambda file: (file.unlink(), os.mkfifo(file)), "settings.toml' is not a regular file"),
+        (lambda file: (file.unlink(), file.with_name("results.csv").unlink()), "scenes/annulus.toml': '"),
+        (lambda file: keep_only(file.parent, "parts"), ".csv': '"),
+        (lambda file: (file.unlink(), os.mkfifo(file)), "settings.json' is not a regular file"),
     ],
 )
 def test_output_with_damaged_settings(tmp_path, capfd, done, damage, complaint):
     out = tmp_path / "out"
     shutil.copytree(done, out)
-    damage(out / "settings.toml")
+    damage(out / "settings.json")
     capfd.readouterr()
     assert batch(write(tmp_path), "-o", out, "--resume") == 2
     require_refusal(capfd, complaint)
-    (out / "settings.toml").unlink(missing_ok=True)
-    shutil.copy(done / "settings.toml", out)
+    (out / "settings.json").unlink(missing_ok=True)
+    shutil.copy(done / "settings.json", out)
     assert batch(write(tmp_path), "-o", out, "--resume") == 1
     assert results(out) == results(done)
 
@@ -103,8 +108,16 @@ def test_common_files_are_written_though_no_run_is_left(tmp_path, kept):
     for _ in range(2):
         assert batch(write(tmp_path), "-o", out, "--resume") == 1
         assert results(out) == results(kept)
-    for name in ("settings.toml", "scenes/annulus.toml"):
+    for name in ("settings.json", "scenes/annulus.toml"):
         assert (out / name).read_bytes() == (kept / name).read_bytes()
+
+
+def test_folders_of_other_files_are_no_results(tmp_path, done):
+    for name in ("scenes/mine.toml", "parts/mine.csv"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).touch()
+    assert batch(write(tmp_path), "-o", tmp_path) == 1
+    assert results(tmp_path) == results(done)
 
 
 def test_settings_that_another_process_has_just_written(tmp_path, done, monkeypatch):

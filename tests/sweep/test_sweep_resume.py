@@ -10,12 +10,13 @@ import pytest
 from sweeps import LONG, SMALL, batch, results, table, write
 from trimmed import trimmed
 
-from warpgrains import Recording, SimulationError
+from warpgrains import Recording, Scene, SimulationError
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import execution, run_folder, runner, short, sweep_folder
 from warpgrains.sweep.run_folder import RunFolder
+from warpgrains.sweep.sweep import Sweep
 
 DRIVER = """
 import sys
@@ -158,6 +159,22 @@ def test_a_folder_of_the_name_of_a_shipped_scene_is_no_scene(tmp_path, monkeypat
     assert batch(sweep, "-o", "annulus", "--index", 0, "--count", 2) in (0, 1)
     assert batch(sweep, "-o", "annulus", "--resume") == 1
     assert len(table(tmp_path / "annulus" / "results.csv")) == 6
+
+
+def test_results_next_to_scenes_are_no_scenes(tmp_path):
+    """A folder of scenes may be its own output."""
+    for name in "ab":
+        (tmp_path / f"{name}.toml").write_text(Scene.load("annulus", ["time.duration=0.1"]).text)
+    for again in ([], ["--resume"]):
+        assert batch(tmp_path, "-o", tmp_path, *again) == 0
+        assert [row["scene"] for row in table(tmp_path / "results.csv")] == ["a", "b"]
+
+
+def test_results_in_a_folder_of_the_name_of_a_shipped_sweep(tmp_path, done, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shipped = len(Sweep.load("iterations").runs)
+    shutil.copytree(done, tmp_path / "iterations")
+    assert len(Sweep.load("iterations").runs) == shipped
 
 
 def test_a_folder_that_cannot_be_used_leaves_its_run_alone(tmp_path, monkeypatch, capfd):

@@ -2,7 +2,7 @@
 
 ================== ==========================================================================================
 results.csv        the results of all runs that are finished; timing.csv, how long they took
-settings.toml      the settings of all runs, see `RunSettings`
+settings.json      the settings of all runs, see `RunSettings`
 scenes/NAME.toml   the common part of the runs of a scene; their values on the axes are in their results
 parts/             results of runs without a folder, see `ResultShards`
 runs/00042/        the folder of a run, if it needs one, see `ExecutionOptions.needs_folders`
@@ -10,14 +10,15 @@ grains/            copies of files of grains
 ================== ==========================================================================================
 """
 
+import json
 import os
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_atomically
-from warpgrains.scene.document import Table, parse_toml, toml_text
 from warpgrains.sweep.execution import RunSettings
 from warpgrains.sweep.results import MET, SECONDS, value_columns
 from warpgrains.sweep.run_folder import RESULT, RunFolder
@@ -66,7 +67,7 @@ class SweepFolder:
         self.columns = ["run", "scene", *axes, *value_columns(settings)]
         self.results, self.timing = path / RESULTS, path / "timing.csv"
         self.shards = ResultShards(path / "parts", [*self.columns, SECONDS])
-        self._runs, self._scenes, self._settings_file = path / "runs", path / "scenes", path / "settings.toml"
+        self._runs, self._settings_file = path / "runs", path / "settings.json"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.path, self._axes, self.settings)
@@ -80,19 +81,19 @@ class SweepFolder:
 
     def write_common_files(self, sweep: Sweep) -> None:
         """Write the files that all runs have in common, unless they exist. The settings come first."""
-        _write_if_missing(self._settings_file, toml_text(self._settings_table).encode())
+        _write_if_missing(self._settings_file, f"{json.dumps(self._settings_by_option)}\n".encode())
         for base in sweep.bases:
             _write_if_missing(self._scene_file(base), base.text.encode())
             for source, copy in base.grain_files.values():
                 _write_if_missing(self.path / GRAINS / copy, source.read_bytes())
 
     def _scene_file(self, base: BaseScene) -> Path:
-        return self._scenes / f"{base.name}.toml"
+        return self.path / "scenes" / f"{base.name}.toml"
 
     @property
-    def _settings_table(self) -> Table:
-        """Content of the file of the settings: those that are not given are empty."""
-        return {"measure": list(self.settings.measured), "until": self.settings.until or ""}
+    def _settings_by_option(self) -> dict[str, Any]:
+        """Content of the file of the settings, which is no TOML: in a folder, that would be a scene."""
+        return {"measure": list(self.settings.measured), "until": self.settings.until}
 
     def create_or_check(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
         """Create the folder, or check that a share of the runs may continue in it; rename damaged shards.
@@ -104,7 +105,7 @@ class SweepFolder:
             the folder belongs to another sweep.
         """
         make_folder(self.path)
-        self._require_same_settings()
+        self._require_same_settings(sweep)
         for base in sweep.bases:
             scene = self._scene_file(base)
             if scene.exists() and read_regular(scene) != base.text.encode():
@@ -124,22 +125,27 @@ class SweepFolder:
                     raise InputError(f"'{folder.path}' exists: {HOW_TO_CONTINUE}")
                 folder.require_this_sweep()
 
-    def _require_same_settings(self) -> None:
+    def _require_same_settings(self, sweep: Sweep) -> None:
         """Raise OutputError if the settings in the folder differ, or are missing next to its other files.
 
         `write_common_files` writes the settings first. They are searched last, so that those that another
         process has just written are found.
         """
-        others = [path for path in (self.results, self._scenes, self.shards.path) if path.exists()]
-        file, own = self._settings_file, self._settings_table
+        others = [path for path in (self.results, *map(self._scene_file, sweep.bases)) if path.exists()]
+        others += self.shards.path.glob("[0-9]*.csv")
+        file, own = self._settings_file, self._settings_by_option
         if not file.exists():
             if others:
                 missing = f"'{file}', which every sweep has, does not exist"
                 raise OutputError(f"refusing to overwrite '{others[0]}': {missing}")
             return
-        found = parse_toml(read_regular(file).decode(errors="replace"), f"'{file}'")
-        if found.keys() != own.keys():
-            raise OutputError(f"'{file}' is damaged: restore it, or choose another -o")
+        content, found = read_regular(file), None
+        with suppress(ValueError, RecursionError):
+            found = json.loads(content)
+        if not isinstance(found, dict) or found.keys() != own.keys():
+            raise OutputError(
+                f"'{file}' does not hold the settings of a sweep: restore it, or choose another -o"
+            )
         differing = [_option(name, value) for name, value in found.items() if value != own[name]]
         if differing:
             raise OutputError(f"'{file}' is of a sweep with {' and '.join(differing)}: choose another -o")
