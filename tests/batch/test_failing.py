@@ -1,5 +1,6 @@
 """Scenes of a batch that fail, batches that are interrupted or refused: the other scenes go on."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from mixed import STEPS, Alone, of_step
 from same_bits import contents
 
-from warpgrains import Batch, Scene, Simulation, SimulationError, State
+from warpgrains import Batch, InputError, Scene, Simulation, SimulationError, State
 from warpgrains.batch import resident
 from warpgrains.solver import sizes
 from warpgrains.solver.statistics import RunStatistics
@@ -111,6 +112,14 @@ def test_an_interrupted_run_leaves_every_scene_between_two_steps(
     list(batch._sets.advance(left, lambda _: None))
     for k, (state, _, _) in enumerate(expected):
         assert contents(batch.state(k)) == contents(state)
+
+
+def test_a_batch_whose_extra_is_missing_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """When it is built, not in its first step."""
+    monkeypatch.setitem(sys.modules, "warpgrains.solver.exact", None)
+    scene = Scene.load("annulus")
+    with pytest.raises(InputError, match="method 'exact' needs"):
+        Batch([scene, scene.replace(method="exact")])
 
 
 def test_a_scene_larger_than_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,7 +34,7 @@ class TestResults:
         assert [list(row) for row in table(done / "timing.csv")] == [["run", "seconds"]] * 6
 
     def test_short_runs_are_few_files(self, done):
-        tables = ["results.csv", "runs", "scenes", "timing.csv"]
+        tables = ["results.csv", "runs", "scenes", "settings.json", "timing.csv"]
         assert sorted(path.name for path in done.iterdir()) == ["parts", *tables]
         assert sorted(path.name for path in (done / "runs").iterdir()) == ["00002", "00003"]  # which failed
         (part,) = (done / "parts").glob("[0-9]*.csv")
@@ -110,8 +110,8 @@ class TestResults:
         )
         sweep, out = Sweep.load(write(tmp_path, text)), tmp_path / "out"
         folder = SweepFolder(out, sweep.axes, RunSettings())
-        folder.enter(sweep, sweep.runs, False)
-        folder.prepare(sweep)
+        folder.create_or_check(sweep, sweep.runs, False)
+        folder.write_common_files(sweep)
         execution = ExecutionOptions(folders=bool(options))
         assert finish_runs(folder, sweep.runs, execution, lambda _: None) == {}
         assert "step 20" in folder.write_tables(sweep).failed[0]
@@ -229,8 +229,8 @@ class TestResults:
         monkeypatch.chdir(tmp_path)
         sweep = Sweep.load("sweep.toml")
         folder = SweepFolder(tmp_path / "out", sweep.axes, RunSettings())
-        folder.enter(sweep, sweep.runs, False)
-        folder.prepare(sweep)
+        folder.create_or_check(sweep, sweep.runs, False)
+        folder.write_common_files(sweep)
         content = pickle.dumps((folder, sweep.runs))
         (tmp_path / "a.npz").unlink()
         monkeypatch.chdir("/")

@@ -13,7 +13,7 @@ class FakeRunner:
     def __init__(self, grains):
         self.grains, self.time, self.sizes = grains, 0.0, []
 
-    def begin(self, points):
+    def prepare(self, points):
         return len(points)
 
     def carry_out(self, size):

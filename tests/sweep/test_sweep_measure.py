@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from sweeps import batch, results, table, write
 
 from warpgrains import Scene, Simulation, analysis
+from warpgrains.analysis.quantities import names_of
 from warpgrains.sweep.plot import SweepPlot
 
 MEASURED = ("--measure", "energy,coordination,largest_force")
@@ -90,7 +91,8 @@ def test_what_measures_otherwise_is_refused(tmp_path, measured, followed, capfd)
         out = tmp_path / name
         shutil.copytree(done, out)
         assert batch(write(tmp_path), "-o", out, "--resume") == 2
-        assert "another scene, --measure or --until: choose another -o" in capfd.readouterr().err
+        names = ",".join(names_of(MEASURED[1].split(",")))
+        assert f"is of a sweep with --measure {names}: choose another -o" in capfd.readouterr().err
         assert results(out) == results(done)
         assert batch(write(tmp_path), "-o", out, "--resume", *MEASURED) == 1
         assert results(out) == results(done)

@@ -10,18 +10,20 @@ import pytest
 from sweeps import LONG, SMALL, batch, results, table, write
 from trimmed import trimmed
 
-from warpgrains import Recording, SimulationError
+from warpgrains import Recording, Scene, SimulationError
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
-from warpgrains.sweep import execution, runner, short, sweep_folder
+from warpgrains.sweep import execution, run_folder, runner, short, sweep_folder
 from warpgrains.sweep.run_folder import RunFolder
+from warpgrains.sweep.sweep import Sweep
 
 DRIVER = """
 import sys
 from warpgrains.cli.main import main
 from warpgrains.sweep import long, runner, short
-short.SHORT, short.WIDTH, runner.FIRST_WIDTH, long.WIDTH, long.SLICE = {short}, {width}, {width}, 4, 0.02
+short.SHORT, short.WIDTH, runner.FIRST_WIDTH = {short}, {width}, {width}
+long.LEAST_WIDTH, long.WIDTH, long.SLICE = 4, 4, 0.02
 long.BETWEEN_CHECKPOINTS = 0.5 if "--usd" in sys.argv else 0.05
 sys.exit(main(sys.argv[1:]))
 """
@@ -159,6 +161,22 @@ def test_a_folder_of_the_name_of_a_shipped_scene_is_no_scene(tmp_path, monkeypat
     assert len(table(tmp_path / "annulus" / "results.csv")) == 6
 
 
+def test_results_next_to_scenes_are_no_scenes(tmp_path):
+    """A folder of scenes may be its own output."""
+    for name in "ab":
+        (tmp_path / f"{name}.toml").write_text(Scene.load("annulus", ["time.duration=0.1"]).text)
+    for again in ([], ["--resume"]):
+        assert batch(tmp_path, "-o", tmp_path, *again) == 0
+        assert [row["scene"] for row in table(tmp_path / "results.csv")] == ["a", "b"]
+
+
+def test_results_in_a_folder_of_the_name_of_a_shipped_sweep(tmp_path, done, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shipped = len(Sweep.load("iterations").runs)
+    shutil.copytree(done, tmp_path / "iterations")
+    assert len(Sweep.load("iterations").runs) == shipped
+
+
 def test_a_folder_that_cannot_be_used_leaves_its_run_alone(tmp_path, monkeypatch, capfd):
     """Also if the run gets it after its time as a short run."""
     sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]"))
@@ -196,6 +214,38 @@ def test_a_folder_that_another_process_has_begun_keeps_its_outputs(tmp_path, sli
     assert batch(sweep, "-o", out, "--resume") == 0
     assert results(out) == results(tmp_path / "undisturbed")
     assert [len(Recording(path)) for path in sorted(out.glob("runs/*/recording.usdc"))] == [41] * 12
+
+
+@pytest.mark.parametrize("options", [["--usd"], []])
+def test_frames_without_a_checkpoint_are_not_kept(tmp_path, done, monkeypatch, options):
+    """Those of a process that ended between the first frame and the first checkpoint."""
+    sweep, out = write(tmp_path), tmp_path / "out"
+
+    def fail(*_):
+        raise OSError("killed")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(run_folder, "write_checkpoint", fail)
+        batch(sweep, "-o", out, "--usd")
+    assert list(out.rglob("*.frames"))
+    assert not list(out.rglob("*.npz"))
+    assert batch(sweep, "-o", out, "--resume", *options) == 1
+    assert results(out) == results(done)
+    assert not list(out.rglob("*.frames"))
+    assert len(list(out.rglob("*.usdc"))) == (4 if options else 0)
+
+
+def test_warp_is_not_started_if_no_run_is_left(tmp_path, done):
+    shutil.copytree(done, tmp_path / "out")
+    script = (
+        "import sys\n"
+        "from warpgrains.cli.main import main\n"
+        "assert main(sys.argv[1:]) == 1\n"
+        "assert 'warp' not in sys.modules\n"
+    )
+    arguments = ["batch", write(tmp_path), "-o", tmp_path / "out", "--resume"]
+    subprocess.run([sys.executable, "-c", script, *arguments], check=True, timeout=60)
+    assert results(tmp_path / "out") == results(done)
 
 
 def test_longer_sweep_goes_on(tmp_path, done):

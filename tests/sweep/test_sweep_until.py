@@ -63,7 +63,7 @@ def test_summary_counts_runs_that_move_still(tmp_path, ended, capfd):
 def test_another_end_is_refused(tmp_path, ended, capfd):
     shutil.copytree(ended, tmp_path / "out")
     assert batch(write(tmp_path, SWEEP), "-o", tmp_path / "out", "--resume") == 2
-    assert "another scene, --measure or --until: choose another -o" in capfd.readouterr().err
+    assert f"is of a sweep with --until {UNTIL[1]}: choose another -o" in capfd.readouterr().err
     assert results(tmp_path / "out") == results(ended)
 
 

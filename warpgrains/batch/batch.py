@@ -19,6 +19,7 @@ from warpgrains.shown import Shown
 from warpgrains.simulation.options import steps_of
 from warpgrains.simulation.until import CountedRun, Question, criterion
 from warpgrains.solver.advance import OnProgress
+from warpgrains.solver.service import exact_solver
 from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.threads import cores
 from warpgrains.turns import ExclusiveUse
@@ -124,6 +125,8 @@ class Batch(Shown):
         if threads is not None:
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
+        for method in {scene.method for scene in self.scenes}:
+            exact_solver(method)  # raises InputError now, and not in the first step, if its extra is missing
         self._sets = ResidentSets(self.scenes, self._device, cores() if threads is None else threads)
         self._stepped: dict[int, SetSteps] = {}  # in which scenes took their last steps
         self._restored: dict[int, StepReport | None] = {}

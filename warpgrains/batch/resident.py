@@ -24,7 +24,6 @@ from warpgrains.solver.engine import Engine
 from warpgrains.solver.final_states import FinalStates
 from warpgrains.solver.memory import free_memory, require_memory
 from warpgrains.solver.present import PresentState
-from warpgrains.solver.service import exact_solver
 from warpgrains.solver.sizes import Counts, Sizes, kind_of
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import paying_threads
@@ -82,8 +81,6 @@ class ResidentSets:
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
-        for method in {scene.method for scene in scenes}:
-            exact_solver(method)
         self._scenes, self._device, self._threads = scenes, device, threads
         self._teams = [team_size(scene, device, threads) for scene in scenes]
         self._sets = self._divide()

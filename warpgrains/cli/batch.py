@@ -48,7 +48,7 @@ def run(arguments: Namespace) -> bool:
         plot.require_columns(folder.columns)
     share = _share(sweep, arguments)
     start = perf_counter()
-    folder.enter(sweep, share, arguments.resume)
+    folder.create_or_check(sweep, share, arguments.resume)
     left = folder.unfinished(share)
     try:
         with (
@@ -126,16 +126,19 @@ def _finish(
     arguments: Namespace,
 ) -> dict[int, str]:
     """Finish the remaining runs, here or on a cluster; return why some are unfinished, by their numbers."""
+    if not left:
+        folder.write_common_files(sweep)
+        return {}
     if arguments.scheduler is None and arguments.slurm is None:
         find_device(execution.device)  # starts Warp, which `runner` imports
         from warpgrains.sweep.runner import finish_runs
 
-        folder.prepare(sweep)
+        folder.write_common_files(sweep)
         return finish_runs(folder, left, execution, on_progress)
     from warpgrains.sweep.cluster import connected, finish_on_cluster
 
     with connected(arguments.scheduler, arguments.slurm) as client:
-        folder.prepare(sweep)
+        folder.write_common_files(sweep)
         return finish_on_cluster(folder, left, execution, on_progress, client)
 
 

@@ -6,14 +6,16 @@ Checkpoints at intervals and at the end let a killed process lose little.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from math import inf
 from time import perf_counter
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
+from warpgrains.analysis.quantities import require_quantities
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import InputError, MissingExtraError, OutputError, SimulationError
+from warpgrains.frame_log import log_of
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.run import OpenRun
@@ -38,7 +40,7 @@ class LongRun(OpenRun):
     """A run with a folder in execution. No other process executes it, because its folder is locked."""
 
     def __init__(self, folder: RunFolder, start: Checkpoint, is_resumed: bool):
-        assert start.options is not None  # `RunFolder.begin` returns them
+        assert start.options is not None  # `RunFolder.start_or_checkpoint` returns them
         of_start = start.scene, start.options, start.statistics, start.first_step
         super().__init__(*of_start, is_resumed=is_resumed, is_locked=True)
         self.folder, self.saved = folder, start.state  # that of the last checkpoint, if there is one
@@ -47,8 +49,8 @@ class LongRun(OpenRun):
 
     @classmethod
     @contextmanager
-    def begun(cls, folder: RunFolder, execution: ExecutionOptions) -> Iterator[Self | None]:
-        """Lock a run and open its outputs. Yield None if it cannot begin, which is then its result.
+    def locked(cls, folder: RunFolder, execution: ExecutionOptions) -> Iterator[Self | None]:
+        """Lock a run and open its outputs. Yield None if it cannot continue, the reason being its result.
 
         Raises
         ------
@@ -62,7 +64,13 @@ class LongRun(OpenRun):
         with folder.lock():
             run = None
             try:
-                run = cls(folder, *folder.begin(execution))
+                start, is_resumed = folder.start_or_checkpoint(execution)
+                require_quantities(folder.settings.measured, start.scene)
+                if not is_resumed:
+                    # A process ended after its first frame and before its first checkpoint. The run starts
+                    # again and records the same frames, if it is recorded.
+                    log_of(folder.recording).unlink(missing_ok=True)
+                run = cls(folder, start, is_resumed)
                 exact_solver(run.scene.method)
                 run._outputs.enter_context(run.opened())
             except (OutputError, MissingExtraError):
@@ -97,9 +105,10 @@ class LongRun(OpenRun):
 
     def complete(self) -> str | None:
         """Complete the recording, or discard one without frames; return the reason if that fails."""
-        failed = None if self.statistics.frames else self.error
         try:
-            self._outputs.__exit__(None if failed is None else type(failed), failed, None)
+            with suppress(SimulationError), self._outputs:
+                if self.error is not None and self.statistics.frames == 0:
+                    raise self.error  # an error discards a recording without frames
         except OSError as error:
             return str(error)
         return None
@@ -109,7 +118,7 @@ class LongRun(OpenRun):
         if self.error is None:
             assert self.saved.steps == self.first_step + self.statistics.steps, "an earlier checkpoint"
             end = snapshot(self.scene, self.saved)
-            self.folder.finish(result(end, self.statistics, self.folder.columns))
+            self.folder.finish(result(end, self.statistics, self.folder.value_columns))
         else:
             self.folder.fail(str(self.error), self.statistics.seconds)
 
@@ -119,16 +128,18 @@ class LongGroup(NamedTuple):
 
     runs: list[LongRun]
     held: ExitStack
-    """The runs as contexts, see `LongRun.begun`."""
+    """The runs as contexts, see `LongRun.locked`."""
 
 
 class LongRunner:
-    """Runner for runs with a folder each. It locks them from `begin` to their ends.
+    """Runner for runs with a folder each. It locks them from `prepare` to their ends.
 
     Parameters
     ----------
     folder, execution, on_progress
         As for `finish_runs`.
+    held
+        Contexts that end after the last group: those of groups that are prepared and not carried out.
 
     Attributes
     ----------
@@ -136,25 +147,20 @@ class LongRunner:
         Reasons why runs are unfinished, by their numbers.
     """
 
-    def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction):
+    def __init__(
+        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction, held: ExitStack
+    ):
         self.reasons: dict[int, str] = {}
-        self._folder, self._execution, self._on_progress = folder, execution, on_progress
+        self._folder, self._execution, self._on_progress, self._held = folder, execution, on_progress, held
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
-        self.narrowest, self.widest = min(LEAST_WIDTH, WIDTH), WIDTH
-        self._held = ExitStack()
+        self.narrowest, self.widest = LEAST_WIDTH, WIDTH
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._held.__exit__(*error)
-
-    def begin(self, chosen: list[Run]) -> LongGroup:
+    def prepare(self, chosen: list[Run]) -> LongGroup:
         """Return the runs that can continue."""
         group = LongGroup([], self._held.enter_context(ExitStack()))
         for one in chosen:
             try:
-                run = group.held.enter_context(LongRun.begun(self._folder.of(one), self._execution))
+                run = group.held.enter_context(LongRun.locked(self._folder.of(one), self._execution))
             except (OutputError, MissingExtraError, OSError) as error:
                 self.reasons[one.number] = str(error)
             else:

@@ -4,6 +4,9 @@ The first columns are labels: the number of the run, the scene, and its value on
 of `COLUMNS` follow, and before the last of them, `error`, the measured quantities. All these do not depend on
 when, where and with how many interruptions the run is done. The last column is `seconds`, the time for
 the steps of the run and for completing its recording. The table of all results omits it.
+
+`results` finds all columns of finished runs, from their `FinalStates`. Those of short runs are arrays of
+thousands of runs in memory (`SetSteps.ended`), that of a long run is made of its last state (`result`).
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -14,10 +14,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from warpgrains.analysis.quantities import require_quantities
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import Row, csv_line, read_regular, read_table, table_text, write_atomically
-from warpgrains.frame_log import log_of
 from warpgrains.locks import Lock
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.scene import Scene
@@ -48,13 +46,13 @@ class RunFolder:
     ----------
     number : int
         Of the run.
-    columns : list of str
+    value_columns : list of str
         Columns of its result after the labels, without the seconds.
     """
 
     def __init__(self, path: Path, run: Run, settings: RunSettings):
-        self.path, self.number, self._settings, self._run = path, run.number, settings, run
-        self.columns = value_columns(settings)
+        self.path, self.number, self.settings, self._run = path, run.number, settings, run
+        self.value_columns = value_columns(settings)
         self.scene_file, self.checkpoint = path / "scene.toml", path / "checkpoint.npz"
         self.recording, self.series = path / "recording.usdc", path / "series.csv"
         self.result = path / RESULT
@@ -99,7 +97,9 @@ class RunFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         return Lock(self.checkpoint)
 
-    def begin(self, execution: ExecutionOptions, scene: Scene | None = None) -> tuple[Checkpoint, bool]:
+    def start_or_checkpoint(
+        self, execution: ExecutionOptions, scene: Scene | None = None
+    ) -> tuple[Checkpoint, bool]:
         """Return the start of the locked run, or its checkpoint; and whether it is resumed from that.
 
         `execution` determines the outputs of a new run, whose scene is read unless it is given. A resumed run
@@ -108,8 +108,8 @@ class RunFolder:
         Raises
         ------
         InputError
-            The scene is invalid or cannot have a measured quantity, or the checkpoint is damaged. It is an
-            `OutputError` if the run is finished or the folder belongs to another run.
+            The scene is invalid, or the checkpoint is damaged. It is an `OutputError` if the run is finished
+            or the folder belongs to another run.
         """
         self.require_this_sweep()
         self._require_intact()
@@ -117,7 +117,6 @@ class RunFolder:
             raise OutputError("another process has finished it")
         is_resumed = self.checkpoint.exists()
         start = self._read_checkpoint() if is_resumed else self._start(execution, scene or self._scene())
-        require_quantities(self._settings.measured, start.scene)
         return start, is_resumed
 
     def _scene(self) -> Scene:
@@ -128,16 +127,15 @@ class RunFolder:
         scene = scene.with_settings(name=self.labels["scene"], text=self._text.decode())
         wanted: dict[str, Any] = {}
         if execution.fps is not None:
-            log_of(self.recording).unlink(missing_ok=True)
             wanted = {"record": str(self.recording), "fps": execution.fps}
         if execution.measure_every is not None:
             wanted |= {
-                "measure": ",".join(self._settings.measured),
+                "measure": ",".join(self.settings.measured),
                 "measure_every": execution.measure_every,
                 "series": str(self.series),
             }
         options = RunOptions(
-            steps=scene.steps, checkpoint=str(self.checkpoint), until=self._settings.until, **wanted
+            steps=scene.steps, checkpoint=str(self.checkpoint), until=self.settings.until, **wanted
         )
         return Checkpoint(scene, first_state(scene), options, RunStatistics())
 
@@ -145,7 +143,7 @@ class RunFolder:
         """Return the checkpoint of this run; file names that it contains are ignored."""
         kept = read_checkpoint(self.checkpoint)
         options = kept.options
-        own = (self._text.decode(), self._settings.until, kept.scene.steps)
+        own = (self._text.decode(), self.settings.until, kept.scene.steps)
         if options is None or (kept.scene.text, options.until, options.steps) != own:
             raise InputError(f"checkpoint '{self.checkpoint}' is of another run: {HOW_TO_REPEAT}")
         record = None if options.record is None else str(self.recording)
@@ -161,13 +159,13 @@ class RunFolder:
     def finish(self, values: RunResult) -> None:
         """Save the result of the run, which is finished from then on."""
         self._write_scene()
-        names = (*self.columns, SECONDS)
+        names = (*self.value_columns, SECONDS)
         row = self.labels | dict(zip(names, values, strict=True))
         write_atomically(self.result, table_text([row]).encode())
 
     def fail(self, reason: str, seconds: float = 0.0) -> None:
         """Save a failure as the result of the run, which is finished from then on."""
-        self.finish(failure(reason, self.columns, seconds))
+        self.finish(failure(reason, self.value_columns, seconds))
 
     def line(self) -> bytes:
         """Return the line of the run's result.
@@ -175,9 +173,9 @@ class RunFolder:
         If it cannot be read, the result is a failure for this reason.
         """
         try:
-            return csv_line(require_result(read_table(self.result), self.labels, self.columns).values())
+            return csv_line(require_result(read_table(self.result), self.labels, self.value_columns).values())
         except InputError:
-            lost = failure(f"{RESULT} is damaged: {HOW_TO_REPEAT}", self.columns)
+            lost = failure(f"{RESULT} is damaged: {HOW_TO_REPEAT}", self.value_columns)
             return csv_line([*self.labels.values(), *lost])
 
     def _write_scene(self) -> None:

@@ -39,7 +39,7 @@ class Runner(Protocol[Group]):
     def widest(self) -> int:
         """Largest number of runs in a group."""
 
-    def begin(self, runs: list[Run]) -> Group:
+    def prepare(self, runs: list[Run]) -> Group:
         """Prepare a group. Another thread calls it while the previous group is advanced."""
 
     def carry_out(self, group: Group) -> int:
@@ -65,12 +65,12 @@ def finish_runs(
         A file cannot be written.
     """
     reasons: dict[int, str] = {}
-    with ExitStack() as ended:
+    with ExitStack() as held:
         if not execution.needs_folders:
-            short = ended.enter_context(ShortRunner(folder, execution, on_progress))
+            short = held.enter_context(ShortRunner(folder, execution, on_progress))
             _in_groups(short, runs)
             reasons, runs = short.reasons, short.longer
-        long = ended.enter_context(LongRunner(folder, execution, on_progress))
+        long = LongRunner(folder, execution, on_progress, held)
         _in_groups(long, runs)
     return reasons | long.reasons
 
@@ -83,16 +83,16 @@ def _in_groups(runner: Runner[Group], runs: Iterable[Run]) -> None:
     waiting = iter(runs)
     with ThreadPoolExecutor(1) as ahead:
 
-        def begin_next(width: int) -> tuple[int, Future[Group]] | None:
+        def prepare_next(width: int) -> tuple[int, Future[Group]] | None:
             chunk = list(islice(waiting, width))
-            return (len(chunk), ahead.submit(runner.begin, chunk)) if chunk else None
+            return (len(chunk), ahead.submit(runner.prepare, chunk)) if chunk else None
 
         width = FIRST_WIDTH
-        following = begin_next(width)
+        following = prepare_next(width)
         while following is not None:
             size, future = following
             group = future.result()
-            following, start = begin_next(width), perf_counter()
+            following, start = prepare_next(width), perf_counter()
             grains = runner.carry_out(group)
             most = min(runner.widest, MOST_GRAINS * size // max(1, grains))
             width = next_size(size, perf_counter() - start, GROUP, most, runner.narrowest)

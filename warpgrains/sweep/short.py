@@ -1,4 +1,4 @@
-"""Short runs: executed in large groups, without folders and locks for single runs.
+"""Short runs: executed in large groups, without a folder and a lock file for each run.
 
 The results of a group are one shard. It is written before the next group is advanced, and so are checkpoints
 of runs that take longer. So a killed process loses one group only.
@@ -58,8 +58,8 @@ class ShortRunner:
     """Runner for the short runs of a sweep.
 
     It leaves a run that has a folder already, takes longer than `SHORT`, fails, has a label of several lines,
-    or a scene that is invalid or without a measured quantity, does not fit in memory, or is so large that
-    several threads share it.
+    or a scene that is invalid or without a measured quantity, needs an extra that is missing, does not fit in
+    memory, or is so large that several threads share it.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class ShortRunner:
     def __exit__(self, *_: object) -> None:
         self._locks.close()  # also of the runs that have continued with a folder
 
-    def begin(self, chosen: list[Run]) -> ShortGroup:
+    def prepare(self, chosen: list[Run]) -> ShortGroup:
         """Load the scenes of runs into memory."""
         runs = [short for run in self._available(chosen) if (short := self._short(run)) is not None]
         sets = None
@@ -105,9 +105,9 @@ class ShortRunner:
 
     def _available(self, runs: list[Run]) -> list[Run]:
         """Return the runs without a folder that no other process has locked or finished."""
-        begun = self._folder.begun()
-        self.longer += [run for run in runs if run.number in begun]
-        runs = [run for run in runs if run.number not in begun]
+        with_folders = self._folder.with_folders()
+        self.longer += [run for run in runs if run.number in with_folders]
+        runs = [run for run in runs if run.number not in with_folders]
         free = set(self._locks.acquire(run.number for run in runs))
         self._folder.shards.refresh(free)
         free -= self._folder.shards.lines.keys()
@@ -196,7 +196,7 @@ class ShortRunner:
         with ExitStack() as held:
             try:
                 held.enter_context(folder.lock())
-                start, is_resumed = folder.begin(self._execution, short.scene)
+                start, is_resumed = folder.start_or_checkpoint(self._execution, short.scene)
             except (InputError, OSError):
                 return  # `LongRunner` finds the same, and decides what it means for the run
             if not is_resumed:

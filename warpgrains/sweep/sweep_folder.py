@@ -2,6 +2,7 @@
 
 ================== ==========================================================================================
 results.csv        the results of all runs that are finished; timing.csv, how long they took
+settings.json      the settings of all runs, see `RunSettings`
 scenes/NAME.toml   the common part of the runs of a scene; their values on the axes are in their results
 parts/             results of runs without a folder, see `ResultShards`
 runs/00042/        the folder of a run, if it needs one, see `ExecutionOptions.needs_folders`
@@ -9,8 +10,10 @@ grains/            copies of files of grains
 ================== ==========================================================================================
 """
 
+import json
 import os
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -64,7 +67,7 @@ class SweepFolder:
         self.columns = ["run", "scene", *axes, *value_columns(settings)]
         self.results, self.timing = path / RESULTS, path / "timing.csv"
         self.shards = ResultShards(path / "parts", [*self.columns, SECONDS])
-        self._runs = path / "runs"
+        self._runs, self._settings_file = path / "runs", path / "settings.json"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.path, self._axes, self.settings)
@@ -76,66 +79,83 @@ class SweepFolder:
     def _of(self, number: int) -> Path:
         return self._runs / f"{number:05}"
 
-    def prepare(self, sweep: Sweep) -> None:
-        """Write the common part of the runs, unless it exists, see `enter`."""
+    def write_common_files(self, sweep: Sweep) -> None:
+        """Write the files that all runs have in common, unless they exist. The settings come first."""
+        _write_if_missing(self._settings_file, f"{json.dumps(self._settings_by_option)}\n".encode())
         for base in sweep.bases:
-            files = {self._scene_file(base): self._common(base)}
+            _write_if_missing(self._scene_file(base), base.text.encode())
             for source, copy in base.grain_files.values():
-                files[self.path / GRAINS / copy] = source.read_bytes()
-            for path, content in files.items():
-                if not path.exists():
-                    path.parent.mkdir(parents=True, exist_ok=True)
-                    write_atomically(path, content, writer())
+                _write_if_missing(self.path / GRAINS / copy, source.read_bytes())
 
     def _scene_file(self, base: BaseScene) -> Path:
         return self.path / "scenes" / f"{base.name}.toml"
 
-    def _common(self, base: BaseScene) -> bytes:
-        """Return the content of the file with the common part of the runs of a scene."""
-        measured, until = self.settings
-        head = "" if until is None else f"# Its runs end earlier, at {until}\n"
-        head += f"# Its runs are measured: {','.join(measured)}\n" if measured else ""
-        return f"{head}{base.text}".encode()
+    @property
+    def _settings_by_option(self) -> dict[str, Any]:
+        """Content of the file of the settings, which is no TOML: in a folder, that would be a scene."""
+        return {"measure": list(self.settings.measured), "until": self.settings.until}
 
-    def enter(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
-        """Create the folder, or admit a share of the runs to it; rename its damaged shards.
+    def create_or_check(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
+        """Create the folder, or check that a share of the runs may continue in it; rename damaged shards.
 
         Raises
         ------
         InputError
-            Some runs have begun although `resume` is False. It is an `OutputError` if the folder belongs to
-            another sweep.
+            `resume` is False, and some runs of the share have results or folders. It is an `OutputError` if
+            the folder belongs to another sweep.
         """
         make_folder(self.path)
-        if self.results.exists() and not (self.path / "scenes").exists():
-            raise OutputError(f"refusing to overwrite '{self.results}': not the results of a sweep")
+        self._require_same_settings(sweep)
         for base in sweep.bases:
             scene = self._scene_file(base)
-            if scene.exists() and read_regular(scene) != self._common(base):
-                raise OutputError(
-                    f"'{scene}' is of a sweep with another scene, --measure or --until: choose another -o"
-                )
+            if scene.exists() and read_regular(scene) != base.text.encode():
+                raise OutputError(f"'{scene}' is of a sweep with another scene: choose another -o")
         self.shards.refresh(range(len(sweep.runs)))
         self.shards.set_damaged_aside()
         for run in sweep.runs:
             if run.number in self.shards.lines:
                 self.shards.require_this_run(run.number, run.labels())
-        begun = self.begun()
+        with_folders = self.with_folders()
         for run in share:
             if run.number in self.shards.lines and not resume:
                 raise InputError(f"'{self.path}' has results: {HOW_TO_CONTINUE}")
-            if run.number in begun:
+            if run.number in with_folders:
                 folder = self.of(run)
                 if folder.scene_file.exists() and not resume:
                     raise InputError(f"'{folder.path}' exists: {HOW_TO_CONTINUE}")
                 folder.require_this_sweep()
 
+    def _require_same_settings(self, sweep: Sweep) -> None:
+        """Raise OutputError if the settings in the folder differ, or are missing next to its other files.
+
+        `write_common_files` writes the settings first. They are searched last, so that those that another
+        process has just written are found.
+        """
+        others = [path for path in (self.results, *map(self._scene_file, sweep.bases)) if path.exists()]
+        others += self.shards.path.glob("[0-9]*.csv")
+        file, own = self._settings_file, self._settings_by_option
+        if not file.exists():
+            if others:
+                missing = f"'{file}', which every sweep has, does not exist"
+                raise OutputError(f"refusing to overwrite '{others[0]}': {missing}")
+            return
+        content, found = read_regular(file), None
+        with suppress(ValueError, RecursionError):
+            found = json.loads(content)
+        if not isinstance(found, dict) or found.keys() != own.keys():
+            raise OutputError(
+                f"'{file}' does not hold the settings of a sweep: restore it, or choose another -o"
+            )
+        differing = [_option(name, value) for name, value in found.items() if value != own[name]]
+        if differing:
+            raise OutputError(f"'{file}' is of a sweep with {' and '.join(differing)}: choose another -o")
+
     def unfinished(self, runs: Sequence[Run]) -> list[Run]:
         """Return those of some runs that have no result."""
-        finished = self.finished(runs)
-        return [run for run in runs if run.number not in finished]
+        in_folders, in_shards = self._finished(runs)
+        return [run for run in runs if run.number not in in_folders and run.number not in in_shards]
 
-    def begun(self) -> set[int]:
+    def with_folders(self) -> set[int]:
         """Return the numbers of the runs that have a folder."""
         try:
             with os.scandir(self._runs) as entries:
@@ -143,15 +163,15 @@ class SweepFolder:
         except FileNotFoundError:
             return set()
 
-    def finished(self, runs: Sequence[Run]) -> set[int]:
-        """Return the numbers of those of some runs that have a result, also of a failure."""
-        return set().union(*self._finished(runs))
-
     def _finished(self, runs: Sequence[Run]) -> tuple[set[int], set[int]]:
-        """Return the numbers of those of some runs that have a result in a folder, and in a shard."""
+        """Return the numbers of those of some runs that have a result in a folder, and in a shard.
+
+        A failure is a result, too.
+        """
         numbers = {run.number for run in runs}
         self.shards.refresh(numbers)
-        in_folders = {number for number in numbers & self.begun() if (self._of(number) / RESULT).exists()}
+        candidates = numbers & self.with_folders()
+        in_folders = {number for number in candidates if (self._of(number) / RESULT).exists()}
         return in_folders, numbers & self.shards.lines.keys()
 
     def write_tables(self, sweep: Sweep) -> Outcomes:
@@ -160,9 +180,9 @@ class SweepFolder:
         If more runs have finished during the writing, the tables are written again. So if several processes
         share a sweep, the last tables are complete, and no process waits for another one.
         """
-        found = self._finished(sweep.runs)
+        in_folders, in_shards = self._finished(sweep.runs)
         while True:
-            in_folders, finished = found[0], set().union(*found)
+            finished = in_folders | in_shards
             if not finished:
                 return Outcomes(finished, {}, set(), None if self.settings.until is None else set())
             results, timing = [csv_line(self.columns)], [csv_line(["run", SECONDS])]
@@ -175,8 +195,8 @@ class SweepFolder:
                     timing.append(b"%d,%b" % (run.number, seconds))
             _write(self.results, results)
             _write(self.timing, timing)
-            found = self._finished(sweep.runs)
-            if set().union(*found) == finished:
+            in_folders, in_shards = self._finished(sweep.runs)
+            if in_folders | in_shards == finished:
                 return self._outcomes(finished, results)
 
     def _outcomes(self, finished: set[int], results: list[bytes]) -> Outcomes:
@@ -192,6 +212,18 @@ class SweepFolder:
 
         unconverged = set(numbers) - errors.keys() - good("unconverged", "0", "")
         return Outcomes(finished, errors, unconverged, good(MET, "0") if met else None)
+
+
+def _option(name: str, value: Any) -> str:
+    """Return the option of the command line that gives a setting."""
+    text = ",".join(map(str, value)) if isinstance(value, list) else value
+    return f"--{name} {text or 'none'}"
+
+
+def _write_if_missing(path: Path, content: bytes) -> None:
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, content, writer())
 
 
 def _write(table: Path, lines: Iterable[bytes]) -> None:
