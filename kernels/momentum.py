@@ -1,7 +1,7 @@
 """Restart, monotone safeguard and extrapolation between two accelerated sweeps (accelerated.py).
 
 Momentum stops when it points up the gradient (O'Donoghue and Candes 2015), but t is only halved: the speed is
-gone, the friction stays low, and the next run is soon as fast (Liang, Luo and Schoenlieb 2022). A sweep that
+gone, the damping stays low, and the next run is soon as fast (Liang, Luo and Schoenlieb 2022). A sweep that
 does not make good what going on to y has cost in phi is rejected, which stops momentum as well; so phi falls
 from sweep to sweep. Over-relaxation is what most often raises it, and is worn down each time.
 
@@ -46,7 +46,7 @@ def mass_in_phi(s: Scene, i: int) -> f64:
 
 @wp.func
 def take_t_on(s: Scene, zeta: f64):
-    """Choose t and beta of the next sweep (eq. 13), near the end with more friction."""
+    """Choose t and beta of the next sweep (eq. 13), near the end with more damping."""
     sweeps = s.step.iterations + 1
     tolerance = s.stopping.tolerance
     if sweeps == 1:

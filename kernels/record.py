@@ -1,7 +1,7 @@
 """A scene as a record: its arrays, the numbers of a step, and parameters.
 
 The numbers change while a kernel runs, as the contents of the arrays do; lengths and parameters do not, but
-for those that follow from the time or from driven walls: `gravity`, the velocities belong to which time
+for those that follow from the time or from driven walls: `gravity`, the times to which velocities belong
 (`TimeScheme`), the speed of the outer circle in `walls.surface`, and its radius in `walls.annulus`, which is
 the coordinate of the wall's body as well (driven.py).
 """

@@ -1,5 +1,6 @@
 """An interrupt reaches a long step, and leaves the last good state."""
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -16,8 +17,9 @@ import pytest
 from same_bits import contents
 
 from warpgrains import Batch, Scene, Simulation
+from warpgrains.kernels.record import Phase
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.solver import engine, threads
+from warpgrains.solver import engine, sizes, threads
 from warpgrains.solver.threads import run_threads
 
 ENDLESS = {"tolerance": 0.0, "max_iterations": 2_000_000_000}
@@ -47,6 +49,43 @@ def test_one_endless_step(method: str, threads: int) -> None:
     expected = Simulation(Scene.load("polydisperse"), method=method)
     expected.run(steps=61)
     assert np.array_equal(started.velocity, expected.velocity)
+
+
+@pytest.mark.parametrize(
+    ("scene", "method", "phase"),
+    [("polydisperse", "gauss-seidel", Phase.FULL), ("column", "exact", Phase.CORRECTED)],
+)
+def test_a_step_that_has_been_served_is_finished_or_undone(
+    monkeypatch: pytest.MonkeyPatch, scene: str, method: str, phase: Phase
+) -> None:
+    """It has memory for its list, or is solved by the host, and then all steps are canceled."""
+    monkeypatch.setattr(sizes, "first_pairs", np.ones_like)
+    started = Simulation(scene, method=method, tolerance=1e-9)
+    started.advance(60)
+    state = dataclasses.replace(started.state(), lists=None)
+    service = engine.Engine.service
+    served: list[int] = []
+
+    def serve_and_cancel(self: engine.Engine) -> bool:
+        going_on = service(self)
+        if (self._records.host["control"]["phase"] == phase).any():
+            served.append(1)
+            self._cancel[0] = 1
+            return False
+        return going_on
+
+    canceled, whole = Simulation(started.scene), Simulation(started.scene)
+    for simulation in (canceled, whole):
+        simulation.restore(state)
+    with monkeypatch.context() as serving:
+        serving.setattr(engine.Engine, "service", serve_and_cancel)
+        canceled.advance(10)
+    assert served
+    whole.advance(canceled.steps - whole.steps)
+    assert contents(canceled.state()) == contents(whole.state())
+    for simulation in (canceled, whole):
+        simulation.advance(20)
+    assert np.array_equal(canceled.velocity, whole.velocity)
 
 
 def test_a_gpu_returns_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -286,6 +286,10 @@ class Engine:
         if self._cancel[0]:
             self._cancel[0] = 0
             self._records.host["control"]["cancelled"] = 0
+        if np.count_nonzero(self.left):  # a step may have been served, and not continued since
+            phase = self._records.host["control"]["phase"]
+            self._outcome[phase == Phase.FULL] = WITHOUT_ROOM
+            self._outcome[np.isin(phase, (Phase.CORRECTED, Phase.DECLINED))] = SLOW
         if np.count_nonzero(self._outcome):  # not all are solved
             self._solve_open_steps()
             for k in np.flatnonzero(np.isin(self._outcome, FAILURES)).tolist():
