@@ -4,6 +4,7 @@ A file appears under its name only when it is complete, so that a killed process
 """
 
 import csv
+import errno
 import io
 import os
 import re
@@ -18,6 +19,8 @@ from warpgrains.errors import InputError
 _NUMBER, _WORD = r"-\d+(?:\.\d+)?(?:e[+-]?\d+)?", r"[A-Za-z0-9][\w.+-]*"
 _PLAIN = re.compile(rf"(?:(?:{_WORD}|{_NUMBER})?(?:,|$))*", re.ASCII)
 """A line of cells without quotes or guards, as most lines are."""
+
+_WITHOUT_LINKS = (errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP)
 
 Row = dict[str, str]
 """A row of a table: the text of its cells by column."""
@@ -89,12 +92,30 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def publish(draft: Path, target: Path) -> None:
-    """Move the complete file `draft` to `target` on the same file system, and flush both to the disk."""
+def publish(draft: Path, target: Path, replace: bool = True) -> None:
+    """Move the complete file `draft` to `target` on the same file system, and flush both to the disk.
+
+    Without `replace`, an existing target stays, also one that another process makes at the same time, unless
+    the file system has no links.
+    """
     with naming(target, draft):
         sync(draft)
-        os.replace(draft, target)
+        if replace or not _is_linked(draft, target):
+            os.replace(draft, target)
         sync(target.parent)
+
+
+def _is_linked(draft: Path, target: Path) -> bool:
+    """Give a draft the name of the target as well, unless that exists; return False if there are no links."""
+    try:
+        os.link(draft, target)
+    except FileExistsError:
+        pass
+    except OSError as error:
+        if error.errno not in _WITHOUT_LINKS:
+            raise
+        return False
+    return True
 
 
 def draft_path(target: Path, writer: str = "") -> Path:
@@ -103,8 +124,8 @@ def draft_path(target: Path, writer: str = "") -> Path:
 
 
 @contextmanager
-def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
-    """Yield the path of a draft; after the block, the draft replaces `target`.
+def draft_of(target: Path, writer: str = "", replace: bool = True) -> Iterator[Path]:
+    """Yield the path of a draft; after the block, the draft replaces `target`, see `publish`.
 
     If several processes may write the same file at once, `writer` distinguishes their drafts.
 
@@ -118,20 +139,22 @@ def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
     try:
         with naming(target, draft):
             yield draft
-        publish(draft, target)
+        publish(draft, target, replace)
     finally:
         draft.unlink(missing_ok=True)
 
 
-def write_atomically(path: Path, content: bytes | memoryview, writer: str = "") -> None:
+def write_atomically(path: Path, content: bytes | memoryview, writer: str = "", replace: bool = True) -> None:
     """Write a file atomically: until it is complete and on the disk, an earlier file stays.
+
+    For `writer` and `replace`, see `draft_of` and `publish`.
 
     Raises
     ------
     OSError
         The file cannot be written, or differs when it is read back.
     """
-    with draft_of(path, writer) as draft:
+    with draft_of(path, writer, replace) as draft:
         draft.write_bytes(content)
         if draft.read_bytes() != content:
             raise OSError(f"'{path}' reads back different from what was written: check the disk")

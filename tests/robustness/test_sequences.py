@@ -91,11 +91,11 @@ class Sequences(RuleBasedStateMachine):
     def killed_in_writing(self, publication, before, every):
         publish, left = files.publish, [publication]
 
-        def die(draft, target):
+        def die(draft, target, *replace):
             left[0] -= 1
             if left[0] == 0 and before:
                 raise Killed
-            publish(draft, target)
+            publish(draft, target, *replace)
             if left[0] == 0:
                 raise Killed
 

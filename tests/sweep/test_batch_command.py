@@ -1,8 +1,10 @@
 """`warpgrains batch`: every run as if done alone."""
 
+import gc
 import pickle
 import subprocess
 import sys
+import weakref
 from itertools import count
 
 import lightusd
@@ -17,6 +19,7 @@ from warpgrains.batch import resident
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import memory, sizes, tuning
 from warpgrains.solver.records import SceneRecords
+from warpgrains.sweep import long
 from warpgrains.sweep.execution import ExecutionOptions, RunSettings
 from warpgrains.sweep.runner import finish_runs
 from warpgrains.sweep.sweep import Sweep
@@ -165,6 +168,62 @@ class TestResults:
         assert batch(write(tmp_path), "-o", tmp_path / "out", *options) == 1
         assert refused
         assert results(tmp_path / "out") == results(done)
+
+    def test_a_run_continues_alone_when_the_others_are_no_longer_in_memory(self, tmp_path, done, monkeypatch):
+        """Nothing refers to the scenes of the group, so that their memory is free at once."""
+        resize, refused, groups = SceneRecords._resize, [], []
+
+        def resize_alone(records, *given):
+            if len(records.host) > 1 and not refused:
+                refused.append(given)
+                raise memory.OutOfMemoryError("no room beside others")
+            return resize(records, *given)
+
+        class Sets(resident.ResidentSets):
+            def __init__(self, *given):
+                assert [group() for group in groups if group() is not None] == []
+                groups.append(weakref.ref(self))
+                super().__init__(*given)
+
+        monkeypatch.setattr(sizes, "first_pairs", lambda n: n // 4)
+        monkeypatch.setattr(SceneRecords, "_resize", resize_alone)
+        monkeypatch.setattr(long, "ResidentSets", Sets)
+        gc.collect()
+        gc.disable()
+        try:
+            assert batch(write(tmp_path), "-o", tmp_path / "out", "--folders") == 1
+        finally:
+            gc.enable()
+        assert len(groups) > 1
+        assert results(tmp_path / "out") == results(done)
+
+    def test_a_run_that_was_not_recorded_for_lack_of_memory_has_no_checkpoint(self, tmp_path, monkeypatch):
+        """One without a frame could not be resumed."""
+        asked, saved = count(), []
+        save = long.write_all
+
+        def keep_and_die(write, items):
+            save(write, items)
+            saved.append(sorted((tmp_path / "out" / "runs").glob("*/checkpoint.npz")))
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(resident, "free_memory", lambda _: 1_000.0)  # each run is a set
+        monkeypatch.setattr(memory, "free_memory", lambda _: 0.0 if next(asked) == 4 else 1e12)
+        with monkeypatch.context() as dying:
+            dying.setattr(long, "write_all", keep_and_die)
+            batch(write(tmp_path), "-o", tmp_path / "out", "--usd")
+        assert 0 < len(saved[0]) < 4
+        assert all(read_checkpoint(path).statistics.frames > 0 for path in saved[0])
+
+    def test_a_run_that_a_recording_cannot_hold_fails_alone(self, tmp_path):
+        gravity = "[axes]\nphysics.gravity = [[0.0, -9.81], [0.0, -1e41]]\n"
+        text = f'scene = "annulus"\n[set]\ntime.duration = 0.1\n{gravity}'
+        for more in ((), ("--resume",)):
+            assert batch(write(tmp_path, text), "-o", tmp_path / "out", "--usd", *more) == 1
+            good, bad = table(tmp_path / "out" / "results.csv")
+            assert (good["error"], good["steps"]) == ("", "10")
+            assert bad["error"].startswith("the velocity of a grain is ")
+        assert [path.parent.name for path in tmp_path.rglob("recording.usdc")] == ["00000", "00001"]
 
     def test_a_table_of_something_else_is_not_replaced(self, tmp_path, capfd):
         (tmp_path / "out").mkdir()

@@ -8,7 +8,12 @@ import pytest
 from same_bits import contents
 from sweeps import batch, results, table, write
 
+from warpgrains.errors import OutputError
 from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.sweep.execution import ExecutionOptions, RunSettings
+from warpgrains.sweep.runner import finish_runs
+from warpgrains.sweep.sweep import Sweep
+from warpgrains.sweep.sweep_folder import SweepFolder
 
 LONG = """
 scene = "annulus"
@@ -71,3 +76,47 @@ def test_run_of_another_sweep_begun_meanwhile_is_left(tmp_path, kept, monkeypatc
     assert batch(sweep, "-o", out) == 1
     assert "00000/scene.toml' is the scene of another sweep" in capfd.readouterr().out
     assert (out / "runs" / "00000" / "scene.toml").read_text() == another
+
+
+@pytest.mark.parametrize(
+    ("change", "until", "complaint"),
+    [
+        (
+            ("[axes]", "contact.friction = 0.5\n[axes]"),
+            None,
+            "annulus.toml' is of a sweep with another scene",
+        ),
+        (("[axes]", "[axes]"), "rest", "settings.json' is of a sweep with --until none"),
+    ],
+)
+def test_another_sweep_that_begins_at_once_is_refused(tmp_path, change, until, complaint):
+    """Both find no folder; the files of the first that writes them are those of the sweep."""
+    texts, folders = [LONG, LONG.replace(*change)], []
+    for number, (text, end) in enumerate(zip(texts, (None, until), strict=True)):
+        (tmp_path / str(number)).mkdir()
+        sweep = Sweep.load(write(tmp_path / str(number), text))
+        folder = SweepFolder(tmp_path / "out", sweep.axes, RunSettings(until=end))
+        folder.create_or_check(sweep, sweep.runs, False)
+        folders.append((folder, sweep))
+    (first, sweep), (second, other) = folders
+    first.write_common_files(sweep)
+    with pytest.raises(OutputError, match=complaint):
+        second.write_common_files(other)
+
+
+def test_results_of_another_sweep_that_began_at_once_are_refused(tmp_path):
+    """It has the same scene and other values on the axes, so that only its results differ."""
+    folders = []
+    for number, text in enumerate((LONG, LONG.replace("0.9", "0.8"))):
+        (tmp_path / str(number)).mkdir()
+        sweep = Sweep.load(write(tmp_path / str(number), text.replace("3.0", "0.1")))
+        folder = SweepFolder(tmp_path / "out", sweep.axes, RunSettings())
+        folder.create_or_check(sweep, sweep.runs, False)
+        folder.write_common_files(sweep)
+        folders.append((folder, sweep))
+    (first, sweep), (second, other) = folders
+    assert finish_runs(first, sweep.runs, ExecutionOptions(), lambda _: None) == {}
+    with pytest.raises(OutputError, match=r"run 1 in .* belongs to another sweep"):
+        finish_runs(second, other.runs, ExecutionOptions(), lambda _: None)
+    with pytest.raises(OutputError, match=r"run 1 in .* belongs to another sweep"):
+        SweepFolder(tmp_path / "out", other.axes, RunSettings()).write_tables(other)

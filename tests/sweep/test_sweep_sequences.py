@@ -99,11 +99,11 @@ class Sequences(RuleBasedStateMachine):
     def interrupted_in_writing(self, publication, before):
         left = [publication]
 
-        def die(draft, target):
+        def die(draft, target, *replace):
             left[0] -= 1
             if left[0] == 0 and before:
                 raise Interrupted
-            publish(draft, target)
+            publish(draft, target, *replace)
             if left[0] == 0:
                 raise Interrupted
 

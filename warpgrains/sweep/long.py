@@ -94,9 +94,12 @@ class LongRun(OpenRun):
         return self.statistics.steps / self.steps if self.has_steps_left else 1.0
 
     def record(self, now: PresentState) -> None:
-        """Observe and record the present state, if due, unless the run has failed."""
+        """Observe and record the present state, if due; a run whose frame cannot be recorded has failed."""
         if self.error is None:
-            super().record(now)
+            try:
+                super().record(now)
+            except InputError as error:
+                self.error = SimulationError(str(error))
 
     def save_checkpoint(self, state: State) -> None:
         """Save a checkpoint of the present state with its frames and measurements."""
@@ -199,7 +202,7 @@ class LongRunner:
             if len(runs) > 1:
                 return [run for run in runs if run.has_steps_left]
             self._on_progress(1.0 - runs[0].progress)
-            runs[0].error = error
+            runs[0].error = OutOfMemoryError(str(error))  # whose traceback does not hold the scene
         return []
 
     def _in_slices(self, runs: list[LongRun], sets: ResidentSets) -> None:
@@ -221,7 +224,9 @@ class LongRunner:
                 before, done = done, sum(run.progress for run in runs)
                 self._on_progress(done - before)
                 if lacking:
-                    raise lacking[0]  # for a longer list of contacts; none of its steps is lost
+                    # for a longer list of contacts; none of the steps is lost. A traceback of `lacking[0]`
+                    # would hold the scenes, while there is too little memory.
+                    raise OutOfMemoryError(str(lacking[0]))
             now = perf_counter()
             slice_steps = next_size(max(steps), now - start, SLICE, inf)
             if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.has_steps_left for run in runs):
@@ -235,5 +240,7 @@ def _write_due(runs: list[LongRun], sets: ResidentSets) -> None:
 
 
 def _save_checkpoints(runs: list[LongRun], sets: ResidentSets) -> None:
-    states = [sets.state(k) for k in range(len(runs))]
-    write_all(lambda k: runs[k].save_checkpoint(states[k]), range(len(runs)))
+    """Save checkpoints of the runs, but of those whose first frame is not recorded yet."""
+    begun = [k for k, run in enumerate(runs) if run.output is None or run.statistics.frames > 0]
+    states = {k: sets.state(k) for k in begun}
+    write_all(lambda k: runs[k].save_checkpoint(states[k]), begun)

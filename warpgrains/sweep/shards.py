@@ -54,8 +54,8 @@ class ResultShards:
             name = f"{min(results):07}-{max(results):07}-{_hash(content)}.csv"
             write_atomically(self.path / name, content, writer())
 
-    def refresh(self, numbers: Collection[int]) -> None:
-        """Read new shards that may contain some of these runs.
+    def refresh(self, numbers: Collection[int]) -> set[int]:
+        """Read new shards that may contain some of these runs; return the numbers of the runs in them.
 
         Raises
         ------
@@ -63,27 +63,35 @@ class ResultShards:
             A shard belongs to another sweep.
         """
         self._damaged.clear()
+        new: set[int] = set()
         first, last = min(numbers, default=0), max(numbers, default=-1)
         for path in sorted(self.path.glob("*.csv")):
             shard = _NAME.fullmatch(path.name)
             if shard is None or path.name in self._read:
                 continue
             if int(shard["first"]) <= last and int(shard["last"]) >= first:
-                self._take(path)
+                new |= self._take(path)
+        return new
 
-    def _take(self, path: Path) -> None:
-        """Read the lines of a shard, unless it is damaged or has just been renamed for this reason."""
+    def _take(self, path: Path) -> set[int]:
+        """Read the lines of a shard, unless it is damaged or has just been renamed for this reason.
+
+        Returns the numbers of the runs that had no line before.
+        """
         content = b""
         with suppress(FileNotFoundError):
             content = path.read_bytes() if path.is_file() else b""
         if path.name.rpartition("-")[2] != f"{_hash(content)}.csv":
             self._damaged.append(path)
-            return
+            return set()
         if not content.startswith(self._head):
             raise InputError(f"'{path}' is of another sweep: choose another -o")
-        for line in content[len(self._head) :].splitlines(keepends=True):
-            self.lines.setdefault(int(line.partition(b",")[0]), line)
+        lines = content[len(self._head) :].splitlines(keepends=True)
+        found = {int(line.partition(b",")[0]): line for line in lines}
+        new = found.keys() - self.lines.keys()
+        self.lines |= {number: found[number] for number in new}
         self._read.add(path.name)
+        return new
 
     def set_damaged_aside(self) -> None:
         """Rename the damaged shards that `refresh` has found to ``….csv.damaged``, and report them."""

@@ -109,8 +109,7 @@ class ShortRunner:
         self.longer += [run for run in runs if run.number in with_folders]
         runs = [run for run in runs if run.number not in with_folders]
         free = set(self._locks.acquire(run.number for run in runs))
-        self._folder.shards.refresh(free)
-        free -= self._folder.shards.lines.keys()
+        free -= self._folder.in_shards([run for run in runs if run.number in free])
         others = [run for run in runs if run.number not in free]
         self.reasons |= {run.number: "another process has it" for run in others}
         self._on_progress(len(others))

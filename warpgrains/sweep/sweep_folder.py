@@ -80,12 +80,19 @@ class SweepFolder:
         return self._runs / f"{number:05}"
 
     def write_common_files(self, sweep: Sweep) -> None:
-        """Write the files that all runs have in common, unless they exist. The settings come first."""
+        """Write the files that all runs have in common, unless they exist. The settings come first.
+
+        Raises
+        ------
+        OutputError
+            Another process has just written those of another sweep.
+        """
         _write_if_missing(self._settings_file, f"{json.dumps(self._settings_by_option)}\n".encode())
         for base in sweep.bases:
             _write_if_missing(self._scene_file(base), base.text.encode())
             for source, copy in base.grain_files.values():
                 _write_if_missing(self.path / GRAINS / copy, source.read_bytes())
+        self._require_common_files(sweep)
 
     def _scene_file(self, base: BaseScene) -> Path:
         return self.path / "scenes" / f"{base.name}.toml"
@@ -105,19 +112,11 @@ class SweepFolder:
             the folder belongs to another sweep.
         """
         make_folder(self.path)
-        self._require_same_settings(sweep)
-        for base in sweep.bases:
-            scene = self._scene_file(base)
-            if scene.exists() and read_regular(scene) != base.text.encode():
-                raise OutputError(f"'{scene}' is of a sweep with another scene: choose another -o")
-        self.shards.refresh(range(len(sweep.runs)))
+        self._require_common_files(sweep)
+        in_shards, with_folders = self.in_shards(sweep.runs), self.with_folders()
         self.shards.set_damaged_aside()
-        for run in sweep.runs:
-            if run.number in self.shards.lines:
-                self.shards.require_this_run(run.number, run.labels())
-        with_folders = self.with_folders()
         for run in share:
-            if run.number in self.shards.lines and not resume:
+            if run.number in in_shards and not resume:
                 raise InputError(f"'{self.path}' has results: {HOW_TO_CONTINUE}")
             if run.number in with_folders:
                 folder = self.of(run)
@@ -125,7 +124,15 @@ class SweepFolder:
                     raise InputError(f"'{folder.path}' exists: {HOW_TO_CONTINUE}")
                 folder.require_this_sweep()
 
-    def _require_same_settings(self, sweep: Sweep) -> None:
+    def _require_common_files(self, sweep: Sweep) -> None:
+        """Raise OutputError if the folder holds other settings, or other scenes of these names."""
+        self._require_settings(sweep)
+        for base in sweep.bases:
+            scene = self._scene_file(base)
+            if scene.exists() and read_regular(scene) != base.text.encode():
+                raise OutputError(f"'{scene}' is of a sweep with another scene: choose another -o")
+
+    def _require_settings(self, sweep: Sweep) -> None:
         """Raise OutputError if the settings in the folder differ, or are missing next to its other files.
 
         `write_common_files` writes the settings first. They are searched last, so that those that another
@@ -163,16 +170,28 @@ class SweepFolder:
         except FileNotFoundError:
             return set()
 
+    def in_shards(self, runs: Sequence[Run]) -> set[int]:
+        """Return the numbers of those of some runs that have a result in a shard.
+
+        Raises
+        ------
+        OutputError
+            A result that has not been read before is of another sweep.
+        """
+        numbers = {run.number for run in runs}
+        new = self.shards.refresh(numbers)
+        for run in runs:
+            if run.number in new:
+                self.shards.require_this_run(run.number, run.labels())
+        return numbers & self.shards.lines.keys()
+
     def _finished(self, runs: Sequence[Run]) -> tuple[set[int], set[int]]:
         """Return the numbers of those of some runs that have a result in a folder, and in a shard.
 
         A failure is a result, too.
         """
-        numbers = {run.number for run in runs}
-        self.shards.refresh(numbers)
-        candidates = numbers & self.with_folders()
-        in_folders = {number for number in candidates if (self._of(number) / RESULT).exists()}
-        return in_folders, numbers & self.shards.lines.keys()
+        in_shards, candidates = self.in_shards(runs), {run.number for run in runs} & self.with_folders()
+        return {number for number in candidates if (self._of(number) / RESULT).exists()}, in_shards
 
     def write_tables(self, sweep: Sweep) -> Outcomes:
         """Write the tables of all finished runs, and return their numbers by outcome.
@@ -221,9 +240,10 @@ def _option(name: str, value: Any) -> str:
 
 
 def _write_if_missing(path: Path, content: bytes) -> None:
+    """Write a file, unless it exists: of several processes that write it, the first one does."""
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, content, writer())
+        write_atomically(path, content, writer(), replace=False)
 
 
 def _write(table: Path, lines: Iterable[bytes]) -> None:
