@@ -197,7 +197,7 @@ def test_kernels_have_normal_and_gap_of_every_kind_of_wall(kind: type[Obstacle])
 
 def test_a_wall_of_no_known_kind_is_refused() -> None:
     unknown = type("Unknown", (Obstacle,), {"kind": "unknown"})()
-    with pytest.raises(InputError, match=r"walls\[1\] is Unknown\(\): it must be a Disc or Segment or Arc"):
+    with pytest.raises(InputError, match=r"walls\[1\] is Unknown\(\): it must be a Disc or "):
         Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0, walls=[DISCS[0], unknown])
 
 
@@ -205,7 +205,7 @@ def test_a_kind_of_wall_without_its_branch_is_refused(
     c_library: CDLL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Kernels and reference take it neither for another kind nor for no wall."""
-    monkeypatch.setattr(Arc, "kind_number", 4)
+    monkeypatch.setattr(Arc, "kind_number", 99)
     scene = around(walls=(ARC,))
     with pytest.raises(SimulationError, match=r"reached a velocity of \[nan, nan\] m/s: it is not finite"):
         Simulation(scene).advance(10)

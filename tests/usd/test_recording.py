@@ -203,9 +203,9 @@ class TestRecord:
 
 
 class TestOutput:
-    @pytest.mark.parametrize("name", ["run.obj", "run", "run.usd"])
+    @pytest.mark.parametrize("name", ["run.obj", "run", "run.usdx"])
     def test_unknown_suffix(self, tmp_path, name):
-        with pytest.raises(InputError, match=re.escape("must end in .usdc, .usda, .usdz")):
+        with pytest.raises(InputError, match=re.escape(f"must end in {', '.join(RECORDINGS)}")):
             Recorder(tmp_path / name, make_scene(), FrameTimes(0.01, 60))
 
     @pytest.mark.parametrize("unit", [1e-45, 1e45])

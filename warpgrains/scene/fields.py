@@ -126,7 +126,7 @@ class SceneFields:
     )
     walls: Walls = _key(
         'Walls inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or of'
-        f" these classes: {', '.join(f'`{kind.__name__}`' for kind in WALL_KINDS.values())}.",
+        f" these classes: {', '.join(kind.__name__ for kind in WALL_KINDS.values())}.",
         check=checked_walls,
         default=(),
     )

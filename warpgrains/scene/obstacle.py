@@ -40,7 +40,8 @@ class Obstacle:
     """A wall inside the annulus, with the keys of its `[[walls]]` table as fields.
 
     A kind is a class with the decorator `kind_of_wall` that defines `kind`, `kind_number` and the methods
-    below that raise NotImplementedError, for the wall before it moves, and `border` if it fills an area.
+    below that raise NotImplementedError, for the wall before it moves; `border` if it fills a disc, and
+    `remaining_area` if it fills another shape.
     """
 
     kind: ClassVar[str]
