@@ -130,7 +130,7 @@ def is_measurement_due(s: Scene) -> bool:
 
 
 @wp.func
-def is_recorded(s: Scene) -> bool:
+def is_record_due(s: Scene) -> bool:
     """Return whether the history still needs the residual of the last iteration."""
     return not is_measured(s) and s.step.iterations <= s.history.zeta.shape[0]
 
@@ -178,7 +178,7 @@ def measurement_or(s: Scene, following: int) -> int:
         return Phase.RECOMPUTE
     if is_measurement_due(s):
         return Phase.MEASURE
-    if is_recorded(s):
+    if is_record_due(s):
         return Phase.RECORD
     return following
 

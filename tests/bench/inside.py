@@ -46,7 +46,7 @@ class Record:
 
     def command(self, stages: Sequence[Stage]) -> wp.Launch:
         """Return the launch of some stages."""
-        inputs = (self._records.device, Crew(1).members[0])
+        inputs = (self._records.device, Crew().members[0])
         return wp.launch(kernel_of(*stages), dim=1, inputs=inputs, device="cpu", record_cmd=True)
 
     def _keep(self) -> None:

@@ -71,7 +71,7 @@ class OneRecord:
         return self.record["verlet"]["work"]
 
     def run(self, *stages: Stage) -> None:
-        inputs = (self._records.device, Crew(1).members[0])
+        inputs = (self._records.device, Crew().members[0])
         wp.launch(kernel_of(*stages), dim=1, inputs=inputs, device="cpu")
 
 

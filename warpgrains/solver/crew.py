@@ -16,8 +16,6 @@ class Crew:
 
     Parameters
     ----------
-    size : int
-        Threads of the full team.
     first, most : int
         Threads of the first launch, and the most of any launch.
 
@@ -27,7 +25,7 @@ class Crew:
         The team's record for each thread.
     """
 
-    def __init__(self, size: int, first: int = 1, most: int = 1):
+    def __init__(self, first: int = 1, most: int = 1):
         self._words = wp.zeros(WORDS, dtype=wp.int64, device="cpu")
         self._pace = wp.zeros(1, dtype=Pace, device="cpu")
         pace = self._pace.numpy()
@@ -38,12 +36,12 @@ class Crew:
             "scene": wp.zeros(1, dtype=wp.int32, device="cpu"),
             "going_on": wp.zeros(1, dtype=wp.int32, device="cpu"),
         }
-        if size > 1:
+        if most > 1:
             shared |= {"words": self._words, "pace": self._pace}
         self.members: list[TeamRecord] = []
-        for rank in range(size):
+        for rank in range(most):
             record = TeamRecord()
-            record.rank, record.size = rank, size
+            record.rank, record.size = rank, most
             for name, array in shared.items():
                 setattr(record, name, array)
             self.members.append(record)

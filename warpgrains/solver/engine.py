@@ -99,7 +99,7 @@ class Engine:
         self._last_steps = LastSteps(scenes, *arrays, service.proofs, service.errors)
         self._sums = host["statistics"].view(np.void)  # filled ten times as fast as by fields
         self._no_steps = np.zeros((), self._sums.dtype)
-        self._crew = Crew(team, *tuning.crew(scenes[0], team))
+        self._crew = Crew(*tuning.crew(scenes[0], team))
         self._graphs: dict[int, wp.Graph] = {}
 
     @property
@@ -207,7 +207,7 @@ class Engine:
         begun = len(self._tasks)
         if count > begun:
             self.load_kernels()
-            teams = self._crew.members if self._team > 1 else [Crew(1).members[0] for _ in range(count)]
+            teams = self._crew.members if self._team > 1 else [Crew().members[0] for _ in range(count)]
             for team in teams[begun:count]:
                 inputs = (self._records.device, self._queue, team)
                 with BUILDING:
@@ -295,7 +295,7 @@ class Engine:
             for k in np.flatnonzero(np.isin(self._outcome, FAILURES)).tolist():
                 self._service.explain(k, self._outcome[k])
             for k in np.flatnonzero(np.isin(self._outcome, (*FAILURES, CANCELLED, SLOW))).tolist():
-                self._service.undo_step(k)
+                self._memory[k].give_up_step()
 
     def _raise_violation(self) -> None:
         """Raise SimulationError if a kernel has used an index outside of its array."""

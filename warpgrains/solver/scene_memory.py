@@ -103,7 +103,10 @@ class SceneMemory:
         return wall
 
     def corrections(self) -> Corrections:
-        """Return the corrections of the contacts after the last good step."""
+        """Return the corrections that contacts carry now.
+
+        They are those of the last good step or, before `give_up_step`, of the one that failed.
+        """
         (pair, at_pair), (wall, at_wall) = self.listed_pairs(), self.listed_walls()
         dv, dv_wall = (self.array("contacts.dv")[index] for index in (at_pair, at_wall))
         active, at_side = dv != 0.0, dv_wall != 0.0

@@ -98,10 +98,6 @@ class Service:
         why = self.errors.get(k) or SimulationError(_reason(scene, self._memory[k], outcome))
         self.errors[k] = type(why)(f"step {done + 1}, from t = {done * scene.dt} s: {why}")
 
-    def undo_step(self, k: int) -> None:
-        """Undo the unfinished step of scene k."""
-        self._memory[k].give_up_step()
-
 
 def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
     """Return the message for the outcome of a failed step."""
