@@ -35,6 +35,10 @@ class OutputError(InputError):
     """
 
 
+class LockedError(OutputError):
+    """Output that another process writes."""
+
+
 class MissingExtraError(InputError):
     """Library that is not installed. The message names it and the extra that installs it."""
 

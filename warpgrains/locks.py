@@ -25,7 +25,7 @@ from typing import Self
 from warnings import warn
 from weakref import WeakSet
 
-from warpgrains.errors import OutputError
+from warpgrains.errors import LockedError, OutputError
 from warpgrains.files import resolve_link
 
 _WITHOUT_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP)
@@ -48,7 +48,7 @@ class Lock:
         try:
             self._descriptor = _acquire(self._file, path)
         except OSError as error:
-            raise OutputError(f"'{path}' cannot be locked: {error.strerror}") from error
+            raise LockedError(f"'{path}' cannot be locked: {error.strerror}") from error
         _held.add(self)
 
     def release(self) -> None:
@@ -129,7 +129,7 @@ def _acquire(file: Path, path: Path) -> int:
             closing.callback(os.close, descriptor)
             if not _is_locked(partial(flock, descriptor, LOCK_EX | LOCK_NB), path):
                 holder = os.pread(descriptor, _LONGEST_NAME, 0).decode(errors="replace").strip()
-                raise OutputError(f"'{path}' is being written by {holder or 'another process'}")
+                raise LockedError(f"'{path}' is being written by {holder or 'another process'}")
             if _is_under(file, descriptor):
                 os.ftruncate(descriptor, 0)
                 os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode())

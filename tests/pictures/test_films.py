@@ -19,7 +19,6 @@ from warpgrains.drawing.frames import Frame
 from warpgrains.pictures.film import Film, draw_film
 from warpgrains.pictures.shots import Painter
 from warpgrains.pictures.still import FrameArtists
-from warpgrains.usd.reader import RecordingReader
 
 STEPS = 40
 STRIDE = 4
@@ -135,7 +134,7 @@ def test_a_second_run_shows_the_simulated_time(tmp_path, monkeypatch, suffix, ex
     summary = simulation.run(steps=8, record=path, **({} if suffix == ".png" else {"fps": 40}))
     if suffix == ".usdc":
         plot(path, tmp_path / "frames.pdf", frames=range(4))
-        draw_film(RecordingReader(path), tmp_path / "run.mp4")
+        draw_film(path, tmp_path / "run.mp4")
     assert summary.steps == 8
     assert drawn == expected
 
@@ -165,10 +164,13 @@ def test_two_processes_do_not_draw_one_output(tmp_path, held_elsewhere, states, 
     held_elsewhere(path)
     assert exit_code("run", "annulus", "-o", path) == 2
     require_refusal(capfd, "is being written by")
-    recording = RecordingReader(record(tmp_path / "run.usdc", states, Scene.load("annulus")))
+    recording = record(tmp_path / "run.usdc", states, Scene.load("annulus"))
     picture = Simulation(Scene.load("annulus")).plot()
     with pytest.raises(OutputError, match="is being written by"):
         picture.save(path) if suffix == ".png" else draw_film(recording, path)
+    if suffix == ".png":
+        with pytest.raises(OutputError, match="is being written by"):
+            plot(recording, path)
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".png"])

@@ -278,3 +278,65 @@ def test_late_results_are_not_lost(tmp_path, kept, monkeypatch):
     monkeypatch.setattr(sweep_folder, "write_atomically", write_as_another_run_finishes)
     assert batch(write(tmp_path), "-o", tmp_path / "out", "--resume", "--index", 0, "--count", 6) == 0
     assert results(tmp_path / "out") == results(kept)
+
+
+UNRECORDABLE = """
+[domain]
+radius_out = 2.0
+[grains]
+position = [[0.1, 0.5]]
+radius = 0.1
+mass = 0.1
+[time]
+dt = 1e-40
+duration = 4e-39
+[solver]
+tolerance = 1e30
+"""
+
+
+def test_a_run_whose_frame_cannot_be_recorded_is_resumed_to_the_same_failure(tmp_path):
+    """Its velocity exceeds float32 after some frames; a checkpoint must not count the missing one."""
+    (tmp_path / "scene.toml").write_text(UNRECORDABLE)
+    axes = "[axes]\nphysics.gravity = [[0.0, -2e77], [0.0, 0.0]]\n"
+    sweep, out = write(tmp_path, f'scene = "scene.toml"\n{axes}'), tmp_path / "out"
+    options = ("-o", out, "--usd", "--fps", "5e38")
+    assert batch(sweep, *options) == 1
+    first = results(out)
+    assert b"a recording holds at most" in first
+    (out / "runs" / "00000" / "result.csv").unlink()
+    assert batch(sweep, *options, "--resume") == 1
+    assert results(out) == first
+    assert not list(out.rglob("*.frames"))
+
+
+def test_a_damaged_copy_of_grains_is_refused(tmp_path, capfd):
+    (tmp_path / "grains.csv").write_text("x,y,radius,mass\n0.5,0.0,0.1,0.1\n-0.5,0.0,0.1,0.1\n")
+    (tmp_path / "scene.toml").write_text('domain.radius_out = 1.0\ngrains.file = "grains.csv"\n')
+    axes = "[axes]\nphysics.drag = [0.1, 0.5]\n[set]\ntime.duration = 0.1\n"
+    sweep, out = write(tmp_path, f'scene = "scene.toml"\n{axes}'), tmp_path / "out"
+    assert batch(sweep, "-o", out, "--index", 0, "--count", 2) == 0
+    (copy,) = (out / "grains").iterdir()
+    whole = copy.read_bytes()
+    copy.write_bytes(whole.replace(b"-0.5", b"-0.7"))
+    assert batch(sweep, "-o", out, "--resume") == 2
+    assert f"{copy.name}' is damaged: delete it to have it copied" in capfd.readouterr().err
+    copy.unlink()
+    assert batch(sweep, "-o", out, "--resume") == 0
+    assert copy.read_bytes() == whole
+
+
+@pytest.mark.parametrize("name", ["series.csv", "recording.usdc"])
+def test_a_run_with_a_foreign_output_fails(tmp_path, name):
+    sweep, out = write(tmp_path, LONG.replace("[axes]", "time.duration = 0.2\n[axes]")), tmp_path / "out"
+    options = ("-o", out, "--usd", "--measure", "coordination", "--every", 10)
+    assert batch(sweep, *options) == 0
+    run = out / "runs" / "00000"
+    for lost in ("result.csv", "checkpoint.npz"):
+        (run / lost).unlink()
+    (run / name).write_text("foreign")
+    assert batch(sweep, *options, "--resume") == 1
+    error = table(out / "results.csv")[0]["error"]
+    assert error.startswith(f"refusing to overwrite '{run / name}': not a ")
+    assert error.endswith("delete the folder of the run to repeat it")
+    assert (run / name).read_text() == "foreign"

@@ -14,6 +14,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.drawing.kinds import STILLS
 from warpgrains.errors import InputError
 from warpgrains.files import read_table, require_writable_path
+from warpgrains.locks import Lock
 from warpgrains.pictures.shots import setting_of, shot_of
 from warpgrains.pictures.still import FrameArtists, add_color_bar, save_figure
 from warpgrains.scene import checks
@@ -53,14 +54,15 @@ def plot(
     Raises
     ------
     InputError
-        The file cannot be read, is no recording or lacks a frame, or the picture cannot be written. Only the
-        command ``warpgrains plot`` is safe against files that crash USD or never end.
+        The file cannot be read, is no recording or lacks a frame, or the picture cannot be written. It is an
+        `OutputError` if another process writes it. Only the command ``warpgrains plot`` is safe against files
+        that crash USD or never end.
     """
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
     reader = RecordingReader(recording)
     numbers = _numbers(frames, len(reader))
-    with refusing_untrusted_content(recording):
+    with Lock(output), refusing_untrusted_content(recording):
         save_figure(_draw(reader, numbers, curves and len(reader) > 1), output)
     return numbers
 
@@ -144,7 +146,8 @@ def plot_history(table: str | Path, output: str | Path) -> list[int]:
     Raises
     ------
     InputError
-        The table cannot be read, or the picture cannot be written.
+        The table cannot be read, or the picture cannot be written. It is an `OutputError` if another process
+        writes it.
     """
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
@@ -164,7 +167,8 @@ def plot_history(table: str | Path, output: str | Path) -> list[int]:
         axes.set(xlabel="iteration", title=_LABELS[name])
         axes.grid(alpha=0.3)
     figure.colorbar(colors, ax=all_axes, label="step")
-    save_figure(figure, output)
+    with Lock(output):
+        save_figure(figure, output)
     return [int(number) for number in steps]
 
 

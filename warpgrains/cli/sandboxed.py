@@ -22,16 +22,20 @@ from warpgrains.errors import InputError
 
 SECONDS = 120.0
 SECONDS_A_BYTE = 1e-6
+SECONDS_A_FRAME = 0.25
 BYTES = 8 * 2**30
 BYTES_A_BYTE = 32
-"""Limits of a reader, and their increase per byte of the file."""
+"""Limits of a reader, and their increase per byte of the file, and per frame that it draws."""
+BYTES_A_FRAME = 300  # in a file, of few grains
 
 _REMARKS = 65536  # bytes of the subprocess's standard error that are shown
 _BAD_INPUT, _NOT_WRITTEN = 2, 3
 
 
-def run_sandboxed(function: str, path: str, **arguments: Any) -> Any:
+def run_sandboxed(function: str, path: str, drawn: int | None = 0, **arguments: Any) -> Any:
     """Call a function, such as "usd.check.report_on_recording", with a recording, in a subprocess.
+
+    It draws `drawn` frames, or all with None.
 
     Raises
     ------
@@ -44,14 +48,16 @@ def run_sandboxed(function: str, path: str, **arguments: Any) -> Any:
     given = json.dumps({"path": path, **arguments})
     most = str(BYTES + BYTES_A_BYTE * size)
     command = [sys.executable, "-m", "warpgrains.cli.sandboxed", function, most, given]
-    seconds = SECONDS + SECONDS_A_BYTE * size
+    frames = size // BYTES_A_FRAME if drawn is None else drawn
+    seconds = SECONDS + SECONDS_A_BYTE * size + SECONDS_A_FRAME * frames
     with TemporaryFile() as remarks:
         try:
             done = subprocess.run(
                 command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=remarks, timeout=seconds
             )
         except subprocess.TimeoutExpired:
-            raise InputError(f"recording '{path}' could not be read within {seconds:.0f} s") from None
+            late = f"could not be read, or drawn, within {seconds:.0f} s"
+            raise InputError(f"recording '{path}' {late}") from None
         if done.returncode == _BAD_INPUT:
             raise InputError(json.loads(done.stdout))
         if done.returncode == _NOT_WRITTEN:
@@ -61,14 +67,6 @@ def run_sandboxed(function: str, path: str, **arguments: Any) -> Any:
         remarks.seek(0)
         sys.stderr.write(remarks.read(_REMARKS).decode(errors="replace"))
     return json.loads(done.stdout)
-
-
-def film(path: str, output: str) -> list[int]:
-    """Make a film of a recording, and return the numbers of its frames."""
-    from warpgrains.pictures.film import draw_film
-    from warpgrains.usd.reader import RecordingReader
-
-    return list(draw_film(RecordingReader(path), Path(output)))
 
 
 def _end(code: int) -> str:

@@ -53,11 +53,11 @@ def plot(arguments: Namespace) -> bool:
     if is_film:
         if arguments.frames is not None or not arguments.curves:
             raise InputError("--frames and --no-curves have no effect on a film")
-        numbers = run_sandboxed("cli.sandboxed.film", arguments.file, output=output)
+        numbers = run_sandboxed("pictures.film.draw_film", arguments.file, None, output=output)
         print(f"{output}: {len(numbers)} frames")
         return False
     given = {"output": output, "frames": arguments.frames, "curves": arguments.curves}
-    numbers = run_sandboxed("analysis.plots.plot", arguments.file, **given)
+    numbers = run_sandboxed("analysis.plots.plot", arguments.file, len(arguments.frames or ()), **given)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
     return False
 

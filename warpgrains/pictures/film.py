@@ -11,7 +11,7 @@ from fractions import Fraction
 from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import imageio_ffmpeg
 import numpy as np
@@ -24,9 +24,6 @@ from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.pictures.shots import DrawnOutput, Painter, Setting, Shot, setting_of, shot_of
 from warpgrains.pictures.still import Canvas
-
-if TYPE_CHECKING:
-    from warpgrains.usd.reader import RecordingReader
 
 _FORMATS = FILMS | {
     ".mkv": FilmFormat("matroska", ("libx264rgb", "rgb24", "-crf", "0", "-preset", "ultrafast")),
@@ -166,16 +163,20 @@ class FilmWriter:
             Encoding(["-i", self._encoded, "-i", palette, "-lavfi", _WITH_PALETTE], self._path).finish()
 
 
-def draw_film(reader: RecordingReader, output: Path) -> range:
+def draw_film(recording: str | Path, output: str | Path) -> list[int]:
     """Make a film of a recording, and return the numbers of the recording's frames in it.
 
     Raises
     ------
     InputError
-        It cannot be written there, or the recording has too few frames a second. It is an `OutputError` if
-        another process writes it.
+        The file cannot be read, is no recording or has too few frames a second, or the film cannot be written
+        there. It is an `OutputError` if another process writes it.
     """
+    from warpgrains.usd.reader import RecordingReader  # a film of a run needs no USD
+
+    output = Path(output)
     require_writable_path("film", output, *FILMS)
+    reader = RecordingReader(recording)
     require_rate(reader.times.rate)
     frames = range(0, len(reader), max(1, ceil(reader.times.rate / FILMS[output.suffix].fastest)))
     with (
@@ -185,7 +186,7 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
     ):
         for frame in frames:
             film.add(shot_of(reader, frame))
-    return frames
+    return list(frames)
 
 
 class Film(DrawnOutput):

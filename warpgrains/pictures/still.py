@@ -162,9 +162,11 @@ class Canvas:
         return np.asarray(self._agg.buffer_rgba())[:, :, :3]
 
 
-def save_figure(figure: Figure, output: pathlib.Path, dpi: float = _DOTS_PER_INCH, **options: Any) -> None:
-    """Write a picture atomically."""
-    with draft_of(output) as draft:
+def save_figure(
+    figure: Figure, output: pathlib.Path, writer: str = "", dpi: float = _DOTS_PER_INCH, **options: Any
+) -> None:
+    """Write a picture atomically; for `writer`, see `draft_of`."""
+    with draft_of(output, writer) as draft:
         figure.savefig(draft, dpi=dpi, **options)
 
 

@@ -97,10 +97,9 @@ class OpenRun(CountedRun):
         self.times: FrameTimes | None = None
         if options.shows is not None and options.shows.has_frames:
             self.times = FrameTimes.of(scene.dt, options.rate, first_step)
-            due = self.times.count(statistics.steps)
-            if is_resumed and due != statistics.frames:
-                after = f"{statistics.frames} frames after {statistics.steps} steps"
-                raise InputError(f"the checkpoint counts {after}: there are {due}")
+        if is_resumed and self.missing_frames:
+            after, due = f"after {statistics.steps} steps", statistics.frames + self.missing_frames
+            raise InputError(f"the checkpoint counts {statistics.frames} frames {after}: there are {due}")
 
     @contextmanager
     def opened(self) -> Iterator[None]:
@@ -165,6 +164,11 @@ class OpenRun(CountedRun):
             draw_as=options.draw_as,
             resume_at=self.statistics.frames if self._is_resumed else None,
         )
+
+    @property
+    def missing_frames(self) -> int:
+        """Number of frames up to the present step that are not recorded; 0 if a run can be resumed there."""
+        return 0 if self.times is None else self.times.count(self.statistics.steps) - self.statistics.frames
 
     @property
     def _step_of_next_frame(self) -> int:

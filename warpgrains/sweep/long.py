@@ -14,7 +14,7 @@ from typing import NamedTuple, Self
 from warpgrains.analysis.quantities import require_quantities
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
-from warpgrains.errors import InputError, MissingExtraError, OutputError, SimulationError
+from warpgrains.errors import InputError, LockedError, MissingExtraError, OutputError, SimulationError
 from warpgrains.frame_log import log_of
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
@@ -73,9 +73,10 @@ class LongRun(OpenRun):
                 run = cls(folder, start, is_resumed)
                 exact_solver(run.scene.method)
                 run._outputs.enter_context(run.opened())
-            except (OutputError, MissingExtraError):
-                raise
             except InputError as error:
+                # what another process has, or this installation lacks, is no result of the run
+                if isinstance(error, (OutputError if run is None else LockedError, MissingExtraError)):
+                    raise
                 reason = str(error) if run is None else f"{error}: {HOW_TO_REPEAT}"
                 folder.fail(reason, 0.0 if run is None else run.statistics.seconds)
                 yield None
@@ -240,7 +241,7 @@ def _write_due(runs: list[LongRun], sets: ResidentSets) -> None:
 
 
 def _save_checkpoints(runs: list[LongRun], sets: ResidentSets) -> None:
-    """Save checkpoints of the runs, but of those whose first frame is not recorded yet."""
-    begun = [k for k, run in enumerate(runs) if run.output is None or run.statistics.frames > 0]
-    states = {k: sets.state(k) for k in begun}
-    write_all(lambda k: runs[k].save_checkpoint(states[k]), begun)
+    """Save checkpoints of the runs, but of those whose last frame could not be recorded yet, or at all."""
+    recorded = [k for k, run in enumerate(runs) if not run.missing_frames]
+    states = {k: sets.state(k) for k in recorded}
+    write_all(lambda k: runs[k].save_checkpoint(states[k]), recorded)

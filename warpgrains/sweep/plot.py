@@ -17,6 +17,7 @@ from warpgrains.errors import InputError
 from warpgrains.files import read_columns
 from warpgrains.scene import checks
 from warpgrains.sweep.results import UNITS
+from warpgrains.sweep.shards import writer
 
 _SIZE = (6.0, 3.6)  # inches
 MOST_POINTS = 50_000
@@ -71,7 +72,7 @@ class SweepPlot:
         figure = Figure(figsize=_SIZE, layout="constrained")
         self.draw_on(figure.subplots(), columns)
         picture = results.with_name(f"{self.y}-{self.x}.png")
-        save_figure(figure, picture)
+        save_figure(figure, picture, writer())
         return picture
 
     def _columns(self, head: list[str]) -> Iterable[str]:

@@ -125,12 +125,16 @@ class SweepFolder:
                 folder.require_this_sweep()
 
     def _require_common_files(self, sweep: Sweep) -> None:
-        """Raise OutputError if the folder holds other settings, or other scenes of these names."""
+        """Raise OutputError if the folder holds other settings, or other scenes or files of these names."""
         self._require_settings(sweep)
         for base in sweep.bases:
             scene = self._scene_file(base)
             if scene.exists() and read_regular(scene) != base.text.encode():
                 raise OutputError(f"'{scene}' is of a sweep with another scene: choose another -o")
+            for source, name in base.grain_files.values():
+                copy = self.path / GRAINS / name
+                if copy.exists() and read_regular(copy) != source.read_bytes():
+                    raise OutputError(f"'{copy}' is damaged: delete it to have it copied from '{source}'")
 
     def _require_settings(self, sweep: Sweep) -> None:
         """Raise OutputError if the settings in the folder differ, or are missing next to its other files.
