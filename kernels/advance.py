@@ -120,7 +120,7 @@ def kernel(name: str, solve: wp.Function) -> wp.Kernel:
                 team.going_on[0] = slice_goes_on(team, queue, k, begun)
             barrier(team)
             going_on = team.going_on[0]
-            barrier(team)
+            barrier(team)  # all have read it before it is written again
 
     @wp.kernel(module=module)
     def advance(records: wp.array(dtype=SceneRecord), queue: Queue, team: TeamRecord):
@@ -136,7 +136,7 @@ def kernel(name: str, solve: wp.Function) -> wp.Kernel:
                 advance_scene(team, records[k], queue, k)
                 if team.rank == 0:
                     give_back(queue.taken, k)
-            barrier(team)
+            barrier(team)  # the same of `scene`
         leave(team)
 
     return advance

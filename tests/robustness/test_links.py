@@ -63,6 +63,16 @@ def test_checkpoint_and_series(linked):
     assert exit_code("check", recorded) == 0
 
 
+def test_a_link_elsewhere_of_the_same_name_says_nothing_about_a_checkpoint(linked):
+    """Its names are relative to its folder, and not to the present one."""
+    _, recorded = linked("run.usdc")
+    kept = recorded.with_name("run.npz")
+    assert exit_code("run", "annulus", "--steps", 40, "-o", recorded, "--checkpoint", kept) == 0
+    os.symlink(recorded, "run.usdc")
+    assert exit_code("run", "--resume", kept, "--steps", 60) == 0
+    assert read_checkpoint(kept).state.steps == 60
+
+
 def test_saved_state(linked):
     link, target = linked("state.npz")
     Simulation("annulus").save(link)

@@ -144,6 +144,14 @@ def shorten_raw_speeds(stage):
     UsdGeom.PrimvarsAPI(grains_of(stage)).GetPrimvar("speed").Set([0.1], 1)
 
 
+def lose_the_grains_of_forces(stage):
+    UsdGeom.PrimvarsAPI(forces_of(stage)).GetPrimvar("grain").GetAttr().ClearAtTime(3)
+
+
+def shorten_the_neighbors_of_forces(stage):
+    UsdGeom.PrimvarsAPI(forces_of(stage)).GetPrimvar("neighbour").Set([1], 1)
+
+
 def shrink_the_extent_of_forces(stage):
     forces_of(stage).GetExtentAttr().Set(Vt.Vec3fArray(2), 1)
 
@@ -182,6 +190,8 @@ def shrink_the_extent_of_forces(stage):
         (drop_forces_of_a_frame, "Forces.points has other time codes than the grains' positions"),
         (shorten_segments, "points hold 20 values, not 8 for 2 bands (frame 1)"),
         (shorten_raw_forces, "primvars:force hold 1 values, not 5 for 5 bands (frame 1)"),
+        (lose_the_grains_of_forces, "Forces.primvars:grain has other time codes than the grains' positions"),
+        (shorten_the_neighbors_of_forces, "primvars:neighbour hold 1 values, not 5 for 5 bands (frame 1)"),
         (shorten_raw_speeds, "primvars:speed hold 1 values, not 5 for 5 grains (frame 1)"),
         (shrink_the_extent_of_forces, "extent does not contain all grains or bands (frame 1)"),
     ],

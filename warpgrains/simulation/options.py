@@ -26,10 +26,16 @@ FILES = ("record", "series")
 """Options that name the files of a run other than its checkpoint."""
 
 
-def _file(field: str, name: Any) -> str:
-    """Return the name of an output; a symbolic link is resolved."""
+def _file_name(field: str, name: Any) -> str:
+    """Return the name of a file as it is given."""
     if checks.text(field, name) == "" or "\0" in name:
         raise InputError(f"{field} is {name!r}: it must be the name of a file")
+    return str(name)
+
+
+def _file(field: str, name: Any) -> str:
+    """Return the name of an output; a symbolic link is resolved."""
+    name = _file_name(field, name)
     return str(resolve_link(Path(name))) if os.path.islink(name) else name
 
 
@@ -202,7 +208,7 @@ def _path_relative_to(checkpoint: Path, field: str, stored: Any) -> str | None:
     """Return the path of a file that is stored relative to a checkpoint; None if none is stored."""
     if stored is None:
         return None
-    name = _file(field, stored)
+    name = _file_name(field, stored)
     if os.path.isabs(name):
         raise InputError(f"{field} is {name!r}: it must be a path relative to the checkpoint")
     return os.path.normpath(checkpoint.parent / name)

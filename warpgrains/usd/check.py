@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
-from warpgrains.usd.forces import FORCES, TANGENTIAL
+from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ORIENTATIONS, VELOCITIES, position_of, quaternions
 from warpgrains.usd.reader import open_recording, refusing_untrusted_content
 from warpgrains.usd.stage import Values, values_of
@@ -200,7 +200,8 @@ class ForcesInspector:
         names = ("points", "faceVertexCounts", "faceVertexIndices", "primvars:force", "extent")
         tangential = prim.GetAttribute(TANGENTIAL)
         self._forces = [prim.GetAttribute("primvars:force"), *([tangential] if tangential else [])]
-        self.animated = [*(prim.GetAttribute(name) for name in names), *self._forces[1:]]
+        self._grains = [prim.GetAttribute(f"primvars:{name}") for name in GRAINS_OF]
+        self.animated = [*(prim.GetAttribute(name) for name in names), *self._forces[1:], *self._grains]
 
     def frame_problems(self, code: float) -> Iterator[str]:
         """Yield the problems of the frame at time code `code`."""
@@ -211,8 +212,8 @@ class ForcesInspector:
             return
         yield from _length_problem(points, int(vertices.sum()), f"{len(vertices)} bands", code)
         yield from _length_problem(indices, len(corners), f"{len(corners)} corners", code)
-        for force in self._forces:
-            yield from _length_problem(force, len(vertices), f"{len(vertices)} bands", code)
+        for attribute in (*self._forces, *self._grains):
+            yield from _length_problem(attribute, len(vertices), f"{len(vertices)} bands", code)
         for attribute in (points, *self._forces):
             yield from _finite_problems(attribute, code)
         if len(corners):

@@ -24,8 +24,9 @@ PROTOTYPES = Sdf.Path("/World/Prototypes")
 COLOR_INDICES = "primvars:displayColor:indices"
 OF_GRAINS = ("mass", "radius")
 """Primvars of all grains, as doubles: fields of the scene."""
-ROTATION = ("spin", "angle")
-"""Primvars of grains that rotate."""
+ANGLE = "angle"
+ROTATION = ("spin", ANGLE)
+"""Primvars of grains that rotate. The spin is one of the quantities that frames have."""
 VELOCITIES = "velocities"
 
 ORIENTATIONS = "orientations"
@@ -81,7 +82,7 @@ class GrainPoints:
         for name, value in (still | {name: getattr(self._scene, name) for name in OF_GRAINS}).items():
             primvar = primvars.CreatePrimvar(name, types.DoubleArray, vertex)
             primvar.Set(Vt.DoubleArray.FromNumpy(value))
-        for name in dict.fromkeys([*self._changing, *(ROTATION if self._rotates else ())]):
+        for name in (*self._changing, *([ANGLE] if self._rotates else [])):
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
         if self._colors.still is not None:
             for name, index in self._color(self._colors.still).items():
@@ -90,10 +91,8 @@ class GrainPoints:
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
         shown = triples("the position of a grain", frame.position)
-        found = dict(zip(ROTATION, frame.rotation(), strict=True)) if self._rotates else {}
-        found |= {
-            name: own.values(self._scene, frame) for name, own in self._changing.items() if name not in found
-        }
+        turned = {ANGLE: frame.rotation()[1]} if self._rotates else {}
+        found = {name: own.values(self._scene, frame) for name, own in self._changing.items()} | turned
         values: dict[str, NDArray[Any]] = {
             self._position: shown,
             "extent": covering_extent(shown, self._half_width),
@@ -104,7 +103,7 @@ class GrainPoints:
             },
         }
         if self._rotates:
-            values |= self._orientations(frame.rotation()[1])
+            values |= self._orientations(found[ANGLE])
         if self._colors.still is None and self._colors.scale is not None:
             values |= self._color(self._colors.scale.levels(found[self._colors.scale.quantity]))
         return {f"{GRAINS}.{name}": value for name, value in values.items()}
