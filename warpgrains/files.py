@@ -8,6 +8,7 @@ import errno
 import io
 import os
 import re
+import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,6 +22,8 @@ _PLAIN = re.compile(rf"(?:(?:{_WORD}|{_NUMBER})?(?:,|$))*", re.ASCII)
 """A line of cells without quotes or guards, as most lines are."""
 
 _WITHOUT_LINKS = (errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP)
+
+csv.field_size_limit(sys.maxsize)  # a cell may hold a list of all grains
 
 Row = dict[str, str]
 """A row of a table: the text of its cells by column."""

@@ -16,6 +16,7 @@ from sweeps import SMALL, batch, results, table, write
 
 from warpgrains import Recording, Scene, Simulation
 from warpgrains.batch import resident
+from warpgrains.files import read_table
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import memory, sizes, tuning
 from warpgrains.solver.records import SceneRecords
@@ -232,6 +233,19 @@ class TestResults:
             assert batch(write(tmp_path), "-o", tmp_path / "out", *more) == 2
             assert "refusing to overwrite" in capfd.readouterr().err
         assert (tmp_path / "out" / "results.csv").read_text() == "precious"
+
+    @pytest.mark.parametrize("options", [(), ("--folders",)])
+    def test_cells_may_hold_all_grains(self, tmp_path, options):
+        """More than the 131,072 characters that Python's csv reads by itself."""
+        x, y = np.divmod(np.arange(3600), 60)
+        places = (np.stack([x, y], axis=1) / 50.0 - 0.59 + 1e-9 / 3.0).tolist()
+        assert len(str(places)) > 140_000
+        fixed = "[set]\ntime.duration = 0.01\ngrains.radius = 0.005\n"
+        text = f'scene = "scene.toml"\n{fixed}[axes]\ngrains.position = [{places}]\n'
+        (tmp_path / "scene.toml").write_text("domain.radius_out = 1.0\ngrains.mass = 0.1\n")
+        assert batch(write(tmp_path, text), "-o", tmp_path / "out", *options) == 0
+        (row,) = read_table(tmp_path / "out" / "results.csv")
+        assert (row["error"], row["grains"]) == ("", "3600")
 
     def test_no_picture_where_all_runs_fail(self, tmp_path, capfd):
         sweep = write(tmp_path, 'scene = "annulus"\n[axes]\nphysics.drag = [100.0, 200.0]\n')
