@@ -49,7 +49,7 @@ class Phase(IntEnum):
     """
 
     ENDED = 0  # nothing: no step has begun, the last one was refused, or the host solves it
-    ACCEPTED = 1  # nothing: the step is taken
+    ACCEPTED = 1  # move and report: the step is taken
     FULL = 2  # nothing: the host reserves memory for the list
     BEGIN = 3  # free velocities
     SEARCH = 4  # find the candidate contacts

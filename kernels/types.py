@@ -58,7 +58,7 @@ Drive = wp.types.vector(length=len(DriveOf), dtype=f64)
 class Contact:
     """A candidate contact of grains i < j, or of grain i and wall j - n, where n is the number of grains.
 
-    Its 32 bytes are all that a correction reads and never writes.
+    A correction reads its 32 bytes and never writes them.
     """
 
     n: wp.vec2d  # unit normal from i to j
@@ -69,7 +69,7 @@ class Contact:
 
 @wp.struct
 class WorkingContact:
-    """A contact of the working set, 24 bytes: all that a correction reads and never writes.
+    """Normal and bodies of a contact of the working set, 24 bytes.
 
     It holds the indices at which the velocities of its grains begin, in an array of numbers: a processor
     reads these at no cost, while to compute indices of vectors takes a tenth of a sweep.

@@ -1,9 +1,9 @@
 """The working set of the accelerated method: the contacts that are swept between two scans of all contacts.
 
 A scan finds the contacts that carry a correction, or did one sweep before, and those that the velocities
-violate or nearly do, and copies them to contiguous arrays. Sweeps touch nothing else, so that they stay in
-the cache. All other contacts have no correction and get none, so velocities between two scans do not matter
-to the list's proof (verlet.py).
+violate or nearly do, and copies them to contiguous arrays. Without friction, sweeps touch no other array of
+contacts, so that they stay in the cache. All other contacts have no correction and get none, so velocities
+between two scans do not matter to the list's proof (verlet.py).
 
 The copies of a part (contacts.py) begin at the index of its first contact: threads select in parallel.
 """

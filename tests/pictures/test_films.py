@@ -16,7 +16,7 @@ from warpgrains.analysis.plots import plot
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import GrainColors, mark_color
 from warpgrains.drawing.frames import Frame
-from warpgrains.pictures.film import Film, draw_film
+from warpgrains.pictures.film import Film, draw_film, encoding_of_frames
 from warpgrains.pictures.shots import Painter
 from warpgrains.pictures.still import FrameArtists
 
@@ -204,3 +204,18 @@ class TestStill:
         assert exit_code("run", "annulus", "--steps", 3, "-o", path, "--color-by", "radius") == 0
         assert capfd.readouterr().out.splitlines()[-1] == f"output            {path}"
         assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_ffmpeg_ends_with_a_run_that_is_interrupted_at_the_end(tmp_path, monkeypatch):
+    """It is in a process group of its own, which Ctrl-C does not reach."""
+    encoding = encoding_of_frames(tmp_path / "film.mkv", (2, 2, 3), 24.0)
+    wait = encoding._wait
+
+    def interrupt_once():
+        monkeypatch.setattr(encoding, "_wait", wait)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(encoding, "_wait", interrupt_once)
+    with pytest.raises(KeyboardInterrupt):
+        encoding.finish()
+    assert encoding._process.poll() is not None

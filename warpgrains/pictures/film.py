@@ -80,7 +80,11 @@ class Encoding:
         OSError
             The file cannot be written. The message is ffmpeg's first line.
         """
-        self._wait()
+        try:
+            self._wait()
+        except BaseException:  # an interrupt reaches this process only
+            self.stop()
+            raise
         if self._process.returncode:
             self._complaints.seek(0)
             complaint = _SOURCE.sub("", self._complaints.readline().decode(errors="replace").strip())
