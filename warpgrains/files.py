@@ -103,12 +103,12 @@ def publish(draft: Path, target: Path, replace: bool = True) -> None:
     """
     with naming(target, draft):
         sync(draft)
-        if replace or not _is_linked(draft, target):
+        if replace or not _link(draft, target):
             os.replace(draft, target)
         sync(target.parent)
 
 
-def _is_linked(draft: Path, target: Path) -> bool:
+def _link(draft: Path, target: Path) -> bool:
     """Give a draft the name of the target as well, unless that exists; return False if there are no links."""
     try:
         os.link(draft, target)

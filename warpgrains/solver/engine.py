@@ -72,6 +72,8 @@ class Engine:
     scenes : sequence of Scene
     left, seconds : ndarray
         Remaining steps, and total time of the steps [s], of every scene.
+    last_steps : LastSteps
+        The steps since `submit`; the next steps change it.
     is_brief : bool
         Whether the submitted steps end before a user could want to interrupt them.
     """
@@ -96,7 +98,7 @@ class Engine:
         self._tasks: list[Callable[[], None]] = []
         host, service = self._records.host, self._service
         arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds, host["steps"]
-        self._last_steps = LastSteps(scenes, *arrays, service.proofs, service.errors)
+        self.last_steps = LastSteps(scenes, *arrays, service.proofs, service.errors)
         self._sums = host["statistics"].view(np.void)  # filled ten times as fast as by fields
         self._no_steps = np.zeros((), self._sums.dtype)
         self._crew = Crew(*tuning.crew(scenes[0], team))
@@ -169,7 +171,7 @@ class Engine:
         Statistics are those of the steps since `submit`, unless they are given for each scene.
         """
         scenes = [self.scene_at(k) for k in which.tolist()]
-        done = self._last_steps.counted(which) if statistics is None else counted(statistics)
+        done = self.last_steps.counted(which) if statistics is None else counted(statistics)
         return FinalStates.of(scenes, self._records, which, done)
 
     def keep_history(self, k: int, keep: bool) -> None:
@@ -315,11 +317,6 @@ class Engine:
             run_threads(self.tasks(self._team))
             left[amid] += self.left[amid] - 1
             self.left[:] = left
-
-    @property
-    def last_steps(self) -> LastSteps:
-        """The steps since `submit`; the next steps change the record."""
-        return self._last_steps
 
     def history(self, k: int) -> StepHistory:
         """Return zeta and residual of every iteration of the last step of scene k, which were kept."""
