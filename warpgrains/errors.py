@@ -40,7 +40,7 @@ class LockedError(OutputError):
 
 
 class MissingExtraError(InputError):
-    """Library that is not installed. The message names it and the extra that installs it."""
+    """Library that is not installed. The message names it and the command that installs its extra."""
 
 
 class SimulationError(RuntimeError):
@@ -62,4 +62,16 @@ def requiring(what: str, extra: str = "report") -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        raise MissingExtraError(f"{what} needs {error.name}: pip install 'warpgrains[{extra}]'") from error
+        raise MissingExtraError(f"{what} needs {error.name}: {_installing(extra)}") from error
+
+
+def _installing(extra: str) -> str:
+    """Return the command that installs an extra. No index has this package, so it names the libraries."""
+    from importlib.metadata import PackageNotFoundError, requires  # slow to import
+
+    try:
+        needs = [need.partition(";") for need in requires("warpgrains") or []]
+    except PackageNotFoundError:  # a checkout on PYTHONPATH
+        needs = []
+    names = [f"'{name}'" for name, _, when in needs if when.strip() == f'extra == "{extra}"']
+    return " ".join(["pip install", *names]) if names else f"install the extra [{extra}] of pyproject.toml"

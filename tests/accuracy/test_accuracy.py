@@ -256,7 +256,7 @@ class TestCertify:
         simulation.step()
         monkeypatch.setitem(sys.modules, "clarabel", None)
         monkeypatch.delitem(sys.modules, "warpgrains.accuracy.exact_step")
-        with pytest.raises(InputError, match=r"certify needs clarabel: pip install 'warpgrains\[report\]'"):
+        with pytest.raises(InputError, match=r"certify needs clarabel: pip install 'matplotlib>="):
             certify(simulation)
 
 

@@ -327,5 +327,5 @@ def test_series_as_frame_and_dataset():
 @pytest.mark.parametrize("name", ["pandas", "xarray"])
 def test_without_the_extra_a_line_names_it(name, monkeypatch):
     monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(InputError, match=rf"to_{name} needs {name}: pip install 'warpgrains\[data\]'"):
+    with pytest.raises(InputError, match=rf"to_{name} needs {name}: pip install 'pandas>="):
         getattr(analysis.Series("speed"), f"to_{name}")()

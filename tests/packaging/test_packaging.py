@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from pages import PAGES, ROOT
 
 import warpgrains
 from warpgrains import Scene, Simulation
+from warpgrains.errors import MissingExtraError, requiring
 
 SHIPPED = (".py", ".toml", ".c", ".h", ".typed", "MODEL.md", "template/README.md", "LISEZMOI.md")
 SCRIPT = """
@@ -41,6 +43,16 @@ def test_what_is_said_of_the_package():
     versions = {line.rpartition(" ")[2] for line in project["classifiers"] if "Python :: 3." in line}
     assert project["requires-python"] == ">=3.11"
     assert versions == {"3.11", "3.12", "3.13"}
+
+
+@pytest.mark.parametrize("extra", ["report", "data", "film", "exact", "view", "cluster"])
+def test_a_missing_library_names_a_command_that_works(extra):
+    """It names libraries, because no index has a package of extras."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    with pytest.raises(MissingExtraError, match="it needs no_library: ") as missing, requiring("it", extra):
+        import no_library  # noqa: F401
+    command = str(missing.value).partition(": ")[2]
+    assert shlex.split(command) == ["pip", "install", *project["optional-dependencies"][extra]]
 
 
 TYPED = """
