@@ -88,7 +88,7 @@ def test_a_frame_within_a_step_has_its_time(tmp_path):
         )
 
 
-@pytest.mark.parametrize("name", ["velocities", "primvars:mass", "points"])
+@pytest.mark.parametrize("name", ["velocities", "warpgrains:mass", "points"])
 def test_damage_that_a_frame_meets_is_one_error(tmp_path, name):
     path = tmp_path / "run.usda"
     Simulation(Scene.load("annulus")).run(steps=4, record=path)

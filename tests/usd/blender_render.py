@@ -86,6 +86,13 @@ def render(width, height, samples, folder, view, frames):
         np.save(f"{folder}/{frame:04d}.npy", picture.reshape(height, width, 4)[::-1])
 
 
+def numbers():
+    """Return the numbers of the grains in the present frame, if these are points."""
+    grains = bpy.data.objects["Grains"].evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    kinds = {own.name: own for own in grains.attributes if own.data_type == "FLOAT"}
+    return {name: [one.value for one in own.data] for name, own in kinds.items()}
+
+
 def main(path, half_width, width, height, folder, view, *frames):
     """Import, render, and describe what was imported."""
     top = import_recording(path)
@@ -101,7 +108,7 @@ def main(path, half_width, width, height, folder, view, *frames):
     background = bpy.data.worlds[0].node_tree.nodes["Background"].inputs
     light = [value * background["Strength"].default_value for value in background["Color"].default_value]
     facts = {"frames": [scene.frame_start, scene.frame_end], "rate": scene.render.fps, "background": light}
-    print("imported", json.dumps({"types": types, **facts}), flush=True)
+    print("imported", json.dumps({"types": types, "numbers": numbers(), **facts}), flush=True)
 
 
 if __name__ == "__main__":

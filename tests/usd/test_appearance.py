@@ -148,7 +148,7 @@ def test_raw_values_stand_beside_the_colors(tmp_path, draw_as):
     path = record(tmp_path / "run.usdc", frames, color_by="radius", forces=True, draw_as=draw_as)
     stage = Usd.Stage.Open(str(path))
     grains = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(GRAINS))
-    assert np.array_equal(grains.GetPrimvar("radius").Get(), RADIUS)
+    assert np.array_equal(grains.GetPrimvar("radius").Get(), RADIUS.astype(np.float32))
     for number, (position, velocity) in enumerate(frames):
         contacts, wall_contacts = make_contacts(number)
         frame = Frame(position, velocity, contacts, wall_contacts)

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from pages import blocks
-from recordings import RADIUS, make_scene, record
+from pxr import Usd
+from recordings import GRAINS, RADIUS, make_scene, record
 
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
@@ -100,6 +101,19 @@ def test_shows_the_colors_as_they_are_meant(rendered, tmp_path):
     for centre, color in zip(make_scene().position, shown.colors[shown.still], strict=True):
         pixel = picture[np.argmin(np.abs(y - centre[1])), np.argmin(np.abs(x - centre[0])), :3]
         assert np.allclose(pixel, color, atol=0.01)
+
+
+def test_reads_every_number_of_the_grains(rendered, tmp_path):
+    simulation, path = Simulation(Scene.load("annulus", ["contact.friction=0.5"])), tmp_path / "run.usdc"
+    simulation.run(steps=60, record=path, fps=50, forces=True)
+    _, imported = rendered(path, [30], size=SMALL)
+    stage = Usd.Stage.Open(str(path))
+    grains = stage.GetPrimAtPath(GRAINS)
+    names = {"angle", "mass", "mobilized", "pressure", "radius", "speed", "spin"}
+    assert imported["numbers"].keys() == names
+    for name in names:
+        assert imported["numbers"][name] == list(grains.GetAttribute(f"primvars:{name}").Get(30))
+        assert any(imported["numbers"][name])
 
 
 @pytest.mark.parametrize("draw_as", ["discs", "spheres"])

@@ -144,6 +144,10 @@ def shorten_raw_speeds(stage):
     UsdGeom.PrimvarsAPI(grains_of(stage)).GetPrimvar("speed").Set([0.1], 1)
 
 
+def shorten_exact_masses(stage):
+    grains_of(stage).GetPrim().GetAttribute("warpgrains:mass").Set([1.0])
+
+
 def lose_the_grains_of_forces(stage):
     UsdGeom.PrimvarsAPI(forces_of(stage)).GetPrimvar("grain").GetAttr().ClearAtTime(3)
 
@@ -193,6 +197,7 @@ def shrink_the_extent_of_forces(stage):
         (lose_the_grains_of_forces, "Forces.primvars:grain has other time codes than the grains' positions"),
         (shorten_the_neighbors_of_forces, "primvars:neighbour hold 1 values, not 5 for 5 bands (frame 1)"),
         (shorten_raw_speeds, "primvars:speed hold 1 values, not 5 for 5 grains (frame 1)"),
+        (shorten_exact_masses, "warpgrains:mass hold 1 values, not 5 for 5 grains (frame 0 and 3 more)"),
         (shrink_the_extent_of_forces, "extent does not contain all grains or bands (frame 1)"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),

@@ -136,6 +136,19 @@ class TestStage:
         assert list(points.GetWidthsAttr().Get()) == [np.float32(0.2)]
         assert inspect_recording(path) == []
 
+    @pytest.mark.parametrize("options", DRAWINGS.values(), ids=list(DRAWINGS))
+    def test_no_primvar_is_a_double(self, tmp_path, options):
+        """Blender reads no primvar after the first one. Other attributes hold the bits of the scene."""
+        scene = make_scene(mass=RADIUS / 3.0)
+        stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(1), scene, **options)))
+        primvars = [own for prim in stage.TraverseAll() for own in UsdGeom.PrimvarsAPI(prim).GetPrimvars()]
+        assert not [own.GetName() for own in primvars if str(own.GetTypeName()).startswith("double")]
+        grains = stage.GetPrimAtPath(GRAINS)
+        for name in ("mass", "radius"):
+            exact = getattr(scene, name)
+            assert np.array_equal(grains.GetAttribute(f"warpgrains:{name}").Get(), exact)
+            assert np.array_equal(grains.GetAttribute(f"primvars:{name}").Get(), exact.astype(np.float32))
+
     @pytest.mark.parametrize("draw_as", ["discs", "spheres"])
     def test_instances_have_the_radii_of_the_grains(self, tmp_path, draw_as):
         stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(2), draw_as=draw_as)))
@@ -215,9 +228,10 @@ class TestOutput:
             Simulation(scene).run(steps=1, record=tmp_path / "run.usdc")
         assert not list(tmp_path.iterdir())
 
-    def test_forces_that_float32_cannot_hold(self, tmp_path):
-        simulation = Simulation("annulus", mass=np.full(15, 1e39))
-        with pytest.raises(InputError, match=r"a force is .*: a recording holds at most"):
+    @pytest.mark.parametrize(("mass", "what"), [(1e38, "a force"), (1e39, "the mass of a grain")])
+    def test_forces_and_masses_that_float32_cannot_hold(self, tmp_path, mass, what):
+        simulation = Simulation("annulus", mass=np.full(15, mass))
+        with pytest.raises(InputError, match=rf"{what} is .*: a recording holds at most"):
             simulation.run(duration=3.0, record=tmp_path / "run.usdc", forces=True)
 
     def test_velocities_that_float32_cannot_hold(self, tmp_path):

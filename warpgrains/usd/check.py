@@ -7,7 +7,15 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
-from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ORIENTATIONS, VELOCITIES, position_of, quaternions
+from warpgrains.usd.grains import (
+    COLOR_INDICES,
+    GRAINS,
+    OF_GRAINS,
+    ORIENTATIONS,
+    VELOCITIES,
+    position_of,
+    quaternions,
+)
 from warpgrains.usd.reader import open_recording, refusing_untrusted_content
 from warpgrains.usd.stage import Values, values_of
 from warpgrains.usd.walls import PLACES, WALLS
@@ -139,7 +147,8 @@ class GrainsInspector:
         self._orientations = prim.GetAttribute(ORIENTATIONS)
         self._angle = prim.GetAttribute("primvars:angle")
         turned = [self._orientations] if self._orientations.HasAuthoredValue() else []
-        self._values = [prim.GetAttribute(VELOCITIES), *self._table_of, *values, *turned]
+        exact = [prim.GetAttribute(name) for name in OF_GRAINS.values()]
+        self._values = [prim.GetAttribute(VELOCITIES), *self._table_of, *values, *exact, *turned]
         changing = [attribute for attribute in self._values if attribute.GetNumTimeSamples()]
         self.animated = [self._extent, *changing]
 

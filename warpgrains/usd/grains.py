@@ -22,8 +22,11 @@ GRAINS = Sdf.Path("/World/Grains")
 PROTOTYPES = Sdf.Path("/World/Prototypes")
 """Prototypes of instanced grains, in a class prim, which is not drawn itself."""
 COLOR_INDICES = "primvars:displayColor:indices"
-OF_GRAINS = ("mass", "radius")
-"""Primvars of all grains, as doubles: fields of the scene."""
+OF_GRAINS = {"mass": "warpgrains:mass", "radius": "warpgrains:radius"}
+"""Fields of the scene, which are primvars of the grains, and the attributes that hold them as doubles.
+
+No primvar is a double, because Blender reads no further ones.
+"""
 ANGLE = "angle"
 ROTATION = ("spin", ANGLE)
 """Primvars of grains that rotate. The spin is one of the quantities that frames have."""
@@ -79,9 +82,12 @@ class GrainPoints:
         color.CreateIndicesAttr()
         start = Frame(self._scene.position, self._scene.velocity)
         still = {name: own.values(self._scene, start) for name, own in self._still.items()}
-        for name, value in (still | {name: getattr(self._scene, name) for name in OF_GRAINS}).items():
-            primvar = primvars.CreatePrimvar(name, types.DoubleArray, vertex)
-            primvar.Set(Vt.DoubleArray.FromNumpy(value))
+        for name, attribute in OF_GRAINS.items():
+            still[name] = getattr(self._scene, name)
+            prim.CreateAttribute(attribute, types.DoubleArray).Set(Vt.DoubleArray.FromNumpy(still[name]))
+        for name, value in still.items():
+            shown = Vt.FloatArray.FromNumpy(as_float32(f"the {name} of a grain", value))
+            primvars.CreatePrimvar(name, types.FloatArray, vertex).Set(shown)
         for name in (*self._changing, *([ANGLE] if self._rotates else [])):
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
         if self._colors.still is not None:

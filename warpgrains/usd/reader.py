@@ -98,7 +98,7 @@ class RecordingReader:
         rate = float(self._stage.GetTimeCodesPerSecond())
         self.times = FrameTimes.of(checks.positive("dt", self.parameters["dt"]), rate, first_step)
         checks.not_negative("time of the last frame", self.times.time(self._count - 1))
-        self.mass, self.radius = (numbers(prim.GetAttribute(f"primvars:{name}")) for name in OF_GRAINS)
+        self.mass, self.radius = (numbers(prim.GetAttribute(name)) for name in OF_GRAINS.values())
         self.walls = read_walls(self._stage)
 
     def __len__(self) -> int:
