@@ -78,6 +78,13 @@ def put_an_infinity_in_velocities(stage):
     grains_of(stage).GetVelocitiesAttr().Set(Vt.Vec3fArray(5, Gf.Vec3f(np.inf)), 2)
 
 
+def put_a_point_far_away(stage):
+    points = grains_of(stage).GetPointsAttr()
+    far = np.array(points.Get(2))
+    far[3, 1] = -1e6
+    points.Set(Vt.Vec3fArray.FromNumpy(far), 2)
+
+
 def drop_an_extent(stage):
     grains_of(stage).GetExtentAttr().ClearAtTime(2)
 
@@ -179,6 +186,11 @@ def shrink_the_extent_of_forces(stage):
         ),
         (name_a_color_beyond_the_table, "primvars:displayColor:indices are not all below 64 (frame 2)"),
         (put_a_nan_in_points, "points are not all finite (frame 2)"),
+        (
+            put_a_point_far_away,
+            "points are rounded: float32 coordinates are 0.0625 m apart there,"
+            " but the smallest radius is 0.031 m (frame 2)",
+        ),
         (put_an_infinity_in_velocities, "velocities are not all finite (frame 2)"),
         (drop_an_extent, "Grains.extent has other time codes than the grains' positions"),
         (tighten_an_extent, "extent does not contain all grains or bands (frame 3)"),

@@ -228,6 +228,22 @@ class TestOutput:
             Simulation(scene).run(steps=1, record=tmp_path / "run.usdc")
         assert not list(tmp_path.iterdir())
 
+    @pytest.mark.parametrize(
+        ("far", "step"), [(1e6, "0.0625"), (3e3, "0.000244"), (1e3, None), (-1e6, "0.0625"), (1.0, None)]
+    )
+    def test_positions_that_float32_rounds_too_much(self, tmp_path, far, step):
+        """At 1e6 m, grains of 1 cm overlapped by 1.9 radii; near the origin, they may be in such a circle."""
+        scene = Scene(position=[(0.0, far)], radius=0.01, mass=1.0, radius_out=1e6 + 1.0, gravity=(0.0, 0.0))
+        simulation, path = Simulation(scene), tmp_path / "run.usdc"
+        if step is None:
+            simulation.run(steps=1, record=path)
+            assert inspect_recording(path) == []
+            return
+        place = re.escape(f"(0, {far:g})")
+        with pytest.raises(InputError, match=rf"grain 0 is at {place} m: .* are {step} m apart there"):
+            simulation.run(steps=1, record=path)
+        assert not list(tmp_path.iterdir())
+
     @pytest.mark.parametrize(("mass", "what"), [(1e38, "a force"), (1e39, "the mass of a grain")])
     def test_forces_and_masses_that_float32_cannot_hold(self, tmp_path, mass, what):
         simulation = Simulation("annulus", mass=np.full(15, mass))

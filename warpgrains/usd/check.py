@@ -17,7 +17,7 @@ from warpgrains.usd.grains import (
     quaternions,
 )
 from warpgrains.usd.reader import open_recording, refusing_untrusted_content
-from warpgrains.usd.stage import Values, values_of
+from warpgrains.usd.stage import Values, too_coarse, values_of
 from warpgrains.usd.walls import PLACES, WALLS
 
 _HALF = 1e-3  # of a quaternion: half precision, and angles as float32 up to 1e4 rad
@@ -178,6 +178,8 @@ class GrainsInspector:
         if size is not None and len(size) in (1, len(position)):
             half_width = size / 2.0 if self._are_points else size[:, 0]
             yield from _extent_problems(self._extent, position, half_width, code)
+            if complaint := too_coarse(position, half_width):
+                yield f"{self.position.GetName()} are rounded: {complaint}"
 
     def _length_problems(self, grains: int, code: float) -> Iterator[str]:
         expected = dict.fromkeys((*self._values, self._ids, self._size), grains)

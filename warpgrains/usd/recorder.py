@@ -21,7 +21,7 @@ from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
 from warpgrains.usd.metadata import described
 from warpgrains.usd.output import lock_output
-from warpgrains.usd.stage import Drawing, static_layer
+from warpgrains.usd.stage import Drawing, static_layer, too_coarse
 from warpgrains.usd.walls import Walls
 from warpgrains.usd.writer import identity, reopen_log, write_recording
 
@@ -67,9 +67,10 @@ class Recorder:
     Raises
     ------
     InputError
-        The suffix, the coloring or the form of the grains is unknown, float32 has no such lengths, the folder
-        cannot be written, the log of an earlier run exists, or the log to continue is missing. It is an
-        `OutputError` if another process records to this file, or the file exists and is no recording.
+        The suffix, the coloring or the form of the grains is unknown, float32 has no such lengths or rounds
+        positions by more than 1 % of the smallest radius, the folder cannot be written, the log of an earlier
+        run exists, or the log to continue is missing. It is an `OutputError` if another process records to
+        this file, or the file exists and is no recording.
     """
 
     def __init__(
@@ -188,7 +189,7 @@ class Recorder:
 
 
 def _require_float32(scene: Scene) -> None:
-    """Raise InputError unless the lengths of a scene are float32 numbers of full precision."""
+    """Raise InputError unless float32 holds the lengths of a scene, and where its grains begin."""
     smallest, largest = float(scene.radius.min()), 2.0 * scene.radius_out
     least, most = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
     if smallest < least or largest > most:
@@ -196,6 +197,10 @@ def _require_float32(scene: Scene) -> None:
             f"lengths of the scene are {smallest} to {largest} m: a recording holds {least:.3g} to"
             f" {most:.3g} m; choose another unit of length"
         )
+    farthest = int(np.abs(scene.position).max(axis=1).argmax())
+    if complaint := too_coarse(scene.position, scene.radius):
+        x, y = scene.position[farthest]
+        raise InputError(f"grain {farthest} is at ({x:g}, {y:g}) m: {complaint}, too much for a recording")
 
 
 def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool) -> GrainPoints:

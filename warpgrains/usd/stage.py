@@ -32,6 +32,7 @@ _FOCAL_LENGTH = 50.0
 _APERTURE = 24.0
 _SKY = 0.4  # fraction of the light from the sky; also the brightness of the background, if shown
 _FROM_FRONT = (1.0 - _SKY) * 0.7853981633974483  # pi / 4: in Blender, fully lit faces keep their color
+_COARSEST = 0.01  # distance of float32 coordinates, in smallest radii
 _INFINITY = np.float32(np.inf)
 
 
@@ -189,6 +190,14 @@ def as_float32(what: str, values: FloatArray) -> NDArray[np.float32]:
     if not np.isfinite(shown).all():
         raise InputError(f"{what} is {np.abs(values).max():.3g}: a recording holds at most 3.4e38")
     return shown
+
+
+def too_coarse(position: FloatArray, radius: FloatArray) -> str | None:
+    """Return a complaint if float32 rounds centers of grains by more than 1 % of the smallest radius."""
+    step, smallest = float(np.spacing(np.float32(np.abs(position).max()))), float(radius.min())
+    if not step > _COARSEST * smallest:
+        return None
+    return f"float32 coordinates are {step:.3g} m apart there, but the smallest radius is {smallest:.3g} m"
 
 
 def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> NDArray[np.float32]:
