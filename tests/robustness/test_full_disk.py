@@ -116,19 +116,39 @@ class TestEncoding:
         assert encoding._process.returncode is not None
 
 
-def test_small_disk(tmp_path, complaint):
-    """The whole disk is full, not only a file: also the folders of temporary files are."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", disk], capture_output=True)
-    if mounted.returncode:
+@pytest.fixture
+def disk(tmp_path, request):
+    """A disk of a size."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={request.param}", "tmpfs", folder]
+    if subprocess.run(mount, capture_output=True).returncode:
         pytest.skip("only root can mount a small disk")
-    try:
-        for name in ("run.mp4", "run.gif", "run.usdc"):
-            words = ["run", "annulus", "--steps", "40", "-o", f"disk/{name}"]
-            said = complaint(*words)
-            assert said.startswith(f"'disk/{name}")
-            assert said.endswith("No space left on device")
-            assert not list(disk.iterdir())
-    finally:
-        subprocess.run(["umount", disk], check=True)
+    yield folder
+    subprocess.run(["umount", folder], check=True)
+
+
+@pytest.mark.parametrize("disk", ["16k"], indirect=True)
+def test_small_disk(disk, complaint):
+    """The whole disk is full, not only a file: also the folders of temporary files are."""
+    for name in ("run.mp4", "run.gif", "run.usdc"):
+        words = ["run", "annulus", "--steps", "40", "-o", f"disk/{name}"]
+        said = complaint(*words)
+        assert said.startswith(f"'disk/{name}")
+        assert said.endswith("No space left on device")
+        assert not list(disk.iterdir())
+
+
+@pytest.mark.parametrize(("disk", "name"), [("6M", "run.vtkhdf"), ("120k", "run.pvd")], indirect=["disk"])
+def test_an_export_that_does_not_fit_keeps_the_earlier_one(disk, tmp_path, complaint, capfd, name):
+    """VTK reports success of files that it could not write."""
+    Simulation("annulus").run(steps=40, record=tmp_path / "run.usdc", forces=True)
+    assert exit_code("export", tmp_path / "run.usdc", "-o", disk / name) == 0
+    before = {path: path.read_bytes() for path in disk.rglob("*.vt*")}
+    Simulation("polydisperse").run(steps=40, record=tmp_path / "run.usdc", forces=True)
+    capfd.readouterr()
+    for _ in range(2):
+        said = complaint("export", "run.usdc", "-o", f"disk/{name}")
+        assert said.startswith("'disk/run")
+        assert "cannot be written" in said
+        assert {path: path.read_bytes() for path in disk.rglob("*.vt*")} == before

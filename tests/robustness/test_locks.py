@@ -16,6 +16,7 @@ from recordings import make_frames, make_scene, record
 from warpgrains import InputError, Scene, Simulation, locks
 from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.errors import OutputError
+from warpgrains.grade.template import write_template
 from warpgrains.locks import Lock, RunLocks
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.recorder import Recorder, log_of, recover
@@ -126,12 +127,25 @@ class TestRun:
         require_refusal(capfd, f"{locked}' is being written by process")
         assert contents_of(kept.parent) == before
 
-    @pytest.mark.parametrize("option", ["-o", "--checkpoint"])
-    def test_second_run_is_refused(self, tmp_path, held_elsewhere, capfd, option):
-        output = tmp_path / {"-o": "run.usdc", "--checkpoint": "run.npz"}[option]
-        held_elsewhere(output)
-        assert exit_code("run", "annulus", option, output) == 2
-        require_refusal(capfd, "is being written by process")
+    @pytest.mark.parametrize(
+        ("words", "locked"),
+        [
+            ("run annulus -o {}", "run.usdc"),
+            ("run annulus --checkpoint {}", "run.npz"),
+            ("export {home}/done.usdc -o {}", "run.vtkhdf"),
+            ("export {home}/done.usdc -o {}", "run.pvd"),
+            ("report annulus -o {home}", "report.md"),
+            ("grade {home}/homework.c --html {home}", "index.html"),
+        ],
+    )
+    def test_second_writer_is_refused(self, tmp_path, held_elsewhere, capfd, words, locked):
+        record(tmp_path / "done.usdc", make_frames(1))
+        write_template(tmp_path)
+        before = contents_of(tmp_path)
+        held_elsewhere(tmp_path / locked)
+        assert exit_code(*words.format(tmp_path / locked, home=tmp_path).split()) == 2
+        require_refusal(capfd, f"{locked}' is being written by process")
+        assert contents_of(tmp_path) == before
 
     def test_run_that_went_on_before_the_lock_was_free(self, kept, monkeypatch):
         """It is continued from where it is now, not from where it was when it was first looked at."""

@@ -5,8 +5,9 @@ import subprocess
 import sys
 
 import pytest
+from command import require_refusal
 from same_bits import contents
-from sweeps import batch, results, table, write
+from sweeps import SMALL, batch, results, table, write
 
 from warpgrains.errors import OutputError
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -102,6 +103,32 @@ def test_another_sweep_that_begins_at_once_is_refused(tmp_path, change, until, c
     first.write_common_files(sweep)
     with pytest.raises(OutputError, match=complaint):
         second.write_common_files(other)
+
+
+@pytest.mark.parametrize(
+    ("change", "options"),
+    [(("", ""), ["--folders", "--measure", "energy"]), (("[5, 15]", "[5, 14]"), [])],
+    ids=["other settings", "other values"],
+)
+def test_a_sweep_that_is_refused_keeps_the_tables_of_the_other(tmp_path, monkeypatch, capfd, change, options):
+    """The other one begins after it has checked its folder."""
+    from warpgrains.cli import batch as command
+
+    (tmp_path / "other").mkdir()
+    out, other = tmp_path / "out", write(tmp_path / "other", SMALL.replace(*change))
+
+    def come_between(*arguments):
+        monkeypatch.undo()
+        assert batch(other, "-o", out, *options) == 1
+        capfd.readouterr()
+        return finish(*arguments)
+
+    finish = command._finish
+    monkeypatch.setattr(command, "_finish", come_between)
+    assert batch(write(tmp_path), "-o", out) == 2
+    require_refusal(capfd, "choose another -o")
+    assert batch(other, "-o", tmp_path / "alone", *options) == 1
+    assert results(out) == results(tmp_path / "alone")
 
 
 def test_results_of_another_sweep_that_began_at_once_are_refused(tmp_path):

@@ -1,17 +1,24 @@
 """Export of recordings for ParaView and pyvista: grains, contacts and forces, written by VTK itself."""
 
+import os
 import re
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from errno import EIO
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
+from zlib import crc32
 
 import numpy as np
 
 from warpgrains.analysis.recording import Recording
 from warpgrains.arrays import FloatArray
+from warpgrains.console import STDERR, redirected
 from warpgrains.drawing.chains import contact_ends, contact_normals, with_walls
 from warpgrains.errors import InputError, requiring
 from warpgrains.files import draft_of, make_folder, require_writable_path, resolve_link, write_atomically
+from warpgrains.locks import Lock
 
 SUFFIXES = (".vtkhdf", ".pvd")
 _FRAME = re.compile(r"(\.draft\.)?\d{4,}\.vtp")  # drafts are those of an export that was killed
@@ -32,20 +39,24 @@ def export(recording: str | Path, output: str | Path) -> int:
     ------
     InputError
         The recording cannot be read, the output cannot be written, the folder of a series holds other
-        files, or VTK, which the extra ``[data]`` installs, is missing.
+        files, or VTK, which the extra ``[data]`` installs, is missing. It is an `OutputError` if another
+        process writes the output.
+    OSError
+        A file cannot be written, or reads back different.
     """
     output = Path(output)
     require_writable_path("output", output, *SUFFIXES)
     with requiring("export", "data"):
         import vtkmodules.vtkIOHDF  # noqa: F401
     source = Recording(recording)
-    (_write_series if output.suffix == ".pvd" else _write_hdf)(source, output)
+    with Lock(output):
+        (_write_series if output.suffix == ".pvd" else _write_hdf)(source, output)
     return len(source)
 
 
 def _write_series(source: Recording, output: Path) -> None:
     """Write a file for each frame into a folder next to the output, and then the list of them."""
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLPolyDataWriter
 
     folder = resolve_link(output).with_suffix("")
     earlier = [*folder.iterdir()] if folder.is_dir() else []
@@ -53,12 +64,12 @@ def _write_series(source: Recording, output: Path) -> None:
         raise InputError(f"refusing to overwrite folder '{folder}': it holds other files than frames")
     make_folder(folder)
     names = [f"{k:04}.vtp" for k in range(len(source))]
-    for k, name in enumerate(names):
-        writer = vtkXMLPolyDataWriter()
-        with draft_of(folder / name) as draft:
-            writer.SetInputData(_polydata(source, k))
-            writer.SetFileName(str(draft))
-            _require_written(writer, folder / name)
+    with ExitStack() as drafts:
+        for k, name in enumerate(names):
+            writer, reader, data = vtkXMLPolyDataWriter(), vtkXMLPolyDataReader(), _polydata(source, k)
+            writer.SetInputData(data)
+            draft = drafts.enter_context(draft_of(folder / name))
+            _write_checked(draft, writer, reader, reader.SetTimeStep, {0: _checksum(data)})
     lines = [
         f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(f"{folder.name}/{name}")}/>'
         for time, name in zip(source.time.tolist(), names, strict=True)
@@ -74,7 +85,7 @@ def _write_series(source: Recording, output: Path) -> None:
 def _write_hdf(source: Recording, output: Path) -> None:
     from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
     from vtkmodules.vtkCommonDataModel import vtkDataObject
-    from vtkmodules.vtkIOHDF import vtkHDFWriter
+    from vtkmodules.vtkIOHDF import vtkHDFReader, vtkHDFWriter
 
     class Frames(VTKPythonAlgorithmBase):
         """VTK source that provides the frame of each time that the writer requests."""
@@ -94,20 +105,49 @@ def _write_hdf(source: Recording, output: Path) -> None:
             information, time = out.GetInformationObject(0), self.GetExecutive().UPDATE_TIME_STEP()
             asked = information.Get(time) if information.Has(time) else source.time[0]
             k = int(np.abs(source.time - asked).argmin())
-            vtkDataObject.GetData(information).ShallowCopy(_polydata(source, k))
+            data = _polydata(source, k)
+            checksums[k] = _checksum(data)
+            vtkDataObject.GetData(information).ShallowCopy(data)
             return 1
 
-    frames, writer = Frames(), vtkHDFWriter()
+    checksums: dict[int, int] = {}
+    frames, writer, reader = Frames(), vtkHDFWriter(), vtkHDFReader()
+    writer.SetInputConnection(frames.GetOutputPort())
+    writer.SetWriteAllTimeSteps(True)
     with draft_of(output) as draft:
-        writer.SetInputConnection(frames.GetOutputPort())
+        _write_checked(draft, writer, reader, reader.SetStep, checksums)
+
+
+def _write_checked(
+    draft: Path, writer: Any, reader: Any, select: Callable[[int], None], checksums: Mapping[int, int]
+) -> None:
+    """Write a file, and read it back. Raises OSError unless its steps have the checksums.
+
+    The writer may add checksums. What VTK and HDF5 print is dropped.
+    """
+    with open(os.devnull, "w") as dropped, redirected(STDERR, dropped.fileno()):
         writer.SetFileName(str(draft))
-        writer.SetWriteAllTimeSteps(True)
-        _require_written(writer, output)
+        is_written = writer.Write()
+        reader.SetFileName(str(draft))
+        for k, checksum in checksums.items():
+            select(k)
+            reader.Update()
+            is_written &= _checksum(reader.GetOutput()) == checksum
+    if not is_written:
+        raise OSError(EIO, "what VTK wrote reads back different: check the free space")
 
 
-def _require_written(writer: Any, output: Path) -> None:
-    if not writer.Write():
-        raise OSError(f"'{output}' cannot be written: check its folder and the free space")
+def _checksum(data: Any) -> int:
+    """Return the CRC-32 of the numbers of polydata; 0 if it has no points."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    if data.GetNumberOfPoints() == 0:
+        return 0
+    cells = data.GetVerts(), data.GetLines()
+    arrays = [data.GetPoints().GetData(), *(own.GetConnectivityArray() for own in cells)]
+    for own in (data.GetPointData(), data.GetCellData()):
+        arrays += map(own.GetArray, sorted(map(own.GetArrayName, range(own.GetNumberOfArrays()))))
+    return crc32(b"".join(vtk_to_numpy(array).tobytes() for array in arrays))
 
 
 def _polydata(source: Recording, k: int) -> Any:

@@ -9,7 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from warpgrains.console import in_columns, progress_bar, stdout_to_stderr
-from warpgrains.errors import InputError, requiring
+from warpgrains.errors import InputError, OutputError, requiring
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import name_and_bounds
@@ -56,10 +56,14 @@ def run(arguments: Namespace) -> bool:
             progress_bar(len(share), len(share) - len(left), unit="run", bar_format=_BAR) as bar,
         ):
             reasons = _finish(folder, sweep, left, execution, bar.update, arguments)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt("to continue: the same command with --resume") from None
-    finally:
-        outcomes = folder.write_tables(sweep)
+    except OutputError:
+        raise  # without tables, because those in the folder are of another sweep
+    except BaseException as error:
+        folder.write_tables(sweep)
+        if isinstance(error, KeyboardInterrupt):
+            raise KeyboardInterrupt("to continue: the same command with --resume") from None
+        raise
+    outcomes = folder.write_tables(sweep)
     own = {run.number for run in share}
     failed = {number: reason for number, reason in outcomes.failed.items() if number in own}
     missing = {number: reasons.get(number, "") for number in sorted(own - outcomes.finished)}

@@ -15,8 +15,15 @@ from tempfile import TemporaryDirectory
 from tqdm import tqdm
 
 from warpgrains.console import in_columns, stop_on_signals
-from warpgrains.errors import InputError, OutputError
-from warpgrains.files import make_folder, read_table, require_writable_path, table_text, write_atomically
+from warpgrains.errors import InputError
+from warpgrains.files import (
+    make_folder,
+    read_regular,
+    read_table,
+    require_writable_path,
+    table_text,
+    write_atomically,
+)
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.page import GENERATOR, Pages
 from warpgrains.grade.sandbox import Processes
@@ -26,6 +33,7 @@ from warpgrains.locks import lock_own
 
 RESULTS = {"right": 0, "wrong": 1}
 NOT_GRADED = 2
+INDEX = "index.html"
 """Exit codes, by the status of the worst homework."""
 
 _BAR = "{percentage:3.0f}%|{bar}| {n}/{total} homeworks [{elapsed}, {remaining} left]"
@@ -60,9 +68,10 @@ def grade(arguments: Namespace) -> int:
         raise InputError("a folder of homeworks needs -o TABLE.csv, --html DIR, or --json")
     if not is_class and table is not None:
         raise InputError("-o needs a folder of homeworks: for one homework, use --json")
-    if site is not None:
-        _require_pages(Path(site))
     with ExitStack() as held:
+        if site is not None:
+            make_folder(Path(site))
+            held.enter_context(lock_own(Path(site, INDEX), _is_page, "page of warpgrains grade"))
         if table is not None:
             require_writable_path("table", Path(table), ".csv")
             held.enter_context(lock_own(Path(table), _is_table, "table of grades"))
@@ -74,8 +83,8 @@ def grade(arguments: Namespace) -> int:
         if table is not None:
             rows = [verdict.as_row(arguments.lang) for verdict in named]
             write_atomically(Path(table), table_text(rows).encode())
-    if site is not None:
-        _write_pages(Path(site), named, arguments.lang, is_class)
+        if site is not None:
+            _write_pages(Path(site), named, arguments.lang, is_class)
     if arguments.json:
         told = [verdict.as_json() for verdict in verdicts]
         print(json.dumps(told if is_class else told[0]))
@@ -86,22 +95,14 @@ def grade(arguments: Namespace) -> int:
 
 def _write_pages(folder: Path, verdicts: list[Verdict], language: str, is_class: bool) -> None:
     """Write the page of a homework, or those of the homeworks of a class and an index page."""
-    pages, links = Pages(language), ["index.html"]
+    pages, links = Pages(language), [INDEX]
     if is_class:
         safe = [re.sub(r"[^A-Za-z0-9.-]", "_", verdict.file)[-100:] for verdict in verdicts]
         links = [f"{k:03}_{name}.html" for k, name in enumerate(safe)]
     for verdict, link in zip(verdicts, links, strict=True):
         write_atomically(folder / link, pages.homework(verdict).encode())
     if is_class:
-        write_atomically(folder / "index.html", pages.course(verdicts, links).encode())
-
-
-def _require_pages(folder: Path) -> None:
-    """Create a folder for pages. Raises OutputError if its index is not a page of `warpgrains grade`."""
-    make_folder(folder)
-    index = folder / "index.html"
-    if index.exists() and GENERATOR not in index.read_text(errors="replace"):
-        raise OutputError(f"refusing to overwrite '{index}': not a page of warpgrains grade")
+        write_atomically(folder / INDEX, pages.course(verdicts, links).encode())
 
 
 def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
@@ -126,6 +127,10 @@ def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
 
         is_quiet = len(paths) == 1 or not sys.stderr.isatty()
         return list(tqdm(pool.map(grade_one, paths), total=len(paths), bar_format=_BAR, disable=is_quiet))
+
+
+def _is_page(path: Path) -> bool:
+    return GENERATOR.encode() in read_regular(path)
 
 
 def _is_table(path: Path) -> bool:

@@ -12,6 +12,7 @@ from warpgrains import __version__
 from warpgrains.console import progress_bar
 from warpgrains.errors import InputError
 from warpgrains.files import make_folder, table_text, write_atomically
+from warpgrains.locks import Lock
 from warpgrains.pictures.still import save_figure
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report.figures import draw_paths, draw_steps
@@ -30,6 +31,7 @@ from warpgrains.report.trajectories import measure_frontier, measure_paths
 from warpgrains.scene.scene import Scene
 
 DOTS_PER_INCH = 80
+REPORT = "report.md"
 RELATIVE = {"1e-3": 1e-3, "1e-6": 1e-6}  # errors in the table, relative to the free velocities' error
 
 _HEAD = """# Speed against error
@@ -58,7 +60,8 @@ def write_report(
     Raises
     ------
     InputError
-        Two scenes have the same name, the folder cannot be written, or a scene has no contacts.
+        Two scenes have the same name, the folder cannot be written, or a scene has no contacts. It is an
+        `OutputError` if another process writes a report there.
     SimulationError
         A step failed.
     """
@@ -73,7 +76,10 @@ def write_report(
     budget = budget or Budget()
     found = Findings()
     pictures: list[Path] = []
-    with progress_bar(len(scenes), shown=progress, unit="scene") as bar:
+    with (
+        Lock(folder / REPORT),
+        progress_bar(len(scenes), shown=progress, unit="scene") as bar,
+    ):
         for scene in scenes:
             for stage in _measure(scene, budget, found):
                 bar.set_postfix_str(f"{scene.name}: {stage}")
@@ -106,7 +112,7 @@ def _measure(scene: Scene, budget: Budget, found: Findings) -> Iterator[str]:
 def _write_texts(folder: Path, found: Findings, budget: Budget) -> list[Path]:
     """Write all rows so far, replacing earlier files."""
     texts = {
-        "report.md": markdown(found, budget),
+        REPORT: markdown(found, budget),
         "steps.csv": table_text([*map(asdict, found.steps)]),
         "trajectories.csv": table_text([*map(asdict, found.paths)]),
         "frontier.csv": table_text([*map(asdict, found.frontier)]),

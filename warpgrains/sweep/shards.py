@@ -15,7 +15,7 @@ from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
-from warpgrains.errors import InputError, OutputError
+from warpgrains.errors import OutputError
 from warpgrains.files import Row, csv_line, write_atomically
 from warpgrains.sweep.results import RunResult
 
@@ -59,7 +59,7 @@ class ResultShards:
 
         Raises
         ------
-        InputError
+        OutputError
             A shard belongs to another sweep.
         """
         self._damaged.clear()
@@ -85,7 +85,7 @@ class ResultShards:
             self._damaged.append(path)
             return set()
         if not content.startswith(self._head):
-            raise InputError(f"'{path}' is of another sweep: choose another -o")
+            raise OutputError(f"'{path}' is of another sweep: choose another -o")
         lines = content[len(self._head) :].splitlines(keepends=True)
         found = {int(line.partition(b",")[0]): line for line in lines}
         new = found.keys() - self.lines.keys()
