@@ -63,7 +63,7 @@ class _Dual:
 
     def move(self, q: FloatArray) -> None:
         """Move to another point."""
-        rows, b, free, _ = self._problem
+        rows, b, free, *_ = self._problem
         self.q[:] = q
         self.slack[:] = b - rows @ (free - self.across @ q)
 
@@ -124,7 +124,7 @@ class _Equations:
 def solve(problem: Projection, matrix: BorderedMatrix, q: FloatArray, tolerance: float) -> Solution:
     """Solve a step from the corrections of some sweeps, to a natural residual of `tolerance` [m/s].
 
-    If too many solutions of the equations would be needed, the last corrections are returned.
+    If too many solutions of the equations would be needed, or there is none, the last q is returned.
     """
     unit, carrying = problem.unit, q > 0.0
     dual = _Dual(problem, q)
@@ -146,7 +146,7 @@ def solve(problem: Projection, matrix: BorderedMatrix, q: FloatArray, tolerance:
             centres += 1
         else:
             joining = ~carrying & (slack < -tolerance)
-            if not joining.any():
+            if not joining.any() or problem.is_infeasible(dual.q):
                 break
             centres, carrying = 0, carrying | joining
             equations.change(carrying)

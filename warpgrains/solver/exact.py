@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 ASKED = 0.5  # of the tolerance; leaves a margin for rounding in the kernels
 BETTER = 0.01  # of the residual after the sweeps: an answer must be below
+NEAR = 1e-3  # of that residual: below, rounding makes steps of the interior point method short
+MOST = 100  # factorizations of a step after which no other problem is begun
 
 
 class Matrices(NamedTuple):
@@ -36,14 +38,20 @@ class Matrices(NamedTuple):
 def solve(problem: Projection, matrices: Matrices, q: FloatArray, tolerance: float) -> Solution:
     """Solve a step from the corrections of some sweeps by the active-set method.
 
-    If it fails, use the interior point method.
+    If it fails, the interior point method comes near, and where rounding stops that, as with masses that
+    are far apart, the active-set method ends from there.
     """
-    found = active_set.solve(problem, matrices.active, q, tolerance)
-    if found.residual <= tolerance:
-        return found
-    start = found.q if found.residual < problem.residual(q) else q
-    inner = interior_point.solve(problem, matrices.interior, start, tolerance)
-    return inner._replace(factorizations=found.factorizations + inner.factorizations)
+    first = active_set.solve(problem, matrices.active, q, tolerance)
+    if first.residual <= tolerance or problem.is_infeasible(first.q):
+        return first
+    before = problem.residual(q)
+    start = first.q if first.residual < before else q
+    inner = interior_point.solve(problem, matrices.interior, start, tolerance, NEAR * before)
+    found = [first, inner]
+    if tolerance < inner.residual <= BETTER * before:
+        found.append(active_set.solve(problem, matrices.active, inner.q, tolerance))
+    best = min(found, key=lambda one: one.residual)
+    return best._replace(factorizations=sum(one.factorizations for one in found))
 
 
 class ExactSolver:
@@ -70,7 +78,7 @@ class ExactSolver:
         tolerance, q = ASKED * self._scene.tolerance, contacts.corrections()
         problem = contacts.problem_at(q)
         before = left = problem.residual(q)
-        while left > tolerance:
+        while left > tolerance and record["step"]["factorizations"] < MOST:
             found = solve(problem, self._matrices, q, tolerance)
             record["step"]["factorizations"] += found.factorizations
             problem = contacts.problem_at(found.q)
@@ -84,7 +92,8 @@ class ExactSolver:
             contacts.write(q)
         else:
             record["to_search"] = 0  # a proof that no velocities solve the step
-            record["step"]["patience"] = 0
+        if left > tolerance:
+            record["step"]["patience"] = 0  # the methods have done what they can
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
 
 
@@ -112,7 +121,7 @@ class FrozenContacts:
 
     def problem_at(self, q: FloatArray) -> Projection:
         """Return the step's problem, with the wall gaps for the velocities that corrections q lead to."""
-        rows, _, free, unit = self.problem
+        rows, _, free, unit, _ = self.problem
         scene = self._constraints.scene
         velocity = (free - rows.T @ q).reshape(-1, 2) / np.sqrt(scene.contact_mass)[:, np.newaxis]
         return self.problem._replace(bound=unit * self._constraints.sliding(scene.dt * velocity).gap_rate)

@@ -31,6 +31,8 @@ class Projection(NamedTuple):
     """u0, shape (2 n,)."""
     unit: FloatArray
     """Scale of q: the value of q for a correction of 1 m/s, shape (m,)."""
+    widest: float = np.inf
+    """The largest |u| of a solution."""
 
     def target(self, q: FloatArray) -> FloatArray:
         """Return q - s, whose positive part equals q at the solution."""
@@ -39,6 +41,11 @@ class Projection(NamedTuple):
     def residual(self, q: FloatArray) -> float:
         """Return the natural residual (MODEL.md, eq. 12) [m/s]."""
         return float((np.abs(np.maximum(self.target(q), 0.0) - q) / self.unit).max(initial=0.0))
+
+    def is_infeasible(self, q: FloatArray) -> bool:
+        """Return True if weights q prove that no |u| <= widest has A u <= b (Farkas; MODEL.md, eq. 15)."""
+        force = self.rows.T @ q
+        return float((self.bound * q).sum()) < -self.widest * float(np.sqrt((force * force).sum()))
 
 
 def projection_of(constraints: StepConstraints, free_velocity: FloatArray) -> Projection:
@@ -56,7 +63,9 @@ def projection_of(constraints: StepConstraints, free_velocity: FloatArray) -> Pr
     indices, start = indices.astype(np.int32), start.astype(np.int32)
     rows = sparse.csr_array((data, indices, start), shape=(len(unit), 2 * len(mass)))
     free = (np.sqrt(mass)[:, np.newaxis] * free_velocity).ravel()
-    return Projection(rows, unit * constraints.gap_rate, free, unit)
+    # all grains cross the domain in the step
+    widest = 2.0 * constraints.scene.radius_out / constraints.scene.dt * float(np.sqrt(mass.sum()))
+    return Projection(rows, unit * constraints.gap_rate, free, unit, widest)
 
 
 def _columns(grain: Indices) -> Indices:
