@@ -81,11 +81,11 @@ def is_clear(x: wp.vec2d, radius: f64, discs: Discs, level: int) -> bool:
 
 @wp.func
 def fits(x: wp.vec2d, discs: Discs, i: int) -> bool:
-    """Return whether disc i at x is within walls and box, off the origin, and overlaps no earlier disc."""
+    """Return whether disc i at x is within walls and box, and overlaps no earlier disc."""
     r, box = discs.radius[i], discs.box
     if wp.min(x - box.low) < r or wp.min(box.high - x) < r:
         return False
-    if worst_overlap(x, discs.radius[i], discs.walls) > f64(0.0) or (x[0] == f64(0.0) and x[1] == f64(0.0)):
+    if worst_overlap(x, discs.radius[i], discs.walls) > f64(0.0):
         return False
     clear = bool(True)
     for level in range(discs.level[i] + 1):

@@ -11,7 +11,9 @@ from enum import IntEnum
 import warp as wp
 
 from . import law
-from .access import at, first_of, normal_of, put
+from .access import at, first_of, gap_rate_of, normal_of, put, second_of
+from .contacts import limits_at
+from .driven import closing_speed
 from .record import (
     BEYOND_WALL,
     CANCELLED,
@@ -293,6 +295,7 @@ def start_attempt(s: Scene):
             s.step.restarts = s.step.restarts + 1
     if s.control.phase == Phase.BEGIN or s.control.phase == Phase.LISTED:
         s.control.phase = Phase.START
+        s.verlet.flags.without_normal = 0
 
 
 @wp.func
@@ -317,13 +320,22 @@ def begin_iterating(s: Scene):
 
 @wp.func
 def grain_beyond_wall(s: Scene) -> int:
-    """Return the first grain that moves along a round wall by more than its circle is wide, or -1."""
-    found = int(-1)
+    """Return the first grain that moves beyond a wall, or -1.
+
+    It moves along a round wall by more than its circle is wide, or at all by more than its gap to a wall that
+    has no normal where it is.
+    """
+    found, velocity, contact = int(-1), s.grains.next_velocity, s.contacts.contact
     for w in range(s.contacts.count.walls):
         c = pair_count(s) + w
-        i = first_of(s.contacts.contact, c)
-        along = law.speed_along(at(s.grains.next_velocity, i), normal_of(s.contacts.contact, c))
-        if wp.abs(along) > at(s.contacts.limits, w)[1] and (found < 0 or i < found):
+        i, n = first_of(contact, c), normal_of(contact, c)
+        v = at(velocity, i)
+        path, most = wp.abs(law.speed_along(v, n)), limits_at(s.contacts.limits, w)[1]
+        if wp.length_sq(n) == f64(0.0):
+            path, most = wp.length(v), gap_rate_of(contact, c)
+            if is_driven(s):
+                path = path + closing_speed(s, velocity, i, second_of(contact, c), n)
+        if path > most and (found < 0 or i < found):
             found = i
     return found
 
@@ -347,7 +359,7 @@ def judge(s: Scene):
             outcome = SLOW
         elif s.stopping.raise_on_unconverged != 0:
             outcome = NOT_CONVERGED
-    if outcome == SOLVED and converged and s.walls.annulus.round != 0:
+    if outcome == SOLVED and (s.walls.annulus.round != 0 or s.verlet.flags.without_normal != 0):
         s.verlet.flags.bad_body = grain_beyond_wall(s)
         if s.verlet.flags.bad_body >= 0:
             outcome = BEYOND_WALL

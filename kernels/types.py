@@ -197,6 +197,7 @@ class VerletFlags:
 
     list_expired: wp.int32  # whether a contact may be missing
     missed: wp.int32  # whether one that was missing may have acted
+    without_normal: wp.int32  # whether a grain is where a wall has no normal
     bad_body: wp.int32  # a grain or wall that is no longer finite, or leaves a round wall or no room; or -1
 
 

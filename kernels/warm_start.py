@@ -9,6 +9,8 @@ from .record import Scene, grain_count, has_friction, pair_count, rotates
 from .threads import Team
 from .walls import surface_speed, wall_frame
 
+f64 = wp.float64
+
 
 @wp.func
 def begin_velocity(s: Scene, i: int):
@@ -26,6 +28,11 @@ def freeze(s: Scene, c: int, at_wall: bool) -> wp.vec2d:
     if at_wall:
         b = j - grain_count(s)
         normal, gap, back, reach = wall_frame(b, x, radius, s.walls)
+        if wp.isnan(normal[0]) and wp.min(gap, back) > f64(0.0):
+            normal = wp.vec2d(
+                f64(0.0), f64(0.0)
+            )  # no force: stopping.grain_beyond_wall checks that none is due
+            s.verlet.flags.without_normal = 1
         if s.contacts.wall_speed.shape[0] > 0:
             point = x + (radius + gap) * normal
             put(s.contacts.wall_speed, c - pair_count(s), surface_speed(b, point, normal, s.walls))

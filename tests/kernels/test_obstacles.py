@@ -214,22 +214,53 @@ def test_a_kind_of_wall_without_its_branch_is_refused(
     assert np.isnan(in_c.velocity).all()
 
 
-CENTERED = {
-    "arc": {
-        "position": [(0.0, 0.25), (-3.0, -2.0)],
-        "velocity": [(4.0, 0.0), (0.0, 16.0)],
-        "walls": [Arc((0.5, 0.25), 0.5, -1.0, 1.0)],
-        "radius_out": 8.0,
+CENTERS: dict[str, dict[str, object]] = {
+    "annulus": {"position": [(0.125, 0.0)]},
+    "annulus at the start": {"position": [(0.0, 0.0)]},
+    "round": {"position": [(0.125, 0.0)], "wall": "round", "scheme": "leapfrog"},
+    "pressure": {"position": [(0.125, 0.0)], "pressure": 0.01},
+    "ring": {"position": [(0.375, 0.25)], "walls": [Disc((0.25, 0.25), 0.5, inside=True)]},
+    "turning ring": {
+        "position": [(0.375, 0.25)],
+        "walls": [Disc((0.25, 0.25), 0.5, inside=True, angular_velocity=1.0)],
     },
-    "origin": {"position": [(0.125, 0.0)], "velocity": [(-1.0, 0.0)], "radius_out": 1.0},
+    "arc": {"position": [(0.375, 0.25)], "walls": [Arc((0.25, 0.25), 0.5, -1.0, 1.0)]},
+    "arc at the start": {"position": [(0.25, 0.25)], "walls": [Arc((0.25, 0.25), 0.5, -1.0, 1.0)]},
 }
 
 
-@pytest.mark.parametrize(("which", "wall"), [("arc", 2), ("origin", 0)])
-def test_a_grain_where_a_wall_has_no_normal_is_named(which: str, wall: int) -> None:
-    """It gets there in a step, exactly in the center of an arc or of the outer circle."""
-    scene = Scene(**CENTERED[which], radius=0.1, mass=1.0, dt=0.125, gravity=(0.0, 0.0))
-    simulation = Simulation(scene)
-    with pytest.raises(SimulationError, match=f"step 2, .* where wall {wall} has no normal"):
+def centered(which: str, **changes: object) -> Scene:
+    """Return a scene of a grain that moves to the left by 0.125 m a step, to where a wall has no normal."""
+    fields = {"velocity": [(-1.0, 0.0)], "radius_out": 1.0, "dt": 0.125, "gravity": (0.0, 0.0)}
+    return Scene(**{"radius": 0.1, "mass": 1.0} | fields | CENTERS[which] | changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+@pytest.mark.parametrize("which", CENTERS)
+def test_a_grain_passes_where_a_wall_out_of_reach_has_no_normal(
+    c_library: CDLL, which: str, friction: float
+) -> None:
+    """It meets the wall on the other side, as in C."""
+    scene = centered(which, friction=friction)
+    simulation, in_c = Simulation(scene), Reference(c_library, scene)
+    for step in range(12):
+        report = simulation.step()
+        in_c.update()
+        if step < 3:
+            assert simulation.position.tolist() == [
+                [scene.position[0, 0] - 0.125 * (step + 1), scene.position[0, 1]]
+            ]
+        assert np.array_equal(simulation.position, in_c.position)
+        assert np.array_equal(simulation.velocity, in_c.velocity)
+        assert report.overlap <= 0.0 or report.overlap < 2e-3
+
+
+@pytest.mark.parametrize(("which", "wall"), [("annulus", 0), ("round", 0), ("pressure", 0), ("ring", 2)])
+def test_a_grain_that_may_touch_a_wall_without_normal_is_named(which: str, wall: int) -> None:
+    """The gap is less than the 0.125 m by which it moves in a step."""
+    large = {"radius": 0.9} if wall == 0 else {"radius": 0.4}
+    simulation = Simulation(centered(which, **large, max_iterations=1))
+    where = f"wall {wall}, which it may touch in this step, has no normal"
+    with pytest.raises(SimulationError, match=rf"step 2, .* velocity of \[-1.0, .*where {where}"):
         simulation.advance(2)
     assert simulation.steps == 1

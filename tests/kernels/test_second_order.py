@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -223,7 +224,7 @@ def test_a_first_step_that_fails_leaves_the_first_kick_to_be_done() -> None:
     assert not simulation.state().staggered
 
 
-def fast(**changes: str) -> Scene:
+def fast(**changes: Any) -> Scene:
     """A grain at the wall, along which it would move by more than the circle of its centre is wide."""
     return Scene(
         position=[[0.0, 0.0001], [0.0, -0.9]],
@@ -236,8 +237,10 @@ def fast(**changes: str) -> Scene:
     )
 
 
-def test_a_grain_that_leaves_the_circle_is_refused() -> None:
-    simulation = Simulation(fast(**SECOND_ORDER))
+@pytest.mark.parametrize("iterations", [1, 1000])
+def test_a_grain_that_leaves_the_circle_is_refused(iterations: int) -> None:
+    """One iteration does not converge, which changes nothing."""
+    simulation = Simulation(fast(**SECOND_ORDER, max_iterations=iterations))
     refusal = (
         r"step 1, from t = 0.0 s: grain 1 reached a velocity of \[95.0, .*\] m/s along the round wall:"
         r" in a step of 0.01 s, it leaves the circle of 0.9 m"

@@ -45,9 +45,9 @@ def test_lattice_fills_from_the_bottom():
     assert len(radius) == 50
 
 
-def test_lattice_leaves_the_origin_free():
-    position, _ = lattice(Annulus(0.0, 1.0), radius=0.25, spacing=2.0)
-    assert (np.hypot(*position.T) > 0.0).all()
+def test_lattice_fills_the_origin():
+    position, _ = lattice(Annulus(0.0, 0.25 + 0.5 * 3.0**0.5), radius=0.25, spacing=2.0)
+    assert (position == 0.0).all(axis=1).sum() == 1
 
 
 def test_random_is_the_same_for_the_same_seed():

@@ -10,8 +10,7 @@ from warpgrains.analysis.region import Region
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.geometry import area_below, distance, left_of
-from warpgrains.scene.walls import outward
+from warpgrains.scene.geometry import area_below, directions, distance, left_of
 
 
 class Profile(NamedTuple):
@@ -93,9 +92,7 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     else:
         space = np.diff(np.pi * edges**2)
         area = np.diff([_lens(rho, now.scene.radius, edge) for edge in edges], axis=0)
-    with np.errstate(invalid="ignore"):  # no outward direction at the origin
-        away = np.nan_to_num(outward(now.position))
-    return _means(edges, area, space, now.velocity, away)
+    return _means(edges, area, space, now.velocity, directions(now.position))
 
 
 def _whole_areas(now: Snapshot, region: Region, edges: FloatArray, at: FloatArray) -> FloatArray:

@@ -159,8 +159,8 @@ static double contactDriven(femGrains *g, int i, int k, double nx, double ny, do
 /* The contacts of grain i with the outer wall (dvb > 0) and the inner wall (dvb < 0). Returns the change. */
 static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter) {
     double r = sqrt(g->x[i] * g->x[i] + g->y[i] * g->y[i]);
-    double nx = g->x[i] / r;
-    double ny = g->y[i] / r;
+    double nx = r > 0.0 ? g->x[i] / r : 0.0;
+    double ny = r > 0.0 ? g->y[i] / r : 0.0;
     double *dtb = hasFriction(g) ? &g->dtBoundary[i] : NULL;
     if (g->driven)
         return contactDriven(g, i, 0, nx, ny, g->radiusOut - r - g->r[i], dvb, g->wallFriction, dtb, g->radiusOut * g->turningOut, dt, iter);
@@ -199,6 +199,7 @@ static double wallGap(const double *wall, double x, double y, double r, double *
         int onArc = dx * mx + dy * my >= rho * c;
         px = onArc ? wall[1] + dx * (wall[3] / rho) : wall[1] + wall[3] * (c * mx - s * my);
         py = onArc ? wall[2] + dy * (wall[3] / rho) : wall[2] + wall[3] * (c * my + s * mx);
+        if (rho == 0.0) px = wall[1] + wall[3] * mx, py = wall[2] + wall[3] * my;
     } else if (wall[0] != DISC)
         px = NAN;
     double dx = px - x, dy = py - y;
@@ -207,8 +208,8 @@ static double wallGap(const double *wall, double x, double y, double r, double *
     *ny = dy / distance;
     if (wall[0] != DISC) return distance - r;
     if (wall[4] == 0.0) return distance - (r + wall[3]);
-    *nx = -*nx;
-    *ny = -*ny;
+    *nx = distance > 0.0 ? -*nx : 0.0;
+    *ny = distance > 0.0 ? -*ny : 0.0;
     return wall[3] - distance - r;
 }
 

@@ -10,7 +10,7 @@ from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band, strip
-from warpgrains.scene.geometry import distance
+from warpgrains.scene.geometry import directions, distance
 from warpgrains.scene.obstacle import ThinWall, kind_of_wall
 
 _POINTS = 64  # of an arc as it is drawn
@@ -84,10 +84,9 @@ class Arc(ThinWall):
         _, _, _, mx, my, c = self.numbers
         away, s = position - self.center, np.sqrt(1.0 - c * c)
         rho, across = distance(away), np.copysign(s, mx * away[:, 1] - my * away[:, 0])
-        end = np.stack([c * mx - across * my, c * my + across * mx], axis=1)
-        on_arc = away @ (mx, my) >= rho * c
-        with np.errstate(invalid="ignore"):
-            foot = np.where(on_arc[:, np.newaxis], away / rho[:, np.newaxis], end)
+        foot = np.stack([c * mx - across * my, c * my + across * mx], axis=1)
+        foot = np.where((away @ (mx, my) >= rho * c)[:, np.newaxis], directions(away), foot)
+        foot[rho == 0.0] = mx, my
         return self.radius * foot - away
 
     def drawn(self, thickness: float) -> Band:

@@ -27,6 +27,11 @@ def require_valid_positions(scene: Scene) -> None:
         if covered.any():
             grain = checks.first_bad("position", scene.position, covered)
             raise InputError(f"{grain}: its center is inside walls[{k}], {wall}")
+    for number in scene.wall_numbers:
+        undefined = scene.is_without_normal(number, scene.position, scene.radius)
+        if undefined.any():
+            grain = checks.first_bad("position", scene.position, undefined)
+            raise InputError(f"{grain}: it touches wall {number}, which has no normal there")
     require_distinct("position", scene.position)
 
 

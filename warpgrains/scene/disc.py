@@ -9,7 +9,7 @@ from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.described import described
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band, ring
-from warpgrains.scene.geometry import Circle, distance
+from warpgrains.scene.geometry import Circle, directions, distance
 from warpgrains.scene.obstacle import Obstacle, kind_of_wall
 from warpgrains.scene.walls import Side
 
@@ -76,17 +76,15 @@ class Disc(Obstacle):
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
         """Return normals and gaps of grains at the disc, see `Scene.side`."""
         away = np.array(self.center) - position
-        rho = distance(away)
-        with np.errstate(invalid="ignore"):
-            normal = away / rho[:, np.newaxis]
+        rho, normal = distance(away), directions(away)
         if self.inside:
             return Side(-normal, self.radius - rho - radius)
         return Side(normal, rho - (radius + self.radius))
 
     def covers(self, position: FloatArray) -> BoolArray:
-        """Return which points are in the disc, or outside of the ring or at its center, shape (n,)."""
+        """Return which points are in the disc, or outside of the ring, shape (n,)."""
         rho = distance(np.array(self.center) - position)
-        return (rho > self.radius) | (rho == 0.0) if self.inside else rho < self.radius
+        return rho > self.radius if self.inside else rho < self.radius
 
     def drawn(self, thickness: float) -> Band:
         """Return the drawing of the disc, a ring."""

@@ -36,6 +36,12 @@ def distance(vectors: FloatArray) -> FloatArray:
         return np.sqrt(vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1])
 
 
+def directions(vectors: FloatArray) -> FloatArray:
+    """Return unit vectors along vectors, and 0 along those of length 0, shape (m, 2)."""
+    length = distance(vectors)[:, np.newaxis]
+    return np.divide(vectors, length, np.zeros_like(vectors), where=length != 0.0)
+
+
 def require_distinct(field: str, position: FloatArray) -> None:
     """Raise InputError if two grains have the same center."""
     in_order = np.lexsort(position.T)

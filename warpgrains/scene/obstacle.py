@@ -12,7 +12,7 @@ from warpgrains.described import described, described_fields, documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band
-from warpgrains.scene.geometry import Circle, distance
+from warpgrains.scene.geometry import Circle, directions, distance
 from warpgrains.scene.motion import Motion, Pose
 from warpgrains.scene.walls import Side
 
@@ -203,7 +203,7 @@ class Obstacle:
         raise NotImplementedError
 
     def covers(self, position: FloatArray) -> BoolArray:
-        """Return which points are in the wall, or where its normal is undefined, shape (n,)."""
+        """Return which points are in the wall, shape (n,)."""
         raise NotImplementedError
 
     def drawn_at(self, time: float, thickness: float) -> Band:
@@ -226,12 +226,10 @@ class ThinWall(Obstacle):
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
         """Return normals and gaps of grains at the wall, see `Scene.side`."""
         away = self.away(position)
-        rho = distance(away)
-        with np.errstate(invalid="ignore"):
-            return Side(away / rho[:, np.newaxis], rho - radius)
+        return Side(directions(away), distance(away) - radius)
 
     def covers(self, position: FloatArray) -> BoolArray:
-        """Return which points are on the wall, or have no nearest point on it, shape (n,)."""
+        """Return which points are on the wall, shape (n,)."""
         return ~(distance(self.away(position)) > 0.0)
 
 

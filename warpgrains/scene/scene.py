@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.described import documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
@@ -19,7 +19,7 @@ from warpgrains.scene.bodies import Bodies
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.document import read_text
 from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked_settings, frozen
-from warpgrains.scene.geometry import left_of, overlapping_pairs
+from warpgrains.scene.geometry import distance, left_of, overlapping_pairs
 from warpgrains.scene.gravity import TurningGravity
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
@@ -325,6 +325,13 @@ class Scene(SceneFields, Shown):
         if number > INNER:
             return self.walls[number - INNER - 1].side_at(time, position, radius)
         return self.annulus.side(number, position, radius, move)
+
+    def is_without_normal(
+        self, number: int, position: FloatArray, radius: FloatArray, path: float = 0.0, time: float = 0.0
+    ) -> BoolArray:
+        """Return which grains are where a wall within a path [m] has no normal, shape (k,); see `side`."""
+        normal, gap = self.side(number, position, radius, time=time)
+        return (distance(normal) == 0.0) & ~(gap > path)
 
     def wall_frames(
         self,

@@ -11,7 +11,7 @@ import numpy as np
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import ROUNDING, Circle, area_below, distance
+from warpgrains.scene.geometry import ROUNDING, Circle, area_below, directions, distance
 
 SMALLEST, LARGEST = 1e-140, 1e150  # m, of the radius of the outer wall
 WALLS = ("tangent", "round")
@@ -96,7 +96,7 @@ class Annulus(NamedTuple):
 
         The gaps at a missing inner circle are inf.
         """
-        rho, normal = distance(position), outward(position)
+        rho, normal = distance(position), directions(position)
         if number == INNER:
             nowhere = np.full_like(rho, np.inf)
             return Side(-normal, rho - self.radius_in - radius if self.radius_in > 0.0 else nowhere)
@@ -108,9 +108,9 @@ class Annulus(NamedTuple):
         return Side(normal, gap)
 
     def contains(self, position: FloatArray, radius: FloatArray) -> BoolArray:
-        """Return which discs lie between the walls and not at the origin, where the walls have no normal."""
+        """Return which discs lie between the walls."""
         rho, reached = distance(position), self.without_layer(radius)
-        return (rho <= reached.radius_out) & (rho >= reached.radius_in) & (rho > 0.0)
+        return (rho <= reached.radius_out) & (rho >= reached.radius_in)
 
     def require_size(self) -> None:
         """Raise InputError unless squares of distances neither overflow nor underflow."""
@@ -128,7 +128,6 @@ class Annulus(NamedTuple):
             grain = checks.first_bad("radius", radius, too_large)
             raise InputError(f"{grain}: at most {self.largest_radius} m fit between the walls")
         demands = (
-            (rho == 0.0, "a grain cannot be at the origin: the normal of the walls is undefined there"),
             (rho > self.radius_out, f"it is outside the outer wall, radius_out {self.radius_out} m"),
             (rho < self.radius_in, f"it is inside the inner wall, radius_in {self.radius_in} m"),
         )
@@ -140,8 +139,3 @@ class Annulus(NamedTuple):
         """Return the area of the annulus [m2] below levels [m] measured from the origin, shape (...)."""
         outer, inner = (area_below(np.array(r), np.array(level)) for r in (self.radius_out, self.radius_in))
         return outer - inner
-
-
-def outward(position: FloatArray) -> FloatArray:
-    """Return the unit vectors away from the origin, normal to both circles, shape (n, 2)."""
-    return position / distance(position)[:, np.newaxis]

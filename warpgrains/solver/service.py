@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import isfinite
+from math import hypot, inf, isfinite
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from warpgrains.errors import SimulationError, requiring
 from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE
@@ -112,8 +110,10 @@ def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
         )
     velocity = memory.array("grains.next_velocity")[grain].tolist()
     reached = f"grain {grain} reached a velocity of {velocity} m/s"
-    if outcome == NOT_FINITE:
-        return f"{reached}: {_wall_without_normal(scene, memory, grain) or _excess(scene, velocity)}"
+    path = inf if scene.has_driven_walls else scene.dt * hypot(*velocity)
+    undefined = _wall_without_normal(scene, memory, grain, path)
+    if undefined is not None or outcome == NOT_FINITE:
+        return f"{reached}: {undefined or _excess(scene, velocity)}"
     circle = scene.radius_out - scene.radius[grain].item()
     return (
         f"{reached} along the round wall: in a step of {scene.dt} s, it leaves the circle of {circle} m on"
@@ -121,14 +121,14 @@ def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
     )
 
 
-def _wall_without_normal(scene: Scene, memory: SceneMemory, grain: int) -> str | None:
-    """Return where a grain is if a wall has no normal there, as an arc in its center; else None."""
+def _wall_without_normal(scene: Scene, memory: SceneMemory, grain: int, path: float) -> str | None:
+    """Return where a grain is if a wall within its path [m] has no normal there; else None."""
     position, radius = memory.grains("position")[grain : grain + 1], scene.radius[grain : grain + 1]
     time = (memory.steps + 1) * scene.dt
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for number in scene.wall_numbers:
-            if not np.isfinite(scene.side(number, position, radius, time=time).normal).all():
-                return f"it is at {tuple(position[0].tolist())} m, where wall {number} has no normal"
+    for number in scene.wall_numbers:
+        if scene.is_without_normal(number, position, radius, path, time).any():
+            place = tuple(position[0].tolist())
+            return f"it is at {place} m, where wall {number}, which it may touch in this step, has no normal"
     return None
 
 
