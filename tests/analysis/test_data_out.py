@@ -1,4 +1,4 @@
-"""Results for other programs: frames, datasets, recordings as arrays, VTK HDF read back by VTK."""
+"""Results for other programs: frames, datasets, recordings as arrays, files of VTK in pyvista."""
 
 import sys
 from dataclasses import asdict, fields
@@ -7,11 +7,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import pyvista
 from command import exit_code, require_refusal
 from pxr import Usd
-from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkIOHDF import vtkHDFReader
-from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 import warpgrains as wg
 from warpgrains import InputError, Scene, Segment, Simulation, analysis
@@ -223,69 +221,86 @@ def test_a_snapshot_as_tables_and_dataset(recorded):
         moment.to_pandas("contact")
 
 
-def test_vtk_reads_every_frame_back(recorded, tmp_path, capfd):
-    path, output = recorded[0], tmp_path / "run.vtkhdf"
+def exported(path):
+    """Export a recording, and yield for each frame its time and its blocks by name, as pyvista reads them."""
+    output = path.with_suffix(".pvd")
     assert exit_code("export", path, "-o", output) == 0
-    assert capfd.readouterr().out == f"{output}: 7 frames\n"
-    source, reader = wg.Recording(path), vtkHDFReader()
-    reader.SetFileName(str(output))
-    reader.UpdateInformation()
-    assert reader.GetNumberOfSteps() == 7
-    for k in range(7):
-        reader.SetStep(k)
-        reader.Update()
-        data, frame = reader.GetOutput(), source.frame(k)
-        assert reader.GetTimeValue() == pytest.approx(source.time[k], rel=FLOAT32)
-        assert data.GetNumberOfVerts() == 80
-        assert np.array_equal(vtk_to_numpy(data.GetPoints().GetData())[:80, :2], frame.position)
-        assert np.array_equal(vtk_to_numpy(data.GetPointData().GetArray("radius"))[:80], source.radius)
-        assert data.GetNumberOfLines() == len(frame.pair) + len(frame.wall)
-        force = vtk_to_numpy(data.GetCellData().GetArray("force"))
-        assert np.array_equal(force[80:], np.concatenate([frame.force, frame.wall_force]))
-        lines = vtk_to_numpy(data.GetLines().GetConnectivityArray()).reshape(-1, 2)
-        assert np.array_equal(lines[: len(frame.pair)], frame.pair)
-        feet = vtk_to_numpy(data.GetPoints().GetData())[80:, :2]
-        scene, to_inner = source.scene, frame.wall[:, 1] == 1
+    reader, listed = pyvista.get_reader(output), [*ElementTree.parse(output).iter("DataSet")]
+    for time in reader.time_values:
+        reader.set_active_time_value(time)
+        names = [one.get("name") for one in listed if float(one.get("timestep")) == time]
+        yield time, dict(zip(names, reader.read(), strict=True))
+
+
+def test_vtk_reads_every_frame_back(recorded, capfd):
+    """Also the first one, in which no contact carries a force."""
+    source, found = wg.Recording(recorded[0]), [*exported(recorded[0])]
+    assert capfd.readouterr().out == f"{recorded[0].with_suffix('.pvd')}: 7 frames\n"
+    assert [time for time, _ in found] == source.time.tolist()
+    scene, walls = source.scene, found[0][1]["Walls"]
+    rho = np.hypot(*walls.points[:, :2].T)
+    assert walls.n_cells > 100
+    assert rho.min() == pytest.approx(
+        0.98 * scene.radius_in if scene.radius_in else scene.radius_out, rel=0.1
+    )
+    assert rho.max() == pytest.approx(1.02 * scene.radius_out)
+    for k, (_, blocks) in enumerate(found):
+        frame, grains, contacts = source.frame(k), blocks["Grains"], blocks["Contacts"]
+        assert (grains.n_points, grains.n_verts, contacts.n_verts) == (80, 80, 0)
+        assert np.array_equal(grains.points[:, :2], frame.position)
+        pressure = np.bincount(frame.loads.grain, frame.loads.force, 80) / (2 * np.pi * scene.radius)
+        values = {"grain": np.arange(80), "radius": scene.radius, "mass": scene.mass}
+        values["velocity"] = np.insert(frame.velocity, 2, 0.0, axis=1)
+        assert {*grains.point_data} == {*values, "speed", "pressure"}
+        for name, value in values.items():
+            assert np.array_equal(grains.point_data[name], value)
+        assert grains.point_data["speed"] == pytest.approx(np.hypot(*frame.velocity.T), rel=2 * FLOAT32)
+        assert grains.point_data["pressure"] == pytest.approx(pressure, rel=8 * FLOAT32)  # up to 6 forces
+        assert np.array_equal(contacts.cell_data["force"], np.concatenate([frame.force, frame.wall_force]))
+        grain, other = (contacts.cell_data[name] for name in ("grain", "other"))
+        assert np.array_equal(np.stack([grain, other], axis=1)[: len(frame.pair)], frame.pair)
+        assert np.array_equal(np.stack([grain, -1 - other], axis=1)[len(frame.pair) :], frame.wall)
+        ends = contacts.points[contacts.lines.reshape(-1, 3)[:, 1:], :2]
+        assert np.array_equal(ends[:, 0], frame.position[grain])
+        assert np.array_equal(ends[other >= 0, 1], frame.position[other[other >= 0]])
         # touched to what overlaps a converged step leaves, and rounding to float32
-        assert np.hypot(*feet.T) == pytest.approx(
-            np.where(to_inner, scene.radius_in, scene.radius_out), abs=1e-3
-        )
+        radius = np.where(other[other < 0] == -2, scene.radius_in, scene.radius_out)
+        assert np.hypot(*ends[other < 0, 1].T) == pytest.approx(radius, abs=1e-3)
+    assert any(len(frame.wall) for frame in map(source.frame, range(7)))
 
 
-def test_a_series_for_paraview_and_pyvista(recorded, tmp_path, capfd):
-    """Every frame of the list has its time and is what the other format holds; only frames are replaced."""
-    path, output = recorded[0], tmp_path / "run.pvd"
-    (tmp_path / "run").mkdir()
-    (tmp_path / "run" / "0099.vtp").write_text("an earlier frame")
-    assert exit_code("export", path, "-o", output) == 0
-    assert capfd.readouterr().out == f"{output}: 7 frames\n"
-    source, listed = wg.Recording(path), [*ElementTree.parse(output).iter("DataSet")]
-    assert [float(one.get("timestep")) for one in listed] == source.time.tolist()
-    assert sorted(one.name for one in (tmp_path / "run").iterdir()) == [f"{k:04}.vtp" for k in range(7)]
-    for k in (0, 6):
-        reader, frame = vtkXMLPolyDataReader(), source.frame(k)
-        reader.SetFileName(str(tmp_path / listed[k].get("file")))
-        reader.Update()
-        data = reader.GetOutput()
-        assert np.array_equal(vtk_to_numpy(data.GetPoints().GetData())[:80, :2], frame.position)
-        force = vtk_to_numpy(data.GetCellData().GetArray("force"))
-        assert np.array_equal(force[80:], np.concatenate([frame.force, frame.wall_force]))
-    (tmp_path / "run" / "notes.txt").write_text("mine")
-    assert exit_code("export", path, "-o", output) == 2
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.1, 0.0)], ids=["walls at rest", "a wall that moves"])
+def test_vtk_has_the_walls_where_they_are(tmp_path, velocity):
+    wall = Segment((-0.9, -0.4), (0.5, -0.4), velocity=velocity)
+    scene = Scene.load("annulus").replace(walls=[wall], friction=0.5)
+    Simulation(scene).run(duration=1.0, record=tmp_path / "run.usdc")
+    found = [*exported(tmp_path / "run.usdc")]
+    first, last = (blocks["Walls"].points for _, blocks in (found[0], found[-1]))
+    moved = last - first
+    assert len(found) == 25
+    assert np.abs(moved).max() == pytest.approx(velocity[0], abs=1e-12)
+    assert np.isclose(moved[:, 0], velocity[0], rtol=0, atol=1e-12)[-4:].all()  # the segment, the last wall
+    names = {"grain", "radius", "mass", "velocity", "speed", "spin", "angle"}
+    assert all({*blocks["Grains"].point_data} == names for _, blocks in found)
+    assert {*found[0][1]} == {"Grains", "Walls"}
+
+
+def test_an_export_replaces_frames_only(tmp_path, capfd):
+    path, folder = tmp_path / "run.usdc", tmp_path / "run"
+    folder.mkdir()
+    for name in ("0099.vtp", "contacts-0003.vtp", ".draft.grains-0000.vtp"):
+        (folder / name).write_text("of an earlier export")
+    Simulation(Scene.load("annulus")).run(steps=5, record=path)
+    assert exit_code("export", path) == 0
+    assert sorted(one.name for one in folder.iterdir()) == [
+        "grains-0000.vtp",
+        "grains-0001.vtp",
+        "walls-0000.vtp",
+    ]
+    (folder / "notes.txt").write_text("mine")
+    capfd.readouterr()
+    assert exit_code("export", path) == 2
     require_refusal(capfd, "holds other files than frames")
-
-
-def test_pyvista_plays_the_series(recorded, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
-    source = wg.Recording(recorded[0])
-    assert exit_code("export", recorded[0], "-o", tmp_path / "run.pvd") == 0
-    reader = pyvista.get_reader(tmp_path / "run.pvd")
-    assert reader.time_values == source.time.tolist()
-    for k in (6, 2):
-        reader.set_active_time_point(k)
-        (data,), frame = reader.read(), source.frame(k)
-        assert np.array_equal(data.points[:80, :2], frame.position)
-        assert np.array_equal(data.cell_data["force"][80 : 80 + len(frame.force)], frame.force)
 
 
 def test_contacts_and_reports_as_frames():

@@ -150,7 +150,7 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
     simulation.save(tmp_path / "state.npz")
     assert Simulation.load(tmp_path / "state.npz").scene.walls == scene.walls
     assert report_on_recording(tmp_path / "run.usdc") == ["OK: 13 frames, 1 grains"]
-    assert export(tmp_path / "run.usdc", tmp_path / "run.vtkhdf") == 13
+    assert export(tmp_path / "run.usdc", tmp_path / "run.pvd") == 13
 
 
 def test_host_and_kernels_number_the_kinds_of_walls_alike() -> None:

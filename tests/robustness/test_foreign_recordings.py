@@ -59,7 +59,7 @@ def test_foreign_file(tmp_path, content, capfd, monkeypatch, forks):
     path = tmp_path / "foreign.usda"
     path.write_text(content)
     assert answer(capfd, "check", path)[0] in (1, 2)
-    for command, output in (("plot", "foreign.png"), ("plot", "foreign.gif"), ("export", "foreign.vtkhdf")):
+    for command, output in (("plot", "foreign.png"), ("plot", "foreign.gif"), ("export", "foreign.pvd")):
         code, _, complaint = answer(capfd, command, path, "-o", tmp_path / output)
         assert (code == 0) == (tmp_path / output).exists()
         assert "or failed" not in complaint

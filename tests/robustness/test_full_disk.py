@@ -139,16 +139,16 @@ def test_small_disk(disk, complaint):
         assert not list(disk.iterdir())
 
 
-@pytest.mark.parametrize(("disk", "name"), [("6M", "run.vtkhdf"), ("120k", "run.pvd")], indirect=["disk"])
-def test_an_export_that_does_not_fit_keeps_the_earlier_one(disk, tmp_path, complaint, capfd, name):
+@pytest.mark.parametrize("disk", ["120k"], indirect=True)
+def test_an_export_that_does_not_fit_keeps_the_earlier_one(disk, tmp_path, complaint, capfd):
     """VTK reports success of files that it could not write."""
     Simulation("annulus").run(steps=40, record=tmp_path / "run.usdc", forces=True)
-    assert exit_code("export", tmp_path / "run.usdc", "-o", disk / name) == 0
-    before = {path: path.read_bytes() for path in disk.rglob("*.vt*")}
+    assert exit_code("export", tmp_path / "run.usdc", "-o", disk / "run.pvd") == 0
+    before = {path: path.read_bytes() for path in disk.rglob("*.*")}
     Simulation("polydisperse").run(steps=40, record=tmp_path / "run.usdc", forces=True)
     capfd.readouterr()
     for _ in range(2):
-        said = complaint("export", "run.usdc", "-o", f"disk/{name}")
+        said = complaint("export", "run.usdc", "-o", "disk/run.pvd")
         assert said.startswith("'disk/run")
         assert "cannot be written" in said
-        assert {path: path.read_bytes() for path in disk.rglob("*.vt*")} == before
+        assert {path: path.read_bytes() for path in disk.rglob("*.*")} == before

@@ -132,7 +132,6 @@ class TestRun:
         [
             ("run annulus -o {}", "run.usdc"),
             ("run annulus --checkpoint {}", "run.npz"),
-            ("export {home}/done.usdc -o {}", "run.vtkhdf"),
             ("export {home}/done.usdc -o {}", "run.pvd"),
             ("report annulus -o {home}", "report.md"),
             ("grade {home}/homework.c --html {home}", "index.html"),

@@ -143,26 +143,23 @@ def test_read_back_as_arrays(tmp_path: Path) -> None:
 
 
 def test_vtk_has_them(tmp_path: Path) -> None:
-    pytest.importorskip("vtkmodules")
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkIOHDF import vtkHDFReader
-
+    pyvista = pytest.importorskip("pyvista")
     from warpgrains.analysis.vtk import export
 
     record(tmp_path / "run.usdc", forces=True)
-    last = export(tmp_path / "run.usdc", tmp_path / "run.vtkhdf") - 1
-    reader = vtkHDFReader()
-    reader.SetFileName(str(tmp_path / "run.vtkhdf"))
-    reader.UpdateInformation()
-    reader.SetStep(last)
-    reader.Update()
-    data, frame = reader.GetOutput(), wg.Recording(tmp_path / "run.usdc").frame(last)
+    last = export(tmp_path / "run.usdc", tmp_path / "run.pvd") - 1
+    reader, frame = pyvista.get_reader(tmp_path / "run.pvd"), wg.Recording(tmp_path / "run.usdc").frame(last)
+    reader.set_active_time_point(last)
+    blocks = reader.read()
+    grains, contacts = blocks[0].point_data, blocks[1].cell_data
     for name in ("spin", "angle"):
-        found = vtk_to_numpy(data.GetPointData().GetArray(name))
-        assert np.array_equal(found[: frame.n], getattr(frame, name))
-        assert not found[frame.n :].any()
-    found = vtk_to_numpy(data.GetCellData().GetArray("tangential_force"))[frame.n :]
-    assert np.array_equal(found, np.concatenate([frame.tangential_force, frame.wall_tangential_force]))
+        assert np.array_equal(grains[name], getattr(frame, name))
+    stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
+    found = stage.GetAttributeAtPath(f"{GRAINS}.primvars:mobilized").Get(last)
+    assert np.array_equal(grains["mobilized"], found)
+    assert grains["mobilized"].max() == 1.0
+    tangential = np.concatenate([frame.tangential_force, frame.wall_tangential_force])
+    assert np.array_equal(contacts["tangential_force"], tangential)
 
 
 def test_spin_is_colored_by_its_sign() -> None:

@@ -64,7 +64,7 @@ def plot(arguments: Namespace) -> bool:
 
 def export(arguments: Namespace) -> bool:
     """Export a recording for ParaView."""
-    output = arguments.output or str(Path(arguments.file).with_suffix(".vtkhdf"))
+    output = arguments.output or str(Path(arguments.file).with_suffix(".pvd"))
     frames = run_sandboxed("analysis.vtk.export", arguments.file, output=output)
     print(f"{output}: {frames} frames")
     return False

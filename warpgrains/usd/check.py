@@ -13,6 +13,7 @@ from warpgrains.usd.grains import (
     OF_GRAINS,
     ORIENTATIONS,
     VELOCITIES,
+    numbers_of,
     position_of,
     quaternions,
 )
@@ -142,8 +143,7 @@ class GrainsInspector:
         if not self._are_points:
             prototypes = UsdGeom.PointInstancer(prim).GetPrototypesRel().GetTargets()
             self._table_of[prim.GetAttribute("protoIndices")] = len(prototypes)
-        primvars = UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues()
-        values = [primvar.GetAttr() for primvar in primvars if primvar.GetAttr() != table]
+        values = numbers_of(prim).values()
         self._orientations = prim.GetAttribute(ORIENTATIONS)
         self._angle = prim.GetAttribute("primvars:angle")
         turned = [self._orientations] if self._orientations.HasAuthoredValue() else []

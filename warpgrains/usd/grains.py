@@ -176,6 +176,13 @@ def position_of(grains: Usd.Prim) -> Usd.Attribute:
     return grains.GetAttribute("points" if grains.IsA(UsdGeom.Points) else "positions")
 
 
+def numbers_of(grains: Usd.Prim) -> dict[str, Usd.Attribute]:
+    """Return the primvars that hold a number a grain, that is all but the color, by name."""
+    primvars = UsdGeom.PrimvarsAPI(grains).GetPrimvarsWithAuthoredValues()
+    names = {primvar.GetPrimvarName(): primvar.GetAttr() for primvar in primvars}
+    return {name: attribute for name, attribute in names.items() if name != "displayColor"}
+
+
 def quaternions(angle: FloatArray) -> NDArray[np.float32]:
     """Return rotations by angles about z [rad], shape (n,), as x, y, z, w, shape (n, 4)."""
     half, zero = 0.5 * angle, np.zeros_like(angle)

@@ -18,7 +18,15 @@ from warpgrains.scene import checks
 from warpgrains.scene.band import Band
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.forces import read_chains
-from warpgrains.usd.grains import COLOR_INDICES, GRAINS, OF_GRAINS, ROTATION, VELOCITIES, position_of
+from warpgrains.usd.grains import (
+    COLOR_INDICES,
+    GRAINS,
+    OF_GRAINS,
+    ROTATION,
+    VELOCITIES,
+    numbers_of,
+    position_of,
+)
 from warpgrains.usd.metadata import RECORDED_BY, Metadata
 from warpgrains.usd.stage import numbers, values_of
 from warpgrains.usd.walls import PLACES, WALLS, read_walls
@@ -149,6 +157,15 @@ class RecordingReader:
             return np.zeros(len(self.radius)), np.zeros(len(self.radius))
         spin, angle = (self._prim.GetAttribute(f"primvars:{name}") for name in ROTATION)
         return numbers(spin, frame), numbers(angle, frame)
+
+    @_guarded
+    def numbers(self, frame: int) -> dict[str, FloatArray]:
+        """Return what is recorded as a number a grain, such as the pressure, by name, shape (n,) each."""
+        found = {name: numbers(own, frame) for name, own in numbers_of(self._prim).items()}
+        for name, value in found.items():
+            if value.shape != self.radius.shape:
+                raise ValueError(f"{name} has shape {value.shape}, not {self.radius.shape}")
+        return found
 
     @_guarded
     def color(self, frame: int) -> FloatArray:
