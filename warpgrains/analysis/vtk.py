@@ -57,8 +57,8 @@ def _write(source: Recording, output: Path) -> None:
     if any(not _FRAME.fullmatch(path.name) for path in earlier):
         raise InputError(f"refusing to overwrite folder '{folder}': it holds other files than frames")
     make_folder(folder)
-    reader, latest, lines = RecordingReader(source.path), dict[str, Path](), list[str]()
-    written = set()
+    reader, lines = RecordingReader(source.path), list[str]()
+    latest, written = dict[str, Path](), set[Path]()
     with ExitStack() as drafts:
         for k, time in enumerate(source.time.tolist()):
             for name, data in _blocks(source, reader, k).items():
