@@ -8,18 +8,22 @@ import errno
 import io
 import os
 import re
+import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from warpgrains.errors import InputError
 
 _NUMBER, _WORD = r"-\d+(?:\.\d+)?(?:e[+-]?\d+)?", r"[A-Za-z0-9][\w.+-]*"
 _PLAIN = re.compile(rf"(?:(?:{_WORD}|{_NUMBER})?(?:,|$))*", re.ASCII)
 """A line of cells without quotes or guards, as most lines are."""
+
+_LARGEST = 2**31
+"""Largest size of a file that is read [bytes]."""
 
 _WITHOUT_LINKS = (errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP)
 
@@ -65,14 +69,34 @@ def resolve_link(path: Path) -> Path:
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
-def read_regular(path: Path) -> bytes:
-    """Return the content of a regular file.
+@contextmanager
+def open_regular(path: Path, most: int = _LARGEST) -> Iterator[BinaryIO]:
+    """Open a regular file of at most `most` bytes.
 
-    Raises InputError for anything else, because a pipe would block.
+    Raises InputError for anything else, because a pipe would block, and a device might never end.
     """
-    if not path.is_file():
-        raise InputError(f"'{path}' is not a regular file")
-    return path.read_bytes()
+    try:
+        with open(path, "rb", opener=_open_nonblocking) as file:
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise InputError(f"'{path}' is not a regular file")
+            if status.st_size > most:
+                raise InputError(f"'{path}' is too large: it has more than {most} bytes")
+            yield file
+    except IsADirectoryError:
+        raise InputError(f"'{path}' is not a regular file") from None
+    except OSError as error:
+        raise InputError(f"'{path}' cannot be read: {error.strerror or error}") from None
+
+
+def _open_nonblocking(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK)  # otherwise opening a pipe would wait for a writer
+
+
+def read_regular(path: Path, most: int = _LARGEST) -> bytes:
+    """Return the content of a regular file, see `open_regular`."""
+    with open_regular(path, most) as file:
+        return file.read()
 
 
 @contextmanager
@@ -248,10 +272,8 @@ def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Iterable[str]]:
-    if not path.is_file():
-        raise InputError(f"'{path}' cannot be read: it is not a regular file")
     try:
-        with path.open(newline="", encoding="utf-8") as lines:
-            yield lines
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        with open_regular(path) as file:
+            yield io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
+    except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"'{path}' cannot be read: {error}") from None

@@ -79,7 +79,7 @@ def lock_own(path: Path, is_own: Callable[[Path], bool], kind: str) -> Lock:
     """Return the lock on a file; raise OutputError if it exists and is not of a kind that may be replaced."""
     with ExitStack() as held:
         lock = held.enter_context(Lock(path))
-        if path.exists() and not is_own(path):
+        if path.exists() and not (path.is_file() and is_own(path)):
             raise OutputError(f"refusing to overwrite '{path}': not a {kind}")
         held.pop_all()
         return lock

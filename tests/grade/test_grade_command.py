@@ -134,6 +134,8 @@ def test_a_bad_file_is_a_row(tmp_path: Path, capfd: Capture) -> None:
     homework(folder / "huge.c", " " * (2**20 + 1))
     os.mkfifo(folder / "pipe.c")
     (folder / "lost.c").symlink_to("nowhere")
+    (folder / "secret.c").symlink_to("/etc/passwd")
+    (folder / "shared.c").symlink_to(folder / "ada.c")
     with open(os.fsencode(folder) + b"/name\xff.c", "w") as file:
         file.write(PLAIN)
     expected = {
@@ -143,7 +145,9 @@ def test_a_bad_file_is_a_row(tmp_path: Path, capfd: Capture) -> None:
         "long.c": ("right", ""),
         "lost.c": ("cannot be read", "No such file or directory"),
         "name\\xff.c": ("right", ""),
-        "pipe.c": ("cannot be read", "it is not a regular file"),
+        "pipe.c": ("cannot be read", "is not a regular file"),
+        "secret.c": ("cannot be read", "secret.c' is a link to a file outside of the folder"),
+        "shared.c": ("right", ""),
     }
     assert exit_code("grade", folder, "-o", output, "--json") == 2
     verdicts = json.loads(capfd.readouterr().out)
@@ -155,10 +159,10 @@ def test_a_bad_file_is_a_row(tmp_path: Path, capfd: Capture) -> None:
         assert first in row["first"]
         assert verdict["problem"] == (row["first"] if status == "cannot be read" else "")
     for source in folder.glob("*.c"):
-        if source.name not in ("lost.c", "huge.c", "pipe.c"):
+        if source.name not in ("lost.c", "huge.c", "pipe.c", "secret.c"):
             source.unlink()
     assert exit_code("grade", folder, "-o", output) == 2
-    assert "not read          3\n" in capfd.readouterr().out
+    assert "not read          4\n" in capfd.readouterr().out
 
 
 def test_a_compiler_that_fails_behind_the_fence_is_used_without(
@@ -263,7 +267,7 @@ REFUSED = {
     "a foreign table": (["all", "-o", "mine.csv"], "not a table of grades"),
     "a template of one": (["homework.c", "--template"], "--template takes no other option"),
     "no homework": (["huge.c"], "it has more than 1048576 bytes"),
-    "a pipe": (["pipe"], "'pipe' cannot be read: it is not a regular file"),
+    "a pipe": (["pipe"], "'pipe' is not a regular file"),
 }
 
 

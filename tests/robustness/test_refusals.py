@@ -65,11 +65,24 @@ def scene_file(folder, good, bad):
 def grain_file(folder, name, content):
     if isinstance(content, dict):
         np.savez(folder / name, **content)
+    elif callable(content):
+        content(folder / name)
     else:
         (folder / name).write_text(content)
     grains = f'domain.radius_out = 1.0\n[grains]\nfile = "{name}"\nradius = 0.1\nmass = 2.0\n'
     (folder / "mine.toml").write_text(grains)
     return Scene.load(folder / "mine.toml")
+
+
+def made(path, make):
+    make(path)
+    return path
+
+
+def huge(path):
+    """Make a file of 2 TB that takes no place."""
+    with path.open("w") as file:
+        file.truncate(2**41)
 
 
 def sweep_file(folder, text):
@@ -90,12 +103,12 @@ def with_row(array, row, value):
     return changed
 
 
-CALLABLE = (Annulus, Arc, Batch, Disc, Scene, Segment, Simulation, SweepPlot, axis_values, recover)
-HERE = (ring, circle, pressed, scene_file, grain_file, sweep_file, plot_table, with_row, replace)
+CALLABLE = (Annulus, Arc, Batch, Disc, Scene, Segment, Simulation, Sweep, SweepPlot, axis_values, recover)
+HERE = (ring, circle, pressed, scene_file, grain_file, sweep_file, plot_table, with_row, replace, made, huge)
 NAMES = {
     **{one.__name__: one for one in (*CALLABLE, *HERE)},
     **LAYOUTS,
-    **{"np": np, "analysis": analysis, "inf": inf, "nan": nan, "SCENE_FILE": SCENE_FILE},
+    **{"np": np, "os": os, "analysis": analysis, "inf": inf, "nan": nan, "SCENE_FILE": SCENE_FILE},
     "MATRIX": np.arange(400).reshape(20, 20),
     "PLACES": "position = [[0.75, 0.0], [0.0, 0.75]]",
     "AXES": 'scene = "annulus"\n[axes]\n',

@@ -52,14 +52,17 @@ def test_mass_by_area(write):
 
 @pytest.mark.parametrize("suffix", ["npz", "csv"])
 def test_grains_from_a_file_beside_the_scene(write, tmp_path, suffix):
+    """Editors and spreadsheets of some systems begin files with a mark of their encoding."""
     position, velocity, radius = [[0.75, 0.0], [0.0, 0.75]], [[0.0, 1.0], [0.1, 0.2]], [0.125, 0.25]
     if suffix == "npz":
         np.savez(tmp_path / "grains.npz", position=position, velocity=velocity, radius=radius)
     else:
         (tmp_path / "grains.csv").write_text(
-            "x, y,vx,vy,radius\n0.75,0.0,0.0,1.0,0.125\n0.0,0.75,0.1,0.2,0.25\n"
+            "\ufeffx, y,vx,vy,radius\n0.75,0.0,0.0,1.0,0.125\n0.0,0.75,0.1,0.2,0.25\n", "utf-8"
         )
-    made = Scene.load(write(f'domain.radius_out = 1.0\n[grains]\nfile = "grains.{suffix}"\nmass = 2.0\n'))
+    made = Scene.load(
+        write(f'\ufeffdomain.radius_out = 1.0\n[grains]\nfile = "grains.{suffix}"\nmass = 2.0\n')
+    )
     assert np.array_equal(made.position, position)
     assert np.array_equal(made.velocity, velocity)
     assert np.array_equal(made.radius, radius)

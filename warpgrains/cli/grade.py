@@ -75,7 +75,7 @@ def grade(arguments: Namespace) -> int:
         if table is not None:
             require_writable_path("table", Path(table), ".csv")
             held.enter_context(lock_own(Path(table), _is_table, "table of grades"))
-        verdicts = _grade_all(paths, arguments.strict)
+        verdicts = _grade_all(paths, arguments.strict, path if is_class else None)
         if not is_class and verdicts[0].problem:
             raise InputError(verdicts[0].problem)
         names = [_in_utf8(str(each.relative_to(path) if is_class else each)) for each in paths]
@@ -105,21 +105,23 @@ def _write_pages(folder: Path, verdicts: list[Verdict], language: str, is_class:
         write_atomically(folder / INDEX, pages.course(verdicts, links).encode())
 
 
-def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
-    """Grade homeworks in parallel."""
+def _grade_all(paths: list[Path], strict: bool, folder: Path | None) -> list[Verdict]:
+    """Grade homeworks in parallel, those of a class without links that leave its folder."""
     processes = Processes()
     with (
         stop_on_signals(processes.stop),
-        TemporaryDirectory() as folder,
+        TemporaryDirectory() as compiled,
         ThreadPoolExecutor(os.cpu_count()) as pool,
     ):
         # The grader, too, starts its processes in a thread, because signals interrupt the main thread.
-        grader = pool.submit(Grader, Path(folder), strict, processes=processes).result()
+        grader = pool.submit(Grader, Path(compiled), strict, processes=processes).result()
         for warning in grader.unprotected():
             print(f"warpgrains: warning: {warning}", file=sys.stderr)
 
         def grade_one(path: Path) -> Verdict:
             try:
+                if folder and not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder)):
+                    raise InputError(f"'{path}' is a link to a file outside of the folder")
                 verdict = grader.grade(path)
             except InputError as error:
                 verdict = Verdict(str(path), problem=_in_utf8(str(error)))

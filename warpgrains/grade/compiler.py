@@ -3,7 +3,6 @@
 import os
 import re
 import shutil
-import stat
 import subprocess
 from collections.abc import Iterator, Sequence
 from math import inf
@@ -31,29 +30,11 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _PROGRAMS = ("cc", "as", "ld")
 _OTHERS = ("/etc/ld.so.cache", "/dev/null")
 _SEARCHED = re.compile(r"search starts here:\n(.*?)End of search list", re.DOTALL)
-_LONGEST = 2**20  # bytes of a homework, and of the compiler's messages
+LONGEST = 2**20  # bytes of a homework, and of the compiler's messages
 
 
 class CompileError(Exception):
     """Failure of a compilation, with the compiler's messages."""
-
-
-def read_homework(source: Path) -> bytes:
-    """Return the text of a homework. Raises InputError if it cannot be read."""
-    try:
-        with open(source, "rb", opener=_open_nonblocking) as file:
-            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise InputError(f"'{source}' cannot be read: it is not a regular file")
-            text = file.read(_LONGEST + 1)
-    except OSError as error:
-        raise InputError(f"'{source}' cannot be read: {error.strerror}") from None
-    if len(text) > _LONGEST:
-        raise InputError(f"'{source}' is too large for a homework: it has more than {_LONGEST} bytes")
-    return text
-
-
-def _open_nonblocking(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NONBLOCK)  # otherwise opening a pipe would wait for a writer
 
 
 class Compiler:
@@ -169,7 +150,7 @@ class Compiler:
             finally:
                 self._processes.end(process)
             output.seek(0)
-            lines = output.read(_LONGEST).decode(errors="replace").strip()
+            lines = output.read(LONGEST).decode(errors="replace").strip()
         if code != 0:
             raise CompileError(lines or f"error: the compiler ended with code {code}")
         return lines

@@ -14,8 +14,9 @@ from threading import Lock
 from time import monotonic
 
 from warpgrains.errors import InputError
+from warpgrains.files import read_regular
 from warpgrains.grade.compare import DOUBLE, FLOAT, Difference, difference
-from warpgrains.grade.compiler import WITHOUT, CompileError, Compiler, read_homework
+from warpgrains.grade.compiler import LONGEST, WITHOUT, CompileError, Compiler
 from warpgrains.grade.diagnosis import Model, hint_of
 from warpgrains.grade.probes import Probe, make_probes
 from warpgrains.grade.sandbox import CONTACT, DEFAULT, UPDATE, Answer, Child, EndedError, Limits, Processes
@@ -117,7 +118,7 @@ class Grader:
         """
         folder = self._folder / "run"
         try:
-            library, _ = self._compiler.compile_homework(read_homework(source), folder)
+            library, _ = self._compiler.compile_homework(read_regular(source, LONGEST), folder)
             child = self._child(dict.fromkeys((UPDATE, CONTACT), library), self._limits)
         except (CompileError, EndedError) as error:
             raise InputError(f"'{source}' cannot be run: {error}") from None
@@ -127,7 +128,7 @@ class Grader:
         raise InputError(f"'{source}' cannot be run: {UPDATE} or {CONTACT} is missing")
 
     def _grade(self, source: Path, folder: Path, start: float) -> Verdict:
-        text, until = read_homework(source), start + self._limits.total
+        text, until = read_regular(source, LONGEST), start + self._limits.total
         has_markers = any(marker[2:].encode() in text for marker in WITHOUT.values())
         libraries: dict[str, Path] = {}
         said: dict[str, str] = {}

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warpgrains.errors import InputError
+from warpgrains.files import read_regular
 from warpgrains.scene import checks
 from warpgrains.scene.fields import SECTIONS
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 Table = dict[str, Any]
 
+_LONGEST = 2**28  # bytes of a text
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 SHIPPED = {"scene": "", "sweep": "sweeps"}
 """Folder of the shipped files of each kind, relative to the folder of the scenes."""
@@ -50,8 +52,8 @@ def read_text(path: Path, kind: str) -> str:
         checks.one_of(f"{kind}, neither a file nor a shipped one,", str(path), shipped(kind))
         return shipped_text(kind, str(path))
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        return read_regular(path, _LONGEST).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise InputError(f"{path} cannot be read: {error}") from None
 
 

@@ -7,6 +7,7 @@ and `spin`.
 """
 
 import csv
+import io
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,13 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
+from warpgrains.files import open_regular
 from warpgrains.scene import checks
 
 FIELDS = ("position", "velocity", "radius", "mass", "spin")
 COLUMNS = ("x", "y", "vx", "vy", "radius", "mass", "spin")
+
+_SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 
 def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
@@ -74,18 +78,21 @@ def _read(folder: Path, name: Any) -> dict[str, FloatArray]:
 
 
 def _read_npz(path: Path) -> dict[str, FloatArray]:
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+    with open_regular(path) as stream, np.load(stream, allow_pickle=False) as archive:
         for name in archive.files:
             checks.one_of("array", name, FIELDS)
         return dict(archive)
 
 
 def _read_csv(path: Path) -> dict[str, FloatArray]:
-    with path.open(newline="", encoding="utf-8") as lines:
-        reader = csv.reader(lines)
+    with open_regular(path) as file:
+        reader = csv.reader(io.TextIOWrapper(file, encoding="utf-8-sig", newline=""))
         header = [name.strip() for name in next(reader, [])]
         if not header:
             raise InputError("the first line must name the columns")
+        for separator, name in _SEPARATORS.items():
+            if len(header) == 1 and separator in header[0]:
+                raise InputError(f"its columns are separated by {name}: they must be separated by commas")
         for name in header:
             checks.one_of("column", name, COLUMNS)
         values = np.array([_numbers(row, header, reader.line_num) for row in reader if row])

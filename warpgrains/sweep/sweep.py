@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from warpgrains.errors import InputError
-from warpgrains.files import Row
+from warpgrains.files import Row, read_regular
 from warpgrains.scene import checks
 from warpgrains.scene.document import (
     Table,
@@ -227,8 +227,6 @@ def _base_documents(document: Table, folder: Path) -> Iterator[tuple[str, Table,
     if not paths:
         raise InputError(f"folder {str(folder / name)!r} has no scenes: it must hold .toml files")
     for path in paths:
-        if path.exists() and not path.is_file():
-            raise InputError(f"scene '{path}' of the sweep is not a regular file")
         yield path.stem, parse_toml(read_text(path, "scene"), path), path.parent
 
 
@@ -240,7 +238,7 @@ def _grain_file(folder: Path, name: Any) -> GrainFile:
             f"grains.file is {name!r}: it must be in the folder of its scene, because results contain a copy"
         )
     source = folder / name
-    return GrainFile(source, f"{hashlib.sha256(source.read_bytes()).hexdigest()[:12]}-{source.name}")
+    return GrainFile(source, f"{hashlib.sha256(read_regular(source)).hexdigest()[:12]}-{source.name}")
 
 
 def _with_values(sections: Table, values: KeyValues) -> Table:

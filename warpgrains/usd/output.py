@@ -29,8 +29,6 @@ def lock_output(path: Path) -> Lock:
 
 
 def _is_recording(path: Path) -> bool:
-    if not path.is_file():
-        return False
     try:
         layer = Sdf.Layer.OpenAsAnonymous(str(path), metadataOnly=True)
     except Tf.ErrorException:
