@@ -15,12 +15,21 @@ from .walls import are_mobile, is_near_wall, next_near, wall_body_count, wall_pa
 
 f64 = wp.float64
 Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has eight tests
+MOST_CONTACTS = wp.constant(2**30)  # of a list, so that no thread's count passes 2^31
 TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact out
+
+
+@wp.func
+def is_too_long(s: Scene) -> bool:
+    """Return whether more contacts have been found than a list may have."""
+    return at(s.neighbors.total, 0) > MOST_CONTACTS
 
 
 @wp.func
 def note_contact(s: Scene, i: int, j: int):
     """Count a contact for both its bodies, and write it if it is within the capacity."""
+    if is_too_long(s):
+        return
     add(s.neighbors.firsts, i, 1)
     add(s.neighbors.seconds, j, 1)
     place = add(s.neighbors.total, 0, 1)
@@ -89,6 +98,8 @@ def find_pairs(s: Scene, k: int):
     A row of cells is one range of indices, or two where it is wrapped around. Eight indices are tested at
     once, and the hits of eight such tests are checked together.
     """
+    if is_too_long(s):
+        return
     x, y = at(s.grid.x, k), at(s.grid.y, k)
     radius = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE
     width, start, inverse_size = s.grid.width, s.grid.cell_start, s.grid.inverse_size

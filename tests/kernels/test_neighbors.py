@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from stages import OneRecord
+from stages import OneRecord, grains_apart
 
-from warpgrains import Scene
+from warpgrains import Scene, SimulationError
 from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.kernels.neighbors import MOST_CONTACTS
 from warpgrains.kernels.record import Phase
 from warpgrains.kernels.step import SEARCH
 
@@ -88,6 +89,24 @@ def pairs_within_reach(sought: Cloud, wider: float = 0.0) -> IntArray:
     extent, path = sought.radius + sought.reach, np.hypot(*(sought.velocity[j] - sought.velocity[i]).T)
     within = distance <= (extent[i] + extent[j] + sought.horizon * path) * (1.0 + wider)
     return np.stack([i, j], axis=1)[within]
+
+
+def test_a_search_ends_before_its_count_overflows() -> None:
+    """Grains of 1 nm that fall by a millimeter in a step may meet any other: 2e10 pairs of 200,000 grains."""
+    record = OneRecord(grains_apart(50), contacts=1)
+    record["grains.position"][:] *= 1e-3
+    record["verlet.skin"][:] = 1.0
+    record.run(*SEARCH[:4])
+    record["neighbors.total"][0] = MOST_CONTACTS - 5
+    record.run(*SEARCH[4:7])
+    found = int(record["neighbors.total"][0])
+    assert found == MOST_CONTACTS + 1
+    assert record.record["control"]["phase"] == Phase.FULL
+    message = (
+        "in a step of 0.01 s, more than 1073741824 contacts of 50 grains are within reach: dt is too long"
+    )
+    with pytest.raises(SimulationError, match=message):
+        record.reserve_contacts(found)
 
 
 @pytest.mark.parametrize("relative_cell_size", [0.1, 0.2, 0.3, 2.3, 40.0])

@@ -1,13 +1,16 @@
 """What does not fit in memory is refused, with an estimate that covers what is allocated."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 from same_bits import contents
 
 from warpgrains import Scene, Simulation, SimulationError
-from warpgrains.solver import memory, sizes
+from warpgrains.cli.main import main
+from warpgrains.solver import buffers, memory, sizes
 from warpgrains.solver.records import SceneRecords
 
 
@@ -17,6 +20,59 @@ def test_a_scene_that_does_not_fit_is_refused_with_the_estimate(monkeypatch: pyt
     expected = "1000 grains and their contacts need 0.00 GB, and cpu has 0.00 GB free"
     with pytest.raises(SimulationError, match=expected):
         Simulation(scene)
+
+
+GB = 1024 * 10**6
+V1 = {"memory.usage_in_bytes": 3 * GB, "memory.stat": f"cache {GB}\ntotal_inactive_file {GB}"}
+V2 = {"memory.current": 3 * GB, "memory.stat": f"anon 5\ninactive_file {GB}"}
+LIMITS: dict[str, tuple[dict[str, object], float]] = {
+    "of the host": ({"proc/self/cgroup": "0::/"}, 24.0),
+    "no proc": ({"proc/meminfo": ""}, np.inf),
+    "of a group": ({"proc/self/cgroup": "0::/job", "job/memory.max": 8 * GB, "job": V2}, 6.0),
+    "of a group around it": (
+        {"proc/self/cgroup": "0::/job/step", "job/memory.max": 8 * GB, "job": V2, "job/step": V2}
+        | {"job/step/memory.max": "max"},
+        6.0,
+    ),
+    "of a group seen as root": ({"proc/self/cgroup": "0::/docker/7", "memory.max": 8 * GB, "": V2}, 6.0),
+    "version 1": (
+        {"proc/self/cgroup": "5:cpu,memory:/job\n3:cpuset:/", "memory/job/memory.limit_in_bytes": 8 * GB}
+        | {"memory/job": V1},
+        6.0,
+    ),
+    "exceeded": ({"proc/self/cgroup": "0::/", "memory.max": GB, "": V2}, 0.0),
+    "ulimit -v": ({"proc/self/limits": f"Max address space         {6 * GB}  unlimited  bytes"}, 4.0),
+    "ulimit -d": ({"proc/self/limits": f"Max data size             {6 * GB}  unlimited  bytes"}, 5.0),
+}
+
+
+@pytest.mark.parametrize(("files", "free"), LIMITS.values(), ids=LIMITS)
+def test_limits_of_groups_and_processes_count(
+    files: dict[str, object], free: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In GB; the host has 24."""
+    host = {"proc/meminfo": f"MemTotal: 25000000 kB\nMemAvailable: {24 * GB // 1024} kB"}
+    own = {"proc/self/status": f"Name:\tpython\nVmSize:\t {2 * GB // 1024} kB\nVmData:\t {GB // 1024} kB"}
+    for name, content in (host | own | files).items():
+        for file, text in (content if isinstance(content, dict) else {"": content}).items():
+            path = tmp_path / ("" if name.startswith("proc") else "cgroup") / name / file
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(str(text))
+    monkeypatch.setattr(memory, "PROC", tmp_path / "proc")
+    monkeypatch.setattr(memory, "CGROUPS", tmp_path / "cgroup")
+    assert memory.free_memory(wp.get_device("cpu")) == free * GB
+
+
+@pytest.mark.parametrize("why", ["Unable to allocate 11.0 GiB", ""])
+def test_a_command_that_runs_out_of_memory_says_so_in_a_line(
+    why: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def lacking(*_: object) -> None:
+        raise MemoryError(*filter(None, [why]))
+
+    monkeypatch.setattr(buffers.Block, "several", lacking)
+    assert main(["run", "annulus", "--steps", "1"]) == 1
+    assert capsys.readouterr().err == f"warpgrains: error: out of memory{why and ': '}{why}\n"
 
 
 def test_a_list_that_grows_out_of_memory_leaves_the_last_state(monkeypatch: pytest.MonkeyPatch) -> None:

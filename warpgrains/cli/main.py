@@ -43,6 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(_reason(error), FAILED)
     except SimulationError as error:
         return _complain(str(error), FAILED)
+    except MemoryError as error:
+        return _complain(": ".join(["out of memory", *map(str, error.args)]), FAILED)
     except KeyboardInterrupt as interrupt:  # its message may say how to continue
         return _complain("; ".join(["interrupted", *map(str, interrupt.args)]), INTERRUPTED)
 

@@ -3,11 +3,17 @@
 Without it, the operating system would kill a process that takes too much, with no message.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import warp as wp
 
 from warpgrains.errors import SimulationError
+
+PROC, CGROUPS = Path("/proc"), Path("/sys/fs/cgroup")
+VERSION_1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+VERSION_2 = ("memory.max", "memory.current", "inactive_file")
+"""Files of the limit and the use of a control group, and the entry of memory.stat that is given back."""
 
 
 class OutOfMemoryError(SimulationError):
@@ -39,11 +45,46 @@ def require_memory(needed: int, grains: int, device: wp.Device) -> None:
 
 
 def free_memory(device: wp.Device) -> float:
-    """Return the free memory of a device [bytes], infinite if it is unknown."""
+    """Return the free memory of a device [bytes], infinite if it is unknown.
+
+    On a CPU, limits of the process (ulimit) and of its control groups (Docker, Slurm) count.
+    """
     if device.is_cuda:
         return float(device.free_memory)
-    meminfo = Path("/proc/meminfo")
-    if not meminfo.exists():
-        return float("inf")
-    fields = dict(line.split(":") for line in meminfo.read_text().splitlines())
-    return 1024.0 * float(fields["MemAvailable"].split()[0])
+    host = [1024.0 * float(line.split()[1]) for line in _lines(PROC / "meminfo") if "MemAvailable" in line]
+    return max(0.0, min([*host, *_left_to_process(), *_left_to_groups()], default=float("inf")))
+
+
+def _lines(path: Path) -> list[str]:
+    """Return the lines of a file; none if there is no such file."""
+    try:
+        return path.read_text().splitlines()
+    except OSError:
+        return []
+
+
+def _left_to_process() -> Iterator[float]:
+    """Yield what the limits of this process (ulimit -v, -d) leave to it [bytes]."""
+    used = dict(line.split(":", 1) for line in _lines(PROC / "self" / "status"))
+    for line in _lines(PROC / "self" / "limits"):
+        for limit, size in (("Max address space", "VmSize"), ("Max data size", "VmData")):
+            if line.startswith(limit) and (most := line.removeprefix(limit).split()[0]) != "unlimited":
+                yield float(most) - 1024.0 * float(used[size].split()[0])
+
+
+def _left_to_groups() -> Iterator[float]:
+    """Yield what the control groups of this process, and those around them, leave to it [bytes].
+
+    A container may see its own group as the root.
+    """
+    for line in _lines(PROC / "self" / "cgroup"):
+        _, controllers, path = line.split(":", 2)
+        if controllers and "memory" not in controllers.split(","):
+            continue
+        root, (most, used, cached) = (CGROUPS / "memory", VERSION_1) if controllers else (CGROUPS, VERSION_2)
+        own = root / path.lstrip("/")
+        for group in (own, *own.parents):
+            limit, now = _lines(group / most), _lines(group / used)
+            if limit and now and limit[0] != "max":
+                files = dict(line.split() for line in _lines(group / "memory.stat"))
+                yield float(limit[0]) - float(now[0]) + float(files.get(cached, 0))

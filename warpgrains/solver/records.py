@@ -11,7 +11,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.errors import SimulationError
 from warpgrains.kernels.access import CHECKED
+from warpgrains.kernels.neighbors import MOST_CONTACTS
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
 from warpgrains.kernels.stopping import StopOn
@@ -215,12 +217,18 @@ class SceneRecords:
         Raises
         ------
         SimulationError
-            There is not so much memory.
+            There is not so much memory, or the search has found too many contacts.
         """
+        if contacts > MOST_CONTACTS:
+            scene = self._scenes[k]
+            raise SimulationError(
+                f"in a step of {scene.dt} s, more than {MOST_CONTACTS} contacts of {scene.n} grains are"
+                f" within reach: dt is too long for a smallest radius of {scene.smallest_radius} m"
+            )
         if contacts <= self.sizes.contacts[k]:
             return
         grown = self.sizes.contacts.copy()
-        grown[k] = contacts + contacts // 4
+        grown[k] = min(contacts + contacts // 4, MOST_CONTACTS)
         self._resize(k, replace(self.sizes, contacts=grown))
 
     def keep_history(self, k: int, iterations: int) -> None:

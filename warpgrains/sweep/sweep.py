@@ -19,6 +19,7 @@ import itertools
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -37,7 +38,7 @@ from warpgrains.scene.document import (
 )
 from warpgrains.scene.grain_file import is_file_of_radii, read_radii
 from warpgrains.scene.reader import require_key
-from warpgrains.sweep.axes import axis_values
+from warpgrains.sweep.axes import MOST_VALUES, axis_values
 
 KEYS = ("scene", "folder", "combine", "set", "axes")
 COMBINATIONS = ("grid", "zip")
@@ -151,6 +152,11 @@ class Sweep:
         for key, values in ({key: [value] for key, value in fixed.items()} | lists).items():
             _require_toml_values(key, values)
         bases = list(_bases(document, path if is_folder else path.parent, fixed, lists))
+        count = len(bases) * prod(map(len, lists.values()))
+        if combine == "grid" and count > MOST_VALUES:
+            raise InputError(
+                f"scenes and axes have {count} combinations: a sweep has at most {MOST_VALUES} runs"
+            )
         pairs = itertools.product(bases, _combinations(lists, combine))
         return cls([Run(number, *pair) for number, pair in enumerate(pairs)], tuple(lists), bases)
 
