@@ -289,7 +289,7 @@ def test_damaged_places_of_walls_are_reported(tmp_path: Path) -> None:
     places = stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
     places.Set([float("inf")], 1)
     stage.Save()
-    assert report_on_recording(path) == ["warpgrains:places are not all finite"]
+    assert report_on_recording(path) == ["warpgrains:places are not all finite (frame 1)"]
     places.Set([0.9], 1)
     places.ClearAtTime(2)
     stage.Save()

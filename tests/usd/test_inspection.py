@@ -7,92 +7,97 @@ from warpgrains.analysis.recording import Recording
 from warpgrains.errors import InputError
 from warpgrains.usd.check import inspect_recording
 
+COLOR = "primvars:displayColor:indices"
+
 
 @pytest.fixture
 def recording(tmp_path):
     return record(tmp_path / "run.usdc", make_frames(4), color_by="speed", forces=True)
 
 
-def forces_of(stage):
-    return UsdGeom.Mesh(stage.GetPrimAtPath("/World/Forces"))
+def put(values, *at):
+    """Return the damage that sets the values of an attribute, for all frames or at one."""
+    return lambda own: own.Set(values, *at)
 
 
-def drop_the_grains(stage):
-    stage.RemovePrim(GRAINS)
+def drop(*at):
+    return lambda own: own.ClearAtTime(*at) if at else own.Clear()
 
 
-def shorten_velocities(stage):
-    grains_of(stage).GetVelocitiesAttr().Set(Vt.Vec3fArray(2), 1)
+def edit(place, number, at):
+    """Return the damage that sets a number in the array of a frame."""
+
+    def apply(own):
+        values = np.array(own.Get(at))
+        values[place] = number
+        own.Set(Vt.Vec3fArray.FromNumpy(values), at)
+
+    return apply
 
 
-def shift_velocities(stage):
-    velocities = grains_of(stage).GetVelocitiesAttr()
-    velocities.ClearAtTime(1)
-    velocities.Set(Vt.Vec3fArray(5), 1.5)
+def remove(own):
+    own.GetPrim().RemoveProperty(own.GetName())
 
 
-def shorten_ids(stage):
-    grains_of(stage).GetIdsAttr().Set([0, 1])
+def shift(own):
+    own.ClearAtTime(1)
+    own.Set(Vt.Vec3fArray(5), 1.5)
 
 
-def drop_the_ids(stage):
-    grains_of(stage).GetPrim().RemoveProperty("ids")
+OTHER_CODES = "has other time codes than the grains' positions"
+OUTSIDE = "extent does not contain all grains or bands"
+FAR = "float32 coordinates are 0.0625 m apart there, but the smallest radius is 0.031 m"
 
-
-def repeat_an_id(stage):
-    grains_of(stage).GetIdsAttr().Set([0, 1, 2, 3, 3])
-
-
-def change_the_ids(stage):
-    grains_of(stage).GetIdsAttr().Set([4, 3, 2, 1, 0], 2)
-
-
-def shorten_widths(stage):
-    grains_of(stage).GetWidthsAttr().Set([0.1, 0.2])
-
-
-def make_a_width_negative(stage):
-    grains_of(stage).GetWidthsAttr().Set([0.1, 0.2, -0.1, 0.2, 0.2])
-
-
-def shorten_colors(stage):
-    grains_of(stage).GetDisplayColorPrimvar().SetIndices([0, 1, 2], 2)
-
-
-def drop_a_color(stage):
-    grains_of(stage).GetDisplayColorPrimvar().GetIndicesAttr().ClearAtTime(2)
-
-
-def name_a_color_beyond_the_table(stage):
-    grains_of(stage).GetDisplayColorPrimvar().SetIndices([0, 1, 64, 3, 4], 2)
-
-
-def put_a_nan_in_points(stage):
-    points = grains_of(stage).GetPointsAttr()
-    broken = np.array(points.Get(2))
-    broken[3, 1] = np.nan
-    points.Set(Vt.Vec3fArray.FromNumpy(broken), 2)
-
-
-def put_an_infinity_in_velocities(stage):
-    grains_of(stage).GetVelocitiesAttr().Set(Vt.Vec3fArray(5, Gf.Vec3f(np.inf)), 2)
-
-
-def put_a_point_far_away(stage):
-    points = grains_of(stage).GetPointsAttr()
-    far = np.array(points.Get(2))
-    far[3, 1] = -1e6
-    points.Set(Vt.Vec3fArray.FromNumpy(far), 2)
-
-
-def drop_an_extent(stage):
-    grains_of(stage).GetExtentAttr().ClearAtTime(2)
-
-
-def tighten_an_extent(stage):
-    extent = grains_of(stage).GetExtentAttr()
-    low, high = extent.Get(3)
-    extent.Set([low + Gf.Vec3f(1e-6, 0, 0), high], 3)
+OF_AN_ATTRIBUTE = [
+    ("Grains.velocities", put(Vt.Vec3fArray(2), 1), "velocities hold 2 values, not 5 for 5 grains (frame 1)"),
+    ("Grains.velocities", shift, f"Grains.velocities {OTHER_CODES}"),
+    (
+        "Grains.velocities",
+        put(Vt.Vec3fArray(5, Gf.Vec3f(np.inf)), 2),
+        "velocities are not all finite (frame 2)",
+    ),
+    ("Grains.ids", put([0, 1]), "ids hold 2 values, not 5 for 5 grains (frame 0 and 3 more)"),
+    ("Grains.ids", remove, "ids hold 0 values, not 5 for 5 grains (frame 0 and 3 more)"),
+    ("Grains.ids", put([0, 1, 2, 3, 3]), "ids are not unique: 1 of 5 repeat another"),
+    ("Grains.ids", put([4, 3, 2, 1, 0], 2), "ids change with time"),
+    ("Grains.widths", put([0.1, 0.2]), "widths hold 2 values, not 5 for 5 grains (frame 0 and 3 more)"),
+    (
+        "Grains.widths",
+        put([0.1, 0.2, -0.1, 0.2, 0.2]),
+        "widths are not all positive and finite (frame 0 and 3 more)",
+    ),
+    (f"Grains.{COLOR}", put([0, 1, 2], 2), f"{COLOR} hold 3 values, not 5 for 5 grains (frame 2)"),
+    (f"Grains.{COLOR}", drop(2), f"Grains.{COLOR} {OTHER_CODES}"),
+    (f"Grains.{COLOR}", put([0, 1, 64, 3, 4], 2), f"{COLOR} are not all below 64 (frame 2)"),
+    ("Grains.points", edit((3, 1), np.nan, 2), "points are not all finite (frame 2)"),
+    ("Grains.points", edit((3, 1), -1e6, 2), f"points are rounded: {FAR} (frame 2)"),
+    ("Grains.points", drop(), "the grains have no time samples"),
+    ("Grains.extent", drop(2), f"Grains.extent {OTHER_CODES}"),
+    ("Grains.extent", edit((0, 0), 0.0, 3), f"{OUTSIDE} (frame 3)"),
+    ("Grains.extent", put(Vt.Vec3fArray(1), 3), "extent is not two corners (frame 3)"),
+    ("Grains.primvars:speed", put([0.1], 1), "primvars:speed hold 1 values, not 5 for 5 grains (frame 1)"),
+    (
+        "Grains.warpgrains:mass",
+        put([1.0]),
+        "warpgrains:mass hold 1 values, not 5 for 5 grains (frame 0 and 3 more)",
+    ),
+    ("Forces.points", drop(3), f"Forces.points {OTHER_CODES}"),
+    ("Forces.faceVertexCounts", put([4, 4], 1), "points hold 20 values, not 8 for 2 bands (frame 1)"),
+    (
+        "Forces.faceVertexIndices",
+        put([0, 1], 1),
+        "faceVertexIndices hold 2 values, not 20 for 20 corners (frame 1)",
+    ),
+    ("Forces.primvars:force", put([0.1], 1), "primvars:force hold 1 values, not 5 for 5 bands (frame 1)"),
+    ("Forces.primvars:grain", drop(3), f"Forces.primvars:grain {OTHER_CODES}"),
+    (
+        "Forces.primvars:neighbour",
+        put([1], 1),
+        "primvars:neighbour hold 1 values, not 5 for 5 bands (frame 1)",
+    ),
+    ("Forces.extent", put(Vt.Vec3fArray(2), 1), f"{OUTSIDE} (frame 1)"),
+    ("Walls/Outer.points", edit((0, 0), np.inf, 0), f"Outer.points {OTHER_CODES}"),
+]
 
 
 def leave_a_gap_in_time(stage):
@@ -107,112 +112,30 @@ def begin_at_one(stage):
             attribute.ClearAtTime(code)
 
 
-def end_too_early(stage):
-    stage.SetEndTimeCode(2)
+OF_THE_STAGE = [
+    (lambda stage: stage.RemovePrim(GRAINS), "no UsdGeom.Points or PointInstancer at /World/Grains"),
+    (leave_a_gap_in_time, "the time codes of the grains are not 0, 1, 2, ..."),
+    (begin_at_one, "the time codes of the grains are not 0, 1, 2, ..."),
+    (
+        lambda stage: stage.SetEndTimeCode(2),
+        "startTimeCode and endTimeCode are 0 and 2, but the frames are 0 and 3",
+    ),
+    (lambda stage: stage.SetFramesPerSecond(24), "timeCodesPerSecond 50 differs from framesPerSecond 24"),
+    (lambda stage: UsdGeom.SetStageUpAxis(stage, "Z"), "upAxis is Z, not Y"),
+    (lambda stage: stage.ClearMetadata("metersPerUnit"), "metersPerUnit is 0.01, not 1"),
+    (lambda stage: stage.ClearMetadata("kilogramsPerUnit"), "kilogramsPerUnit is missing"),
+    (lambda stage: stage.ClearDefaultPrim(), "defaultPrim is missing"),
+]
 
 
-def lie_about_the_rate(stage):
-    stage.SetFramesPerSecond(24)
-
-
-def turn_upright(stage):
-    UsdGeom.SetStageUpAxis(stage, "Z")
-
-
-def measure_in_centimetres(stage):
-    stage.ClearMetadata("metersPerUnit")
-
-
-def weigh_in_nothing(stage):
-    stage.ClearMetadata("kilogramsPerUnit")
-
-
-def forget_the_default(stage):
-    stage.ClearDefaultPrim()
-
-
-def drop_all_frames(stage):
-    grains_of(stage).GetPointsAttr().Clear()
-
-
-def drop_forces_of_a_frame(stage):
-    forces_of(stage).GetPointsAttr().ClearAtTime(3)
-
-
-def shorten_segments(stage):
-    forces_of(stage).GetFaceVertexCountsAttr().Set([4, 4], 1)
-
-
-def shorten_raw_forces(stage):
-    UsdGeom.PrimvarsAPI(forces_of(stage)).GetPrimvar("force").Set([0.1], 1)
-
-
-def shorten_raw_speeds(stage):
-    UsdGeom.PrimvarsAPI(grains_of(stage)).GetPrimvar("speed").Set([0.1], 1)
-
-
-def shorten_exact_masses(stage):
-    grains_of(stage).GetPrim().GetAttribute("warpgrains:mass").Set([1.0])
-
-
-def lose_the_grains_of_forces(stage):
-    UsdGeom.PrimvarsAPI(forces_of(stage)).GetPrimvar("grain").GetAttr().ClearAtTime(3)
-
-
-def shorten_the_neighbors_of_forces(stage):
-    UsdGeom.PrimvarsAPI(forces_of(stage)).GetPrimvar("neighbour").Set([1], 1)
-
-
-def shrink_the_extent_of_forces(stage):
-    forces_of(stage).GetExtentAttr().Set(Vt.Vec3fArray(2), 1)
+def within(place, damage):
+    return lambda stage: damage(stage.GetAttributeAtPath(f"/World/{place}"))
 
 
 @pytest.mark.parametrize(
     ("damage", "problem"),
-    [
-        (drop_the_grains, "no UsdGeom.Points or PointInstancer at /World/Grains"),
-        (shorten_velocities, "velocities hold 2 values, not 5 for 5 grains (frame 1)"),
-        (shift_velocities, "Grains.velocities has other time codes than the grains' positions"),
-        (shorten_ids, "ids hold 2 values, not 5 for 5 grains (frame 0 and 3 more)"),
-        (drop_the_ids, "ids hold 0 values, not 5 for 5 grains (frame 0 and 3 more)"),
-        (repeat_an_id, "ids are not unique: 1 of 5 repeat another"),
-        (change_the_ids, "ids change with time"),
-        (shorten_widths, "widths hold 2 values, not 5 for 5 grains (frame 0 and 3 more)"),
-        (make_a_width_negative, "widths are not all positive and finite"),
-        (shorten_colors, "primvars:displayColor:indices hold 3 values, not 5 for 5 grains (frame 2)"),
-        (
-            drop_a_color,
-            "Grains.primvars:displayColor:indices has other time codes than the grains' positions",
-        ),
-        (name_a_color_beyond_the_table, "primvars:displayColor:indices are not all below 64 (frame 2)"),
-        (put_a_nan_in_points, "points are not all finite (frame 2)"),
-        (
-            put_a_point_far_away,
-            "points are rounded: float32 coordinates are 0.0625 m apart there,"
-            " but the smallest radius is 0.031 m (frame 2)",
-        ),
-        (put_an_infinity_in_velocities, "velocities are not all finite (frame 2)"),
-        (drop_an_extent, "Grains.extent has other time codes than the grains' positions"),
-        (tighten_an_extent, "extent does not contain all grains or bands (frame 3)"),
-        (leave_a_gap_in_time, "the time codes of the grains are not 0, 1, 2, ..."),
-        (begin_at_one, "the time codes of the grains are not 0, 1, 2, ..."),
-        (end_too_early, "startTimeCode and endTimeCode are 0 and 2, but the frames are 0 to 3"),
-        (lie_about_the_rate, "timeCodesPerSecond 50 differs from framesPerSecond 24"),
-        (turn_upright, "upAxis is Z, not Y"),
-        (measure_in_centimetres, "metersPerUnit is 0.01, not 1"),
-        (weigh_in_nothing, "kilogramsPerUnit is missing"),
-        (forget_the_default, "defaultPrim is missing"),
-        (drop_all_frames, "the grains have no time samples"),
-        (drop_forces_of_a_frame, "Forces.points has other time codes than the grains' positions"),
-        (shorten_segments, "points hold 20 values, not 8 for 2 bands (frame 1)"),
-        (shorten_raw_forces, "primvars:force hold 1 values, not 5 for 5 bands (frame 1)"),
-        (lose_the_grains_of_forces, "Forces.primvars:grain has other time codes than the grains' positions"),
-        (shorten_the_neighbors_of_forces, "primvars:neighbour hold 1 values, not 5 for 5 bands (frame 1)"),
-        (shorten_raw_speeds, "primvars:speed hold 1 values, not 5 for 5 grains (frame 1)"),
-        (shorten_exact_masses, "warpgrains:mass hold 1 values, not 5 for 5 grains (frame 0 and 3 more)"),
-        (shrink_the_extent_of_forces, "extent does not contain all grains or bands (frame 1)"),
-    ],
-    ids=lambda value: getattr(value, "__name__", ""),
+    [*((within(place, damage), problem) for place, damage, problem in OF_AN_ATTRIBUTE), *OF_THE_STAGE],
+    ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_names_what_is_broken(recording, damage, problem):
     stage = Usd.Stage.Open(str(recording))
