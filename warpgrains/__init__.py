@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from warpgrains.errors import InputError, OutputError, SceneError, SimulationError
     from warpgrains.packings.compress import Packing, compress
     from warpgrains.packings.pack import Rest, pack
+    from warpgrains.packings.separate import Separation, separate
     from warpgrains.scene.arc import Arc
     from warpgrains.scene.disc import Disc
     from warpgrains.scene.scene import Scene
@@ -44,6 +45,7 @@ __all__ = [
     "SceneError",
     "SceneSummary",
     "Segment",
+    "Separation",
     "Simulation",
     "SimulationError",
     "State",
@@ -53,11 +55,13 @@ __all__ = [
     "analysis",
     "compress",
     "pack",
+    "separate",
 ]
 
 _NAMES = {
     "packings.compress": ("Packing", "compress"),
     "packings.pack": ("Rest", "pack"),
+    "packings.separate": ("Separation", "separate"),
     "analysis.recording": ("Recording",),
     "batch.batch": ("Batch", "SceneSummary"),
     "errors": ("InputError", "OutputError", "SceneError", "SimulationError"),

@@ -97,7 +97,7 @@ def test_summary_is_aligned_lines(scene, tmp_path, capfd):
     assert summary["scene"] == "mine, 2 grains"
     assert summary["steps"] == "10"
     assert summary["not converged"] == "0 steps"
-    assert summary["overlaps at start"] == "1 between grains, 0 with a wall"
+    assert summary["overlaps at start"] == "1 between grains, 0 with a wall, up to 1.00e-01 m"
     assert summary["output"] == f"{output}, 3 frames, 24 a second"
     rows = "scene, steps, iterations, not converged, worst residual, worst overlap, overlaps at start"
     assert ", ".join(summary) == f"{rows}, time, output"
@@ -187,7 +187,7 @@ def test_json_is_all_there_is_on_stdout(tmp_path):
     found = (summary["scene"], summary["grains"], summary["steps"], summary["unconverged"])
     assert found == ("annulus", 15, 50, 0)
     assert summary["output"] == str(output)
-    assert summary["overlaps_at_start"] == {"pairs": 0, "walls": 0}
+    assert summary["overlaps_at_start"] == {"pairs": 0, "walls": 0, "largest": 0.0}
     assert summary["iterations_max"] >= summary["iterations_mean"] > 0
 
 

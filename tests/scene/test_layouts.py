@@ -25,7 +25,7 @@ def test_rows_as_wide_as_the_outer_wall():
     lowest = position[position[:, 1] == heights[0], 0]
     assert len(lowest) == 1 + 2 * np.floor(np.sqrt(0.95**2 - 0.3**2) / 0.125)
     assert np.allclose(np.diff(lowest), 0.125, rtol=0, atol=1e-15)
-    assert overlaps((position, radius), 0.2, 1.0) == (0, 0)
+    assert overlaps((position, radius), 0.2, 1.0) == (0, 0, 0.0)
 
 
 def test_rows_wider_than_the_count():
@@ -39,7 +39,7 @@ def test_lattice_fills_from_the_bottom():
     position, radius = lattice(Annulus(0.3, 1.0), radius=0.05, count=50)
     assert np.array_equal(position, filled[:50])
     assert (np.diff(filled[:, 1]) >= 0.0).all()
-    assert overlaps((filled, np.full(len(filled), 0.05)), 0.3, 1.0) == (0, 0)
+    assert overlaps((filled, np.full(len(filled), 0.05)), 0.3, 1.0) == (0, 0, 0.0)
     dense = len(filled) * 0.05**2 / (1.0 - 0.3**2)
     assert dense > 0.7
     assert len(radius) == 50
@@ -58,7 +58,7 @@ def test_random_is_the_same_for_the_same_seed():
     assert not np.array_equal(first[0], other[0])
     assert first[1].min() >= 0.01
     assert first[1].max() <= 0.05
-    assert overlaps(first, 0.3, 1.0) == (0, 0)
+    assert overlaps(first, 0.3, 1.0) == (0, 0, 0.0)
 
 
 def one_after_the_other(walls, radius, generator):
@@ -96,11 +96,11 @@ def test_random_places_are_those_of_a_plain_loop(walls, radii):
 def test_random_comes_near_its_limit():
     # equal discs that are added one by one fill at most 0.547 of a plane
     radius = np.sqrt(0.5 * (1.0 - 0.1**2) / 5000)
-    assert overlaps(random(Annulus(0.1, 1.0), count=5000, radius=radius), 0.1, 1.0) == (0, 0)
+    assert overlaps(random(Annulus(0.1, 1.0), count=5000, radius=radius), 0.1, 1.0) == (0, 0, 0.0)
     more = np.full(500, np.sqrt(0.55 / 500))
     assert np.isnan(place_at_random(Region(Annulus(0.0, 1.0)), more, np.random.default_rng(0))).any()
     # which the layout grows, then
-    assert overlaps(random(Annulus(0.0, 1.0), count=500, radius=more[0]), 0.0, 1.0) == (0, 0)
+    assert overlaps(random(Annulus(0.0, 1.0), count=500, radius=more[0]), 0.0, 1.0) == (0, 0, 0.0)
 
 
 def test_random_is_fast():

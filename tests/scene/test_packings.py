@@ -72,7 +72,7 @@ def test_a_packing_fraction_is_met_without_overlaps(fraction, radius):
     placement = random(WALLS, radius=radius, packing_fraction=fraction, seed=2)
     filled = np.pi * (placement[1] ** 2).sum() / WALLS.area
     assert fraction - np.pi * 0.05**2 / WALLS.area < filled <= fraction
-    assert scene_of(placement).count_overlaps() == (0, 0)
+    assert scene_of(placement).count_overlaps() == (0, 0, 0.0)
     assert np.array_equal(random(WALLS, radius=radius, packing_fraction=fraction, seed=2)[0], placement[0])
 
 
@@ -88,7 +88,7 @@ def test_a_packing_fraction_is_met_without_overlaps(fraction, radius):
 @pytest.mark.parametrize("fraction", [0.4, 0.7])
 def test_grains_are_wholly_in_their_region(region, fraction):
     position, radius = random(WALLS, radius=[0.01, 0.02], packing_fraction=fraction, region=region)
-    assert scene_of((position, radius)).count_overlaps() == (0, 0)
+    assert scene_of((position, radius)).count_overlaps() == (0, 0, 0.0)
     rho = np.hypot(*position.T)
     for key, value in {"x": position[:, 0], "y": position[:, 1], "distance": rho}.items():
         low, high = region.get(key, (-np.inf, np.inf))
@@ -127,7 +127,7 @@ def test_grains_are_clear_of_walls_inside_the_annulus(tmp_path, layout, keys):
     path.write_text(SCENE.replace('"random"', f'"{layout}"') + keys + walls)
     scene = Scene.load(path)
     assert scene.n >= 150
-    assert scene.count_overlaps() == (0, 0)
+    assert scene.count_overlaps() == (0, 0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_what_does_not_fit_says_what_would():
     ) as caught:
         random(WALLS, radius=0.03, packing_fraction=0.95)
     fits = int(str(caught.value).partition("about ")[2].split()[0])
-    assert scene_of(random(WALLS, radius=0.03, count=fits)).count_overlaps() == (0, 0)
+    assert scene_of(random(WALLS, radius=0.03, count=fits)).count_overlaps() == (0, 0, 0.0)
     assert fits * 0.03**2 * np.pi / WALLS.area > 0.7
     with pytest.raises(InputError, match="count is 2000: the grains have 1\\.87 times the area"):
         random(WALLS, radius=0.03, count=2000)
@@ -219,4 +219,4 @@ def test_five_thousand_grains_fill_four_fifths():
         WALLS, radius={"distribution": "lognormal", "mean": 0.012, "deviation": 0.003}, packing_fraction=0.8
     )
     assert len(placement[0]) > 4500
-    assert scene_of(placement).count_overlaps() == (0, 0)
+    assert scene_of(placement).count_overlaps() == (0, 0, 0.0)

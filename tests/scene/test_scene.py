@@ -62,12 +62,12 @@ def test_largest_fitting_grain_and_smaller_dt_are_accepted():
 
 def test_overlaps_are_counted_and_allowed():
     made = scene(position=[[0.7, 0.0], [0.8, 0.0], [0.0, 0.95], [-0.55, 0.0]])
-    assert made.count_overlaps() == (1, 2)
+    assert made.count_overlaps() == (1, 2, pytest.approx(0.1))
 
 
 def test_touching_is_no_overlap():
     touching = [[0.3 + 0.2 * k, 0.0] for k in range(4)]
-    assert scene(position=touching, radius_in=0.2).count_overlaps() == (0, 0)
+    assert scene(position=touching, radius_in=0.2).count_overlaps() == (0, 0, 0.0)
 
 
 @pytest.mark.parametrize("sizes", [(0.02, 0.02), (0.001, 0.3)])

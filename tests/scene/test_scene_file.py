@@ -96,7 +96,7 @@ def test_a_layout_with_a_key_of_every_layout_is_refused(write, monkeypatch):
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_shipped_scenes_start_without_overlap(name):
-    assert Scene.load(name).count_overlaps() == (0, 0)
+    assert Scene.load(name).count_overlaps() == (0, 0, 0.0)
 
 
 def test_annulus_is_the_scene_of_the_course():

@@ -31,7 +31,8 @@ from warpgrains.solver.statistics import RunStatistics, named
 from warpgrains.warp_start import start_warp
 
 # Options that a resumed run reads from its checkpoint.
-KEPT = {"scene": "SCENE", "order": "--order", "method": "--method", "overrides": "--set"} | FLAGS
+KEPT = {"scene": "SCENE", "overrides": "--set"} | FLAGS
+KEPT |= {name: f"--{name}" for name in ("order", "method", "separate")}
 for _name in ("checkpoint", "every"):
     del KEPT[_name]
 
@@ -69,7 +70,15 @@ def _step_by_step(arguments: Namespace) -> bool:
 def _scene(arguments: Namespace) -> Scene:
     """Return the scene of a new run."""
     solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
-    return Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
+    scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
+    if not arguments.separate:
+        return scene
+    with stdout_to_stderr():
+        from warpgrains.packings.separate import separate
+
+        separation = separate(scene)
+    print(f"separated the grains: largest shift {separation.shift:.2e} m", file=sys.stderr, flush=True)
+    return separation.scene
 
 
 def _carry_out(run: OpenRun, state: State | None, arguments: Namespace) -> None:
@@ -181,7 +190,7 @@ def results_of(run: OpenRun) -> dict[str, Any]:
         "grains": scene.n,
         **asdict(summary),
         "overlap_in_radii": summary.overlap / scene.smallest_radius,
-        "overlaps_at_start": {"pairs": overlaps.pairs, "walls": overlaps.walls},
+        "overlaps_at_start": overlaps._asdict(),
     }
     if CHECKED:
         results["bounds_checked"] = True
@@ -195,6 +204,7 @@ def results_of(run: OpenRun) -> dict[str, Any]:
 def summary_lines(results: dict[str, Any]) -> str:
     """Return results as aligned lines."""
     start = results["overlaps_at_start"]
+    largest = f", up to {start['largest']:.2e} m" if start["largest"] else ""
     rows = {
         "scene": f"{results['scene']}, {results['grains']} grains",
         "steps": f"{results['steps']}{_ended(results)}",
@@ -202,7 +212,7 @@ def summary_lines(results: dict[str, Any]) -> str:
         "not converged": f"{results['unconverged']} steps{_without_solution(results)}",
         "worst residual": f"{results['residual']:.2e} m/s ({results['gap_error']:.2e} smallest radii a step)",
         "worst overlap": f"{results['overlap']:.2e} m ({results['overlap_in_radii']:.2e} smallest radii)",
-        "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall",
+        "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall{largest}",
         "time": f"{results['seconds']:.2f} s, {results['steps'] / results['seconds']:.0f} steps/s",
         **({"bounds": "every index within its array"} if "bounds_checked" in results else {}),
         "output": "none (-o records one)" if results["output"] is None else _output(results),

@@ -19,7 +19,7 @@ from warpgrains.scene.bodies import Bodies
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.document import read_text
 from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked_settings, frozen
-from warpgrains.scene.geometry import distance, left_of, overlapping_pairs
+from warpgrains.scene.geometry import distance, left_of, overlapping_pairs, pair_gaps
 from warpgrains.scene.gravity import TurningGravity
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
@@ -27,12 +27,14 @@ from warpgrains.shown import Shown
 
 
 class Overlaps(NamedTuple):
-    """Numbers of overlaps at the start of a scene. The solver pushes the grains apart."""
+    """Overlaps at the start of a scene, which the first step turns into speeds, see `separate`."""
 
     pairs: int
     """Pairs of grains that overlap."""
     walls: int
     """Grains that overlap a wall."""
+    largest: float
+    """Largest overlap [m]; 0 if there is none."""
 
 
 @documented(FIELDS.values())
@@ -373,10 +375,13 @@ class Scene(SceneFields, Shown):
         return _steps_in(checks.positive("duration", duration), self.dt)
 
     def count_overlaps(self) -> Overlaps:
-        """Count the initial overlaps between grains and with the walls."""
-        pairs = sum(len(first) for first, _ in overlapping_pairs(self.position, self.radius))
-        gap = np.min([self.side(k, self.position, self.radius).gap for k in self.wall_numbers], axis=0)
-        return Overlaps(pairs, int(np.count_nonzero(gap < -self.annulus.rounding)))
+        """Count the initial overlaps between grains and with the walls, and find the largest."""
+        where = self.position, self.radius
+        gaps = [pair_gaps(*where, i, j) for i, j in overlapping_pairs(*where)]
+        at_walls = np.min([self.side(k, *where).gap for k in self.wall_numbers], axis=0)
+        gaps.append(at_walls[at_walls < -self.annulus.rounding])
+        pairs = sum(map(len, gaps[:-1]))
+        return Overlaps(pairs, len(gaps[-1]), -float(np.concatenate(gaps).min(initial=0.0)))
 
 
 SceneLike = Scene | str | os.PathLike[str]

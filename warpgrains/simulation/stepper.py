@@ -5,9 +5,11 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
+from warnings import warn
 
 import numpy as np
 
+from warpgrains.analysis.energy import TOLERANCES
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
@@ -26,6 +28,7 @@ from warpgrains.turns import ExclusiveUse
 from warpgrains.warp_start import find_device
 
 Begun = TypeVar("Begun", bound="Stepper")
+LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody is warned
 GRAIN_FIELDS = {"position", "velocity", "radius", "mass"}  # not spin, which changes with friction
 
 
@@ -55,7 +58,15 @@ class Stepper(PresentState, Shown):
 
     def __init__(self, scene: SceneLike, device: str = "cpu", threads: int | None = None, **overrides: Any):
         scene = as_scene("scene", scene)
-        self._open(scene.replace(**overrides) if overrides else scene, device, threads)
+        scene = scene.replace(**overrides) if overrides else scene
+        self._open(scene, device, threads)
+        overlap = scene.count_overlaps().largest
+        if overlap > max(TOLERANCES * scene.tolerance * scene.dt, LEAST_WARNED * scene.smallest_radius):
+            warn(
+                f"grains overlap by up to {overlap:.1e} m at the start, which the first step turns into"
+                f" {overlap / scene.dt:.1e} m/s: warpgrains.separate, or run --separate, moves them apart",
+                stacklevel=2,
+            )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return continued, (type(self), self.scene, self.state(), self._device.alias, self._threads_wanted)

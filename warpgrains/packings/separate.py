@@ -1,0 +1,118 @@
+"""Grains that overlap, such as those of a soft-sphere program, moved apart without giving them speeds."""
+
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+from warpgrains.errors import SimulationError
+from warpgrains.scene import checks
+from warpgrains.scene.geometry import distance
+from warpgrains.scene.obstacle import Obstacle
+from warpgrains.scene.scene import Scene, SceneLike, as_scene
+from warpgrains.scene.state import first_state
+from warpgrains.shown import Shown
+from warpgrains.simulation.simulation import Simulation
+from warpgrains.simulation.stepper import continued
+from warpgrains.solver.statistics import named
+
+LEAST = 1e-9  # bound of the overlaps, in smallest radii, where steps of the scene leave less
+MOST_STEPS = 50  # where one or two are usual: what it leaves at a concave wall is of second order
+ITERATIONS = 10_000  # of a step, at most
+
+
+@dataclass(frozen=True, repr=False)
+class Separation(Shown):
+    """Result of `separate`.
+
+    Examples
+    --------
+    >>> overlapping = wg.Scene(position=[[0.5, 0.0], [0.69, 0.0]], radius=0.1, mass=0.1, radius_out=2.0)
+    >>> separation = wg.separate(overlapping)
+    >>> f"{separation.shift:.4f} m", separation.overlap < 1e-8
+    ('0.0050 m', True)
+    """
+
+    scene: Scene = field(repr=False)
+    """The scene with the positions of the separated grains."""
+    shift: float
+    """Largest distance by which a grain was moved [m]."""
+    overlap: float
+    """Largest overlap that is left [m]."""
+    steps: int
+    """Steps done."""
+
+    def summary(self) -> dict[str, str]:
+        """Return the lines that describe the separation, by name."""
+        return {
+            "scene": f"{self.scene.name}, {self.scene.n} grains",
+            "largest shift": f"{self.shift:.2e} m",
+            "worst overlap": f"{self.overlap:.2e} m",
+            "steps": f"{self.steps}",
+        }
+
+
+def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
+    """Move grains apart that overlap each other or a wall at the start of a scene.
+
+    A step turns an overlap into a speed, overlap / dt, which stays. Here grains get positions instead: those
+    of steps from rest, without gravity, whose velocities are thrown away. These move grains as little as
+    possible, in the sum of squares weighted by their areas, so that neighbors stay neighbors.
+
+    Parameters
+    ----------
+    scene : Scene, path or str
+        Velocities, spins and all settings remain as they are. Walls are where they are at time 0.
+    overlap : float, optional
+        Largest overlap to leave [m]; by default what steps of the scene leave, dt times the tolerance, or
+        1e-9 smallest radii if that is larger.
+
+    Raises
+    ------
+    InputError
+        An argument is invalid.
+    SimulationError
+        Grains cannot be moved apart.
+
+    Examples
+    --------
+    >>> grown = wg.Scene.load("polydisperse").replace(radius=0.02)
+    >>> wg.separate(grown).scene.count_overlaps().pairs
+    0
+    """
+    scene = as_scene("scene", scene)
+    if overlap is None:
+        overlap = max(scene.dt * scene.tolerance, LEAST * scene.smallest_radius)
+    overlap = checks.positive("overlap", overlap)
+    resting = Scene(
+        position=scene.position,
+        radius=scene.radius,
+        mass=(scene.radius / scene.smallest_radius) ** 2,
+        radius_in=scene.radius_in,
+        radius_out=scene.radius_out,
+        walls=tuple(map(_at_rest, scene.walls)),
+        gravity=(0.0, 0.0),
+        dt=1.0,
+        tolerance=overlap,
+        method="accelerated",
+        max_iterations=ITERATIONS,
+        order=scene.order,
+    )
+    simulation = continued(Simulation, resting, first_state(resting))
+    for step in range(1, MOST_STEPS + 1):
+        report = simulation.step()
+        if report.infeasible:
+            raise SimulationError(
+                f"{named(report.infeasible)} cannot be moved apart: they overlap too much, or do not fit"
+            )
+        if report.overlap <= overlap:
+            shift = float(distance(simulation.position - scene.position).max())
+            return Separation(scene.replace(position=simulation.position), shift, report.overlap, step)
+        simulation.restore(replace(first_state(resting), position=simulation.position))
+    left = f"{report.overlap:.1e} m after {MOST_STEPS} steps"
+    raise SimulationError(f"grains cannot be moved apart: they overlap by {left}")
+
+
+def _at_rest(wall: Obstacle) -> Obstacle:
+    """Return a wall that neither moves nor has friction."""
+    given = ("velocity", "angular_velocity", "force", "mass", "friction")
+    changes: dict[str, Any] = {own.name: own.default for own in fields(wall) if own.name in given}
+    return replace(wall, **changes)
