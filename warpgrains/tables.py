@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from warpgrains.errors import requiring
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
 
 COMPONENTS = {"pair": ("i", "j"), "wall": ("grain", "wall")}
 """Columns of fields with two numbers per row; those of other vector fields end in _x and _y."""
@@ -21,6 +23,15 @@ def library(name: str, what: str) -> Any:
     """Import a library of the extra ``[data]``. Raises InputError if it is not installed."""
     with requiring(what, "data"):
         return import_module(name)
+
+
+def dataset(frame: pandas.DataFrame, units: Mapping[str, str]) -> xarray.Dataset:
+    """Return a frame as a dataset over its index, with units by column. Raises InputError without xarray."""
+    library("xarray", "to_xarray")
+    found = frame.to_xarray()
+    for name in units.keys() & found.variables.keys():
+        found[name].attrs["units"] = units[name]
+    return found
 
 
 class Tabular:

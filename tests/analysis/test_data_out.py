@@ -71,16 +71,15 @@ def test_a_frame_within_a_step_has_its_time(tmp_path):
     scene = Scene.load("annulus").replace(walls=[paddle], gravity={"vector": (0.0, -9.81), "rotate": 1.0})
     Simulation(scene).run(duration=2.0, record=tmp_path / "run.usdc", forces=True)
     recording = wg.Recording(tmp_path / "run.usdc")
-    data = recording.to_xarray()
-    touched = set(data.contact_frame.values[data.contact_other.values == -3].tolist())
+    contacts = recording.to_pandas("wall_contacts")
+    touched = set(contacts.frame[contacts.wall == 2])
     within = [k for k in sorted(touched) if recording.frame(k).time < recording.frame(k).steps * scene.dt]
     assert len(within) > 5
     for k in within:
         frame = recording.frame(k)
         assert (frame.time, frame.steps) == (pytest.approx(k / 24.0), ceil(k / 0.24))
         walls = frame.to_pandas("wall_contacts")
-        at_walls = (data.contact_frame == k) & (data.contact_other < 0)
-        assert np.array_equal(walls[["normal_x", "normal_y"]], data.contact_normal[at_walls])
+        assert walls.equals(contacts[contacts.frame == k][list(walls)].reset_index(drop=True))
         assert analysis.potential_energy(frame) == pytest.approx(
             -(scene.mass * (frame.position @ scene.gravity_at(k / 24.0))).sum(), rel=1e-12
         )
@@ -108,9 +107,9 @@ def test_chains_that_name_no_body_are_one_error(tmp_path, other):
     neighbour.Set([other, *list(neighbour.Get(last))[1:]], last)
     stage.Save()
     found = wg.Recording(path)
-    for read in (lambda: found.frame(-1), found.to_xarray, lambda: found.to_pandas("contacts")):
+    for read in (found.frame, lambda k: found.to_xarray("contacts"), lambda k: found.to_pandas("contacts")):
         with pytest.raises(InputError, match=r"is damaged.*a grain or a wall that does not exist"):
-            read()
+            read(-1)
 
 
 def test_a_frame_is_analysed_as_the_simulation_was(recorded):
@@ -139,47 +138,27 @@ def test_what_is_not_recorded_is_not_made_up(tmp_path):
     assert analysis.kinetic_energy(found.frame(0, contacts=False)) == 0.0
     with pytest.raises(InputError, match="frame 99 does not exist"):
         found.frame(99)
-    assert "contact" not in found.to_xarray().sizes
+    assert dict(found.to_xarray().sizes) == {"time": len(found), "grain": 15}
 
 
 def test_recording_as_dataset(recorded):
     found = wg.Recording(recorded[0])
     dataset = found.to_xarray()
-    contacts = len(dataset.contact_force)
-    assert dict(dataset.sizes) == {"time": 7, "grain": 80, "component": 2, "contact": contacts}
-    assert np.array_equal(dataset.position.values, found.position)
-    assert dataset.velocity.attrs["units"] == "m/s"
-    assert dataset.sel(time=0.3, method="nearest").position.shape == (80, 2)
-
-
-def test_contacts_of_a_dataset_are_those_of_the_frames(recorded):
-    found = wg.Recording(recorded[0])
-    dataset = found.to_xarray()
-    for k in range(len(found)):
-        frame, here = found.frame(k), dataset.isel(contact=(dataset.contact_frame == k).values)
-        between = (here.contact_other >= 0).values
-        pair = np.stack([here.contact_grain, here.contact_other], axis=1)[between]
-        assert np.array_equal(pair, frame.pair)
-        assert np.array_equal(here.contact_force[between], frame.force)
-        assert np.array_equal(here.contact_normal[between], frame.normal)
-        wall = here.contact_grain.values[~between]
-        sign = np.where(here.contact_other[~between] == -1, 1.0, -1.0)
-        assert np.array_equal(wall, frame.wall[:, 0])
-        assert np.array_equal(-1 - here.contact_other.values[~between], frame.wall[:, 1])
-        assert np.array_equal(here.contact_force.values[~between], frame.wall_force)
-        outward = frame.start[wall] / np.hypot(*frame.start[wall].T)[:, np.newaxis]
-        assert here.contact_normal.values[~between] == pytest.approx(sign[:, np.newaxis] * outward, abs=1e-15)
-    assert dataset.contact_force.attrs["units"] == "N"
-    assert dataset.contact_frame[-1] == 6
+    assert dict(dataset.sizes) == {"time": 7, "grain": 80}
+    assert np.array_equal(np.stack([dataset.x, dataset.y], axis=-1), found.position)
+    assert np.array_equal(dataset.mass[3], found.scene.mass)
+    assert (dataset.vx.attrs["units"], dataset.time.attrs["units"]) == ("m/s", "s")
+    assert dataset.sel(time=0.3, method="nearest").x.shape == (80,)
+    contacts = found.to_xarray("contacts")
+    assert np.array_equal(contacts.force, found.to_pandas("contacts").force)
+    assert contacts.force.attrs["units"] == "N"
 
 
 def test_contacts_of_all_frames_as_tables(recorded):
     """Rows of a frame are the contacts of its snapshot, those at walls in a table of their own."""
     found = wg.Recording(recorded[0])
-    dataset = found.to_xarray()
     tables = {table: found.to_pandas(table) for table in ("grains", "contacts", "wall_contacts")}
     assert len(tables["grains"]) == 7 * 80
-    assert len(tables["contacts"]) + len(tables["wall_contacts"]) == len(dataset.contact)
     for k in (0, 6):
         frame, rows = found.frame(k), {name: table[table.frame == k] for name, table in tables.items()}
         assert (rows["grains"].time == found.time[k]).all()
@@ -209,14 +188,11 @@ def test_a_snapshot_as_tables_and_dataset(recorded):
         found, expected = moment.to_pandas(table), other.to_pandas()
         assert found.equals(expected[list(found)][expected.force > 0.0].reset_index(drop=True))
         assert len(found) > 0
-    source = wg.Recording(path)
-    ours, whole = source.frame(6).to_xarray(), source.to_xarray()
-    last = whole.isel(contact=(whole.contact_frame == 6).values, time=6)
-    assert {*ours.data_vars} == {*whole.data_vars} - {"contact_frame"} | {"mass"}
+    ours, last = wg.Recording(path).frame(6).to_xarray(), wg.Recording(path).to_xarray().isel(time=6)
+    assert ours.data_vars.keys() == last.data_vars.keys()
     for name in ours.data_vars:
-        if name != "mass":
-            assert np.array_equal(ours[name], last[name]), name
-            assert ours[name].attrs == last[name].attrs
+        assert np.array_equal(ours[name], last[name]), name
+        assert ours[name].attrs == last[name].attrs
     with pytest.raises(InputError, match="did you mean 'contacts'"):
         moment.to_pandas("contact")
 

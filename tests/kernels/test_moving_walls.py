@@ -322,7 +322,9 @@ def test_a_recording_of_a_later_state_has_its_normals(tmp_path: Path) -> None:
     assert np.array_equal(frame.wall, now.wall)
     difference = np.abs(frame.loads.normal - now.loads.normal).max()
     assert difference < 0.02  # grains move by about 2 mm in a step, where the blade has turned by 1 rad
-    dataset = recording.to_xarray()
-    last = dataset["contact_normal"].values[dataset["contact_frame"].values == 20]
-    own = np.concatenate([frame.normal, frame.loads.normal[2 * len(frame.pair) :]])
-    assert np.array_equal(last, own)
+    for table, own in (
+        ("contacts", frame.normal),
+        ("wall_contacts", frame.loads.normal[2 * len(frame.pair) :]),
+    ):
+        rows = recording.to_pandas(table)
+        assert np.array_equal(rows[["normal_x", "normal_y"]][rows.frame == 20], own)

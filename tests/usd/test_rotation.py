@@ -138,8 +138,10 @@ def test_read_back_as_arrays(tmp_path: Path) -> None:
     dataset = recording.to_xarray()
     assert np.array_equal(dataset.angle, recording.angle)
     assert dataset.spin.attrs["units"] == "rad/s"
-    last = dataset.contact_tangential_force[dataset.contact_frame == STEPS // 2]
-    assert np.array_equal(last, np.concatenate([frame.tangential_force, frame.wall_tangential_force]))
+    for table, own in (("contacts", frame.tangential_force), ("wall_contacts", frame.wall_tangential_force)):
+        rows = recording.to_xarray(table)
+        assert np.array_equal(rows.tangential_force[rows.frame == STEPS // 2], own)
+        assert rows.force.attrs["units"] == "N"
 
 
 def test_vtk_has_them(tmp_path: Path) -> None:

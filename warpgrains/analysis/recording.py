@@ -5,26 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warpgrains.analysis.snapshot import Snapshot
-from warpgrains.analysis.tabulated import (
-    TABLES,
-    columns_of,
-    contact_arrays,
-    contact_variables,
-    grain_variables,
-)
+from warpgrains.analysis.tabulated import TABLES, UNITS, columns_of
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.chains import pairs_and_walls, with_walls
+from warpgrains.drawing.chains import pairs_and_walls
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.compatibility import require_valid_positions
 from warpgrains.scene.scene import Scene
 from warpgrains.shown import Shown
-from warpgrains.tables import library
+from warpgrains.tables import dataset, library
 from warpgrains.usd.reader import RecordingReader
 
 if TYPE_CHECKING:
@@ -208,37 +202,19 @@ class Recording(Shown):
         first = {"frame": frame, "time": self.time[frame]}
         return library("pandas", "to_pandas").DataFrame(first | columns)
 
-    def to_xarray(self) -> xarray.Dataset:
-        """Return positions, velocities, radii and contacts as a dataset, with units.
+    def to_xarray(self, table: str = "grains") -> xarray.Dataset:
+        """Return grains or contacts of all frames as a dataset with the columns of `to_pandas`, and units.
 
-        Positions and velocities have the dimensions time and grain. Contacts, if they were recorded, form one
-        list along the dimension `contact`: `contact_frame` is the number of the frame, `contact_grain` the
-        grain, `contact_other` the other grain (or -1 for the outer wall, -2 for the inner one, and -3, -4,
-        ... for those of `Scene.walls`), `contact_normal` the unit vector from the grain to the other one or
-        into the wall, and `contact_force` the normal force. With friction, `spin` and `angle` have the
-        dimensions time and grain, and `contact_tangential_force` is next to `contact_force`.
+        Grains have the dimensions time and grain, contacts are a list.
 
         Raises
         ------
         InputError
-            xarray is not installed; the extra ``[data]`` installs it.
+            The table is unknown, contacts were not recorded, or pandas or xarray is not installed; the extra
+            ``[data]`` installs them.
         """
-        arrays = {"position": self.position, "velocity": self.velocity, "radius": self.radius}
-        if self._reader.has_rotation:
-            arrays |= {"spin": self.spin, "angle": self.angle}
-        return library("xarray", "to_xarray").Dataset(
-            grain_variables(arrays) | (self._contacts() if self.has_forces else {}),
-            coords={"time": ("time", self.time, {"units": "s"}), "component": ["x", "y"]},
-            attrs={"recording": self.path.name},
-        )
-
-    def _contacts(self) -> dict[str, Any]:
-        """Return the contacts of all frames under the names that `to_xarray` uses."""
-        frames = [self.frame(k) for k in range(len(self))]
-        columns = [(with_walls(of.pair, of.wall), *contact_arrays(of)) for of in frames]
-        pair, normal, force, tangential = map(np.concatenate, zip(*columns, strict=True))
-        frame = np.repeat(np.arange(len(self)), [len(of.force) + len(of.wall_force) for of in frames])
-        return {
-            "contact_frame": ("contact", frame),
-            **contact_variables(pair, normal, force, tangential if self._reader.has_rotation else None),
-        }
+        frame = self.to_pandas(table)
+        if table == "grains":
+            grain = np.tile(np.arange(len(self.radius)), len(self))
+            frame = frame.drop(columns="frame").assign(grain=grain).set_index(["time", "grain"])
+        return dataset(frame, UNITS)

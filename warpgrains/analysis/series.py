@@ -12,7 +12,7 @@ from warpgrains.errors import InputError, OutputError
 from warpgrains.files import read_table, require_writable_path, table_text, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.scene import checks
-from warpgrains.tables import library
+from warpgrains.tables import dataset, library
 
 if TYPE_CHECKING:
     import pandas
@@ -113,18 +113,14 @@ class Series:
         return library("pandas", "to_pandas").DataFrame(self.rows, columns=columns).set_index("step")
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the rows as a dataset over time, with units.
+        """Return the rows as a dataset over the steps, with units.
 
         Raises
         ------
         InputError
-            xarray is not installed; the extra ``[data]`` installs it.
+            pandas or xarray is not installed; the extra ``[data]`` installs them.
         """
-        columns = {name: [row[name] for row in self.rows] for name in (*FIRST, *self.names)}
-        return library("xarray", "to_xarray").Dataset(
-            {name: ("time", columns[name], {"units": QUANTITIES[name].unit}) for name in self.names},
-            coords={"time": ("time", columns["time"], {"units": "s"}), "step": ("time", columns["step"])},
-        )
+        return dataset(self.to_pandas(), {"time": "s"} | {name: QUANTITIES[name].unit for name in self.names})
 
     def close(self) -> None:
         """Release the lock on the file."""

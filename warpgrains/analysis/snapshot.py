@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpgrains.analysis.tabulated import TABLES, columns_of, dataset_variables
+from warpgrains.analysis.tabulated import TABLES, UNITS, columns_of
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
-from warpgrains.drawing.chains import with_walls
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import pair_normals
 from warpgrains.solver.final_states import StackedGrains
 from warpgrains.solver.forces import contacts_of, start_of_step
-from warpgrains.tables import library
+from warpgrains.tables import dataset, library
 
 if TYPE_CHECKING:
     import pandas
@@ -149,19 +148,15 @@ class Snapshot:
         columns = columns_of(self, checks.one_of("table", table, TABLES))
         return library("pandas", "to_pandas").DataFrame(columns)
 
-    def to_xarray(self) -> xarray.Dataset:
-        """Return grains and contacts as a dataset with units, as those of `Recording.to_xarray`.
+    def to_xarray(self, table: str = "grains") -> xarray.Dataset:
+        """Return grains or contacts as a dataset with the columns of `to_pandas`, and units.
 
         Raises
         ------
         InputError
-            xarray is not installed; the extra ``[data]`` installs it.
+            The table is unknown, or pandas or xarray is not installed; the extra ``[data]`` installs them.
         """
-        return library("xarray", "to_xarray").Dataset(
-            dataset_variables(self, with_walls(self.pair, self.wall)),
-            coords={"component": ["x", "y"]},
-            attrs={"time": self.time, "steps": self.steps},
-        )
+        return dataset(self.to_pandas(table), UNITS)
 
     @cached_property
     def loads(self) -> Loads:

@@ -29,7 +29,8 @@ def export(recording: str | Path, output: str | Path) -> int:
       `velocity` [m/s], and what else is recorded: `speed` [m/s], `pressure` [N/m], and with friction `spin`
       [rad/s], `angle` [rad] and `mobilized`.
     - ``Contacts``, if recorded: lines between centers, or from a center to a wall. Cell data are `force` [N],
-      with friction `tangential_force` [N], and `grain` and `other` as in `Recording.to_xarray`.
+      with friction `tangential_force` [N], and `grain` and `other`: another grain, -1 for the outer wall, -2
+      for the inner one, or -3, -4, ... for those of `Scene.walls`.
     - ``Walls``: polygons, as drawn. If no wall moves, there is one file.
 
     Raises
