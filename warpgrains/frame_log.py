@@ -3,13 +3,17 @@
 The file consists of a magic line and records. A record is the length [bytes] and the CRC-32 of its content,
 followed by the content. The first record is JSON with the constants of the recording, and the name and type
 of each array of a frame. Each further record is a frame: the lengths of its arrays, then the arrays,
-little-endian, in the order of the names. The log ends at the first truncated or damaged record.
+little-endian, in the order of the names. The log ends at the first record that is truncated, damaged, or
+holds a number that is not finite.
 """
 
 import json
 import os
+import re
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from operator import mul
 from pathlib import Path
 from typing import Any, BinaryIO
 from zlib import crc32
@@ -24,6 +28,7 @@ Arrays = Mapping[str, NDArray[Any]]
 """One frame: arrays of numbers by name, shape (n,) or (n, k)."""
 
 LOG_SUFFIX = ".frames"
+_KIND = re.compile(r"(\([1-9]\d?,\))?<[fiu][248]")
 _MAGIC = b"warpgrains frames 1\n"
 _HEAD = struct.Struct("<QI")
 _SYNC_FRAMES = 100
@@ -137,7 +142,7 @@ class FrameLog:
 
     def _create(self, arrays: Arrays) -> None:
         self.require_absent()
-        self._kinds = {name: _kind(array) for name, array in sorted(arrays.items())}
+        self._kinds = {name: kind_of(array) for name, array in sorted(arrays.items())}
         header = json.dumps({"constants": self._constants, "kinds": self._kinds}).encode()
         content = _MAGIC + _record(header)
         write_atomically(self.path, content)
@@ -163,7 +168,7 @@ class FrameLog:
 
 
 class LogReader:
-    """Reader of a log. Iterating yields each frame up to the first truncated or damaged record.
+    """Reader of a log. Iterating yields each frame up to the end of the log.
 
     Attributes
     ----------
@@ -188,31 +193,42 @@ class LogReader:
         with path.open("rb") as file:
             content = _read(file) if file.read(len(_MAGIC)) == _MAGIC else None
             self._start = self.end = file.tell()
-        try:
+        header = None
+        with suppress(ValueError, RecursionError):
             header = json.loads(content or b"")
-            self.constants: str = header["constants"]
-            self.kinds: dict[str, str] = header["kinds"]
-        except (ValueError, KeyError, TypeError):
-            raise InputError(f"'{path}' is not a log of frames") from None
+        match header:
+            case {"constants": str(constants), "kinds": dict(kinds)} if _are_kinds(kinds.values()):
+                self.constants: str = constants
+                self.kinds: dict[str, str] = kinds
+            case _:
+                raise InputError(f"'{path}' is not a log of frames")
 
     def __iter__(self) -> Iterator[dict[str, NDArray[Any]]]:
         with self.path.open("rb") as file:
             file.seek(self._start)
-            while (content := _read(file)) is not None:
+            while (content := _read(file)) is not None and (frame := self._frame(content)) is not None:
                 self.end = file.tell()
-                yield self._frame(content)
+                yield frame
 
-    def _frame(self, content: bytes) -> dict[str, NDArray[Any]]:
-        lengths = np.frombuffer(content, "<u4", len(self.kinds))
-        frame, start = {}, lengths.nbytes
-        for (name, kind), length in zip(self.kinds.items(), lengths.tolist(), strict=True):
-            values = np.frombuffer(content, kind, length, start)
-            frame[name] = values.copy()  # aligned, which USD requires
-            start += values.nbytes
-        return frame
+    def _frame(self, content: bytes) -> dict[str, NDArray[Any]] | None:
+        """Return the arrays of a record; None unless it has their size, and numbers that are finite."""
+        start = 4 * len(self.kinds)
+        lengths = np.frombuffer(content[:start].ljust(start, b"\0"), "<u4").tolist()
+        types = [np.dtype(kind) for kind in self.kinds.values()]
+        if start + sum(map(mul, lengths, (each.itemsize for each in types))) != len(content):
+            return None
+        frame = {}
+        for name, kind, length in zip(self.kinds, types, lengths, strict=True):
+            frame[name] = np.frombuffer(content, kind, length, start).copy()  # aligned, which USD requires
+            start += frame[name].nbytes
+        return frame if all(np.isfinite(values).all() for values in frame.values()) else None
 
 
-def _kind(array: NDArray[Any]) -> str:
+def _are_kinds(found: Iterable[Any]) -> bool:
+    return all(isinstance(kind, str) and _KIND.fullmatch(kind) for kind in found)
+
+
+def kind_of(array: NDArray[Any]) -> str:
     """Return the type of the elements of an array, little-endian, as NumPy reads it."""
     columns = f"({array.shape[1]},)" if array.ndim == 2 else ""
     return f"{columns}{array.dtype.newbyteorder('<').str}"

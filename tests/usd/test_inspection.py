@@ -74,6 +74,7 @@ OF_AN_ATTRIBUTE = [
     ("Grains.points", drop(), "the grains have no time samples"),
     ("Grains.extent", drop(2), f"Grains.extent {OTHER_CODES}"),
     ("Grains.extent", edit((0, 0), 0.0, 3), f"{OUTSIDE} (frame 3)"),
+    ("Grains.extent", edit(..., np.nan, 3), f"{OUTSIDE} (frame 3)"),
     ("Grains.extent", put(Vt.Vec3fArray(1), 3), "extent is not two corners (frame 3)"),
     ("Grains.primvars:speed", put([0.1], 1), "primvars:speed hold 1 values, not 5 for 5 grains (frame 1)"),
     (

@@ -1,5 +1,7 @@
+import json
 import os
 import re
+import struct
 from errno import ENOSPC
 from zipfile import ZipFile
 
@@ -13,7 +15,7 @@ from warpgrains import files
 from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError
-from warpgrains.frame_log import FrameLog, LogReader
+from warpgrains.frame_log import _MAGIC, FrameLog, LogReader, _record
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import log_of, recover
 from warpgrains.usd.writer import reopen_log
@@ -115,6 +117,93 @@ class TestLog:
             for frame in frames[3:]:
                 recorder.record(Frame(*frame))
         require_frames(tmp_path / "run.usdc", frames)
+
+
+LAYER = '#usda 1.0\ndef Points "P" {{ int[] a\n point3f[] b\n {} }}\n'
+KINDS = {"/P.a": "<i4", "/P.b": "(3,)<f4"}
+NESTED = "customData = {" + "dictionary d = {" * 100_000
+CRAFTED = {
+    "kinds that are none": [
+        {"kinds": KINDS | {"/P.a": kind}}
+        for kind in (
+            "O",
+            7,
+            None,
+            "V0",
+            "<U4",
+            "<M8",
+            "(0,)<f4",
+            "(999999999,)<f4",
+            "<f3",
+            "",
+            [],
+            "i4,f4",
+            "|b1",
+        )
+    ],
+    "kinds that are no table": [{"kinds": kinds} for kinds in (None, 3, "<f4", ["<f4"])],
+    "constants that are none": [
+        {"constants": text} for text in (None, 3, "", "#usda 1.0", "\ud800", LAYER[:40])
+    ],
+    "nested constants": [{"constants": LAYER.format(NESTED)}],
+    "other names": [{"kinds": dict.fromkeys(names, "<i4")} for names in (["/P.c"], ["/P"], ["a b"], [""])],
+    "other types": [{"kinds": KINDS | {"/P.a": kind}} for kind in ("<f4", "<i8", "<u4", "(3,)<i4")],
+    "headers that are none": [b"", b"7", b"{}", b"[" * 100_000, b'{"a":' * 100_000, b"\xff"],
+}
+"""Headers of logs with right checksums, in part or whole."""
+
+
+def crafted(folder, header, *frames):
+    """Make a log with right checksums."""
+    if isinstance(header, dict):
+        header = json.dumps({"constants": LAYER.format(""), "kinds": KINDS} | header).encode()
+    log = folder / "run.usda.frames"
+    log.write_bytes(_MAGIC + b"".join(map(_record, [header, *frames])))
+    return log
+
+
+def content(lengths, a, b):
+    return struct.pack("<2I", *lengths) + np.array(a, "<i4").tobytes() + np.array(b, "<f4").tobytes()
+
+
+GOOD = content([1, 2], [7], [[1, 2, 3], [4, 5, 6]])
+
+
+class TestCrafted:
+    @pytest.mark.parametrize(
+        "header", [one for several in CRAFTED.values() for one in several], ids=lambda one: str(one)[:60]
+    )
+    def test_header(self, tmp_path, header):
+        log = crafted(tmp_path, header, GOOD)
+        with pytest.raises(
+            InputError, match=r"run\.usda\.frames' is (not a log of frames|damaged: )"
+        ) as refusal:
+            recover(log)
+        assert "\n" not in str(refusal.value)
+        assert list(tmp_path.iterdir()) == [log]
+
+    @pytest.mark.parametrize(
+        "bad",
+        [
+            b"",
+            b"\1",
+            GOOD[:-1],
+            GOOD + b"\0",
+            content([2, 2], [7], [[1, 2, 3], [4, 5, 6]]),
+            content([2**32 - 1, 2**32 - 1], [7], [[1, 2, 3], [4, 5, 6]]),
+            content([1, 2], [7], [[1, 2, np.nan], [4, 5, 6]]),
+            content([1, 2], [7], [[1, np.inf, 3], [4, 5, 6]]),
+        ],
+    )
+    def test_frame(self, tmp_path, bad):
+        """The log ends where a frame is none."""
+        assert recover(crafted(tmp_path, {}, GOOD, GOOD, bad, GOOD)) == (tmp_path / "run.usda", 2)
+
+    def test_resumed_run(self, tmp_path):
+        log = crafted(tmp_path, {"constants": LAYER.format(NESTED)}, GOOD)
+        log = log.rename(tmp_path / "run.usdc.frames")
+        with pytest.raises(InputError, match="is damaged"):
+            points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=1)
 
 
 class TestNothingIsLost:

@@ -178,7 +178,7 @@ def _extent_problems(extent: Values, places: Values, half_width: Values) -> Iter
         yield "extent is not two corners"
         return
     centre, reach = places.astype(np.float64), half_width.astype(np.float64)[:, np.newaxis]
-    if ((centre - reach < extent[0]) | (centre + reach > extent[1])).any():
+    if not ((centre - reach >= extent[0]) & (centre + reach <= extent[1])).all():
         yield "extent does not contain all grains or bands"
 
 

@@ -21,6 +21,7 @@ from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
 from warpgrains.usd.metadata import described
 from warpgrains.usd.output import lock_output
+from warpgrains.usd.reader import refusing_untrusted_content
 from warpgrains.usd.stage import Drawing, static_layer, too_coarse
 from warpgrains.usd.walls import Walls
 from warpgrains.usd.writer import identity, reopen_log, write_recording
@@ -181,7 +182,8 @@ class Recorder:
         if is_joined:
             reopen_log(self.path, self.log)
         try:
-            self._frames.reopen(frames, identity)
+            with refusing_untrusted_content(self.log):
+                self._frames.reopen(frames, identity)
         except InputError:
             if is_joined:
                 self.log.unlink()

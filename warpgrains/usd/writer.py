@@ -16,12 +16,14 @@ from pxr import Sdf, Tf, UsdUtils, Work
 
 from warpgrains.errors import InputError
 from warpgrains.files import draft_of, draft_path, publish, resolve_link
-from warpgrains.frame_log import FrameLog, LogReader
+from warpgrains.frame_log import FrameLog, LogReader, kind_of
 from warpgrains.usd.grains import GRAINS
 from warpgrains.usd.metadata import RECORDED_BY
+from warpgrains.usd.reader import refusing_untrusted_content
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
 _PACKED = time.mktime((1980, 1, 1, 0, 0, 0, 0, 1, -1))  # of every package, so that its bytes repeat
+_DEEPEST = 1000  # brackets in brackets of the constants; USD crashes at some 20,000
 _WRITERS = Lock()
 _limits: list[int] = []  # USD's limit of threads before the first writer, for each
 _SAMPLE = 128  # bytes of memory per value in addition to its array
@@ -41,15 +43,17 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
     Raises
     ------
     InputError
-        The file is no log, or has no frames.
+        The file is no log, is damaged, or has no frames.
     OSError
         The file cannot be written, or the log holds fewer frames.
     """
     reader, target = LogReader(log), resolve_link(target)
+    with refusing_untrusted_content(log):
+        constants = _constants(reader)
     with _temporary_folder(target) as folder:
         binary, draft = folder / f"{target.stem}.usdc", folder / target.name
         with _reporting_os_errors(target), _freeing_in_this_thread():
-            written = _write_binary(reader, binary, frames)
+            written = _write_binary(reader, constants, binary, frames)
             if target.suffix == ".usdz":
                 os.utime(binary, (_PACKED, _PACKED))
                 UsdUtils.CreateNewUsdzPackage(str(binary), str(draft))
@@ -78,7 +82,7 @@ def reopen_log(recording: Path, log: Path) -> None:
         ]
         frames = FrameLog(draft, _without_frames(flat, animated))
         for code in flat.ListAllTimeSamples():
-            frames.append({str(path): _sample(flat, path, code) for path in animated})
+            frames.append({str(path): _logged(flat.QueryTimeSample(path, code)) for path in animated})
         frames.close()
 
 
@@ -88,8 +92,7 @@ def identity(constants: str) -> str:
     They are the scene, the frame rate, and what the grains look like, but neither the release nor, for
     example, the lights.
     """
-    flat, own = (Sdf.Layer.CreateAnonymous(".usda") for _ in range(2))
-    flat.ImportFromString(constants)
+    flat, own = _layer_of(constants), Sdf.Layer.CreateAnonymous(".usda")
     data = dict(flat.customLayerData.get(RECORDED_BY, {}))
     data.pop("version", None)
     own.customLayerData, own.timeCodesPerSecond = data, flat.timeCodesPerSecond
@@ -99,10 +102,31 @@ def identity(constants: str) -> str:
     return str(own.ExportToString())
 
 
-def _sample(flat: Sdf.Layer, path: Sdf.Path, code: float) -> NDArray[Any]:
-    """Return a value of a frame as a log has it: half precision, of orientations, as float32."""
-    value = np.array(flat.QueryTimeSample(path, code))
-    return value.astype(np.float32) if value.dtype == np.float16 else value
+def _logged(value: Any) -> NDArray[Any]:
+    """Return a value as a log has it: half precision, of orientations, as float32."""
+    array = np.array(value)
+    return array.astype(np.float32) if array.dtype == np.float16 else array
+
+
+def _layer_of(constants: str) -> Sdf.Layer:
+    """Return the layer of a text. Raises ValueError if it is nested deeper than USD can read."""
+    text = np.frombuffer(constants.encode(), np.uint8)
+    opening, closing = (np.isin(text, list(brackets)).view(np.int8) for brackets in (b"([{", b")]}"))
+    if (opening - closing).cumsum(dtype=np.int32).max(initial=0) > _DEEPEST:
+        raise ValueError(f"brackets are nested deeper than {_DEEPEST}")
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString(constants)
+    return layer
+
+
+def _constants(reader: LogReader) -> Sdf.Layer:
+    """Return the constants of a log. Raises ValueError unless they have an attribute for each array."""
+    layer = _layer_of(reader.constants)
+    for name, kind in reader.kinds.items():
+        spec = layer.GetAttributeAtPath(name)
+        if spec is None or kind_of(_logged(spec.typeName.defaultValue)) != kind:
+            raise ValueError(f"it has no attribute {name} of type {kind}")
+    return layer
 
 
 def _without_frames(flat: Sdf.Layer, animated: list[Sdf.Path]) -> str:
@@ -116,11 +140,9 @@ def _without_frames(flat: Sdf.Layer, animated: list[Sdf.Path]) -> str:
     return str(constants.ExportToString())
 
 
-def _write_binary(reader: LogReader, binary: Path, frames: int | None) -> int:
+def _write_binary(reader: LogReader, constants: Sdf.Layer, binary: Path, frames: int | None) -> int:
     """Write the first `frames` frames of a log, or all, to a usdc file, and return their number."""
     flat = Sdf.Layer.CreateNew(str(binary))
-    constants = Sdf.Layer.CreateAnonymous(".usda")
-    constants.ImportFromString(reader.constants)
     flat.TransferContent(constants)
     attributes = {name: flat.GetAttributeAtPath(name) for name in reader.kinds}
     samples = {name: (spec.path, type(spec.typeName.defaultValue)) for name, spec in attributes.items()}
