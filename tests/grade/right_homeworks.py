@@ -14,6 +14,7 @@ RIGHT = {
         "                zeta = fmax(zeta, fabs(dv));\n            }\n",
         "            }\n            zeta = fmax(zeta, fabs(dv));\n",
     ).replace("    iContact = 0;\n", "    iContact = 0;  /* d\xe9but */\n"),
+    "iteration 0 counts for iterMax": PLAIN.replace("iter <= iterMax", "iter < iterMax"),
     "another header, prints": PLAIN.replace("fem.h", "grains-2024.h").replace(
         "return zeta;", 'printf("%g\\n", zeta); return zeta;'
     ),

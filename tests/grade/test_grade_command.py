@@ -46,7 +46,7 @@ def test_a_wrong_one_as_the_docs_show_it(
     path = homework(Path("mine/homework.c"), wrong(WRONG[CONTACT, "masses exchanged in the share of a pair"]))
     assert exit_code("grade", path) == 1
     printed = capfd.readouterr().out
-    assert f"{CONTACT}  right{'         wrong' * 3}         right         wrong\n" in printed
+    assert f"{CONTACT}  right{'         wrong' * 3}         right         wrong         wrong\n" in printed
     assert (
         "\n  mistake: masses exchanged in the share of a pair\n  course text: v_i -= dv n m_j / (m_i + m_j)"
         in printed

@@ -101,6 +101,14 @@ WRONG = {
         ("vx[i] * dt;", "vx[i] * dt + 0.5 * dt * dt * gx;"),
         ("vy[i] * dt;", "vy[i] * dt + 0.5 * dt * dt * gy;"),
     ),
+    (UPDATE, "gravity is -9.81 whatever the scene says"): (("m[i] * gy", "m[i] * -9.81"),),
+    (UPDATE, "dt is 0.01 whatever is passed"): (
+        ("vx[i] * dt", "vx[i] * 0.01"),
+        ("vy[i] * dt", "vy[i] * 0.01"),
+    ),
+    (UPDATE, "positions not moved if iterMax ends the iterations"): (
+        ("    for (i = 0; i < n; ++i) {", "    for (i = 0; i < n && zeta <= tol; ++i) {"),
+    ),
     (UPDATE, "gravity missing"): (("m[i] * gx - ", "-"), ("m[i] * gy - ", "-")),
     (UPDATE, "gravity missing in x"): (("m[i] * gx - ", "-"),),
     (UPDATE, "drag missing"): ((" - gamma * vx[i]", ""), (" - gamma * vy[i]", "")),

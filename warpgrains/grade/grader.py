@@ -82,6 +82,8 @@ class Grader:
                 function: [child.ask(probe.call) for probe in asked]
                 for function, asked in self.probes.items()
             }
+            fewer = [_with_one_fewer(probe) for probe in self.probes[UPDATE]]
+            self._counting_0 = fewer, [child.ask(probe.call) for probe in fewer]
         self.model = Model(self._compiler, folder)
         self._lock = Lock()
         self._count = 0
@@ -198,8 +200,11 @@ class Grader:
         printed: str,
     ) -> Part:
         asked = self.probes[function]
+        modeled, right = asked, self.expected[function]
+        if function == UPDATE and self._counts_0(answered):
+            modeled, right = self._counting_0
         probes, answers = [asked[k] for k in answered], list(answered.values())
-        expected = [self.expected[function][k] for k in answered]
+        expected = [right[k] for k in answered]
         eps = 0.0 if self._strict else DOUBLE
         differences = _differences(probes, expected, answers, eps)
         wrongs: dict[str, Words] = {}
@@ -225,9 +230,9 @@ class Grader:
         if first is None and (not ended or ended[1].how == -1):
             return part if ended else replace(part, remark=Words("it differs by rounding only"))
         found = [k for k, each in enumerate(near) if each]
-        probes += [asked[k] for k, _ in ends.values()]
+        calls = [modeled[k] for k in (*answered, *(k for k, _ in ends.values()))]
         hows = [error.how for _, error in ends.values()]
-        mistakes, is_complete = self.model.explain(function, probes, answers, found, hows)
+        mistakes, is_complete = self.model.explain(function, calls, answers, found, hows)
         if is_complete:
             return replace(part, mistakes=mistakes)
         if mistakes:
@@ -238,7 +243,15 @@ class Grader:
             return replace(part, hint=hint_of(None)) if is_index else part
         is_float = not ended and not any(_differences(probes, expected, answers, FLOAT))
         remark = Words("it differs as if float were used: use double" if is_float else _UNKNOWN)
+        if not (is_float or ended):
+            remark = _common(probes, expected, found) or remark
         return replace(part, hint=hint_of(first), remark=remark)
+
+    def _counts_0(self, answered: Mapping[int, Answer]) -> bool:
+        """Return whether iteration 0 counts for iterMax, so that no step has more than iterMax calls."""
+        asked, right = self.probes[UPDATE], self.expected[UPDATE]
+        ended = [k for k in answered if right[k].calls > asked[k].call.max_iterations]
+        return max((answered[k].calls - asked[k].call.max_iterations for k in ended), default=1) == 0
 
     def _child(self, own: dict[str, Path], limits: Limits = DEFAULT, until: float = inf) -> Child:
         """Start a child process with some functions of the homework and the others of the reference."""
@@ -249,6 +262,20 @@ def _warnings(child: Child) -> tuple[Words, ...]:
     """Return warnings about forbidden features of a homework that do not change its grade."""
     found = {_MAIN: child.has_main, _UNGUARDED: child.is_unguarded}
     return tuple(Words(warning) for warning, holds in found.items() if holds)
+
+
+def _with_one_fewer(probe: Probe) -> Probe:
+    return probe._replace(call=probe.call._replace(max_iterations=probe.call.max_iterations - 1.0))
+
+
+def _common(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence[int]) -> Words | None:
+    """Return what only the wrong answers have in common: many grains, or that iterMax ends the step."""
+    if all(expected[k].calls >= probes[k].call.max_iterations for k in wrong):
+        return Words("no known mistake explains it; only steps that iterMax ends are wrong")
+    scenes, least = {probes[k].scene for k in wrong}, min(probes[k].call.n for k in wrong)
+    if 0 < max((probe.call.n for probe in probes if probe.scene not in scenes), default=0) < least:
+        return Words("no known mistake explains it; only scenes of {n} or more grains are wrong", n=least)
+    return None
 
 
 def _differences(

@@ -287,8 +287,7 @@ static int agree(const Probe *p, const Answer *a, const Answer *b) {
                         largest(b->state + 6 * n, all, largest(b->state + 2 * n, 2 * n, least)));
     speed *= 320 * DBL_EPSILON * all * calls;
     double length = p->dt * speed + 320 * DBL_EPSILON * p->radiusOut;
-    int open = b->calls != a->calls; /* iteration 0 may count for iterMax or not */
-    if (open && !(b->calls == a->calls - 1 && b->calls == p->iterMax)) return 0;
+    if (b->calls != a->calls) return 0;
     if (a->calls > 0) {
         if (!same(a->before, b->before, 2 * n, length)) return 0;
         if (!same(a->before + 2 * n, b->before + 2 * n, 2 * n, speed)) return 0;
@@ -297,7 +296,6 @@ static int agree(const Probe *p, const Answer *a, const Answer *b) {
             if (a->record[k] > 0 && !same(a->record + k + 2, b->record + k + 2, 1, speed)) return 0;
         }
     }
-    if (open) return 1;
     if (p->iter > 0 && !same(&a->zeta, &b->zeta, 1, speed)) return 0;
     return same(a->state, b->state, 2 * n, length) && same(a->state + 2 * n, b->state + 2 * n, 5 * n + all - n, speed);
 }
@@ -311,6 +309,8 @@ typedef struct {
     const Answer *answers, *right;
 } Found;
 
+#define FEW 3 /* grains, of a scene with contacts of all kinds */
+
 typedef int Variants[2][TERMS]; /* of iteration 0, and of the others */
 
 static int fits(Variants variants, const Found *found, int at, Answer *own) {
@@ -319,6 +319,9 @@ static int fits(Variants variants, const Found *found, int at, Answer *own) {
 }
 
 static int explains(Variants variants, const Found *found, Answer *own) {
+    int least = found->wrongs ? found->probes[found->wrong[0]].n : 0;
+    for (int k = 0; k < found->count && least > FEW; k++) /* cheap */
+        if (found->probes[k].n == FEW && !fits(variants, found, k, own)) return 0;
     for (int k = 0; k < found->wrongs; k++) /* most are refuted by these */
         if (!fits(variants, found, found->wrong[k], own)) return 0;
     for (int k = 0; k < found->count; k++)

@@ -1,9 +1,10 @@
 """Calls that homeworks must answer. Each starts from the reference's state, so that errors do not accumulate.
 
 Each mistake changes the result of at least one scene, and no two mistakes have the same effect. Masses and
-radii differ, gravity has two components, there is drag, grains touch and overlap each other and both walls,
-the lightest and heaviest come first, and initial speeds close any gap within a step. The smallest scenes come
-first.
+radii differ, grains touch and overlap each other and both walls, the lightest and heaviest come first, and
+initial speeds close any gap within a step. No parameter is the same in all scenes: neither the number of
+grains, the walls (one scene has no inner wall), gravity, drag and dt, nor tolerance and iterMax. The smallest
+scenes come first.
 """
 
 from collections.abc import Iterator
@@ -17,7 +18,6 @@ from warpgrains.grade.words import Words, joined
 from warpgrains.scene.scene import Scene
 
 FIRST_ITERATIONS = 3  # number of iterations of a step that are called one by one, from 0
-CAP = 5  # limit of iterations of a call that must stop at it
 _MOST = 30
 _NOISE = 1e-9  # [m/s]: smaller zeta are rounding errors
 
@@ -55,26 +55,37 @@ def make_probes(reference: Child) -> dict[str, list[Probe]]:
 
 def _scenes() -> Iterator[tuple[Scene, range]]:
     """Yield the scenes, and the steps at which homeworks are called."""
-    ring = {"gravity": (1.5, -9.81), "drag": 0.05, "dt": 0.02, "max_iterations": 1000}
-    fall = {"radius": [0.1], "mass": [0.3], "radius_out": 1.3}
+    ring = {"drag": 0.05, "dt": 0.02, "max_iterations": 1000}
+    fall = {"radius": [0.1], "mass": [0.3], "radius_out": 1.3, "gravity": (1.5, -9.81)}
     yield _scene("one", [[0.05, 0.58]], [[-12.0, -45.0]], **fall, **ring), range(1, 41, 2)
     centers, speeds = [[-0.7, 0.7], [0.2, 1.0]], [[12.0, 2.0], [-9.0, 0.0]]
-    yield _scene("two", centers, speeds, [0.08, 0.15], [0.2, 2.0], **ring), range(1, 31)
+    fall = {"gravity": (-3.7, 4.2), "radius_in": 0.45}
+    yield _scene("two", centers, speeds, [0.08, 0.15], [0.2, 2.0], **ring | fall), range(1, 31)
     centers, speeds = [[-0.31, 0.86], [0.03, 0.83], [0.4, 0.9]], [[40.0, 5.0], [2.0, -10.0], [-20.0, 60.0]]
-    yield _scene("three", centers, speeds, [0.12, 0.17, 0.15], [0.4, 1.5, 0.9], **ring), range(1, 13)
+    fall = {"gravity": (0.9, -1.62), "drag": 0.08, "dt": 0.016}
+    yield _scene("three", centers, speeds, [0.12, 0.17, 0.15], [0.4, 1.5, 0.9], **ring | fall), range(1, 13)
     random = np.random.default_rng(13)
     angle = 2.0 * np.pi * np.arange(14) / 14
     distance = 0.8 + 0.05 * random.uniform(-1.0, 1.0, 14)
     position = np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
     radius, mass = random.uniform(0.1, 0.18, 14), np.exp(random.uniform(np.log(0.1), np.log(4.0), 14))
     velocity = random.uniform(-4.0, 4.0, (14, 2))
-    yield _scene("mixed", position, velocity, radius, mass, radius_out=1.05, **ring), range(1, 11)
+    fall = {"gravity": (6.0, 14.0), "dt": 0.025, "radius_out": 1.05}
+    yield _scene("mixed", position, velocity, radius, mass, **ring | fall), range(1, 11)
     yield Scene.load("annulus"), range(1, 302, 50)
-    position = np.concatenate([0.65 * position / distance[:, None], 1.1 * position / distance[:, None]])
+    outward = position / distance[:, None]
     radius = random.permutation(np.linspace(0.025, 0.125, 28))
     fall = {"radius_in": 0.3, "gravity": (0.0, -9.81), "drag": 0.02, "max_iterations": 1000}
-    mass = 30.0 * radius**2
-    yield _scene("polydisperse", position, 0.0 * position, radius, mass, **fall), range(11, 122, 20)
+    position = np.concatenate([0.65 * outward, 1.1 * outward])
+    yield (
+        _scene("polydisperse", position, 0.0 * position, radius, 30.0 * radius**2, **fall),
+        range(11, 122, 20),
+    )
+    position = np.concatenate([share * outward for share in (0.7, 1.0, 1.3)])
+    radius = random.uniform(0.05, 0.12, 42)
+    fall = {"radius_in": 0.0, "gravity": (2.5, 3.0), "drag": 0.1, "dt": 0.013, "max_iterations": 1000}
+    mass = 50.0 * random.permutation(radius) ** 2
+    yield _scene("circle", position, 3.0 * position, radius, mass, **fall), range(1, 92, 30)
 
 
 def _scene(
@@ -110,21 +121,24 @@ def _iterations(reference: Child, step: Call) -> tuple[list[Call], FloatArray]:
 
 
 def _updates(step: Probe, zeta: FloatArray) -> list[Probe]:
-    """Return the step with a tolerance that zeta passes clearly, and with a limit of iterations."""
-    last, tolerance = _clearest_drop(zeta)
-    call = step.call._replace(tolerance=tolerance, max_iterations=float(2 * _MOST))
-    calls = [call, call._replace(max_iterations=float(CAP))] if last > CAP + 1 else [call]
-    return [step._replace(call=each) for each in calls]
+    """Return the step with a tolerance that zeta passes clearly, and with a limit that ends it before."""
+    limit = 3 + step.step % 6
+    ends = [(_clearest_drop(zeta), 2 * _MOST + step.step), (0.5 * zeta[1 : limit + 3].min(), limit)]
+    return [
+        step._replace(call=step.call._replace(tolerance=tolerance, max_iterations=float(most)))
+        for tolerance, most in ends
+        if tolerance >= _NOISE
+    ]
 
 
-def _clearest_drop(zeta: FloatArray) -> tuple[int, float]:
-    """Return the iteration at which zeta falls furthest below all earlier values, and a value between."""
+def _clearest_drop(zeta: FloatArray) -> float:
+    """Return a value between zeta, where it falls furthest below all earlier values, and these."""
     drops = {
         k: max(zeta[k], _NOISE) / zeta[1:k].min()
         for k in range(2, len(zeta))
         if max(zeta[k], _NOISE) < zeta[1:k].min()
     }
     if not drops:
-        return 1, _NOISE
+        return _NOISE
     last = min(drops, key=lambda k: drops[k])
-    return last, float(np.sqrt(drops[last]) * zeta[1:last].min())
+    return float(np.sqrt(drops[last]) * zeta[1:last].min())
