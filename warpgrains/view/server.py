@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import redirect_stdout
+from functools import partial
 from http import HTTPStatus
 from io import StringIO
 from threading import Lock
@@ -23,9 +23,6 @@ OWN_NAMES = (HOST, "localhost", "::1")
 REFUSAL = "only the page that this server serves may connect to it\n"
 MALFORMED = 1007  # RFC 6455, 7.4.1: data that is not consistent with the type of the message
 
-Handler = Callable[[ServerConnection], Awaitable[None]]
-OnRequest = Callable[[ServerConnection, Request], Response | None]
-
 _one_at_a_time = Lock()
 _silent = logging.Logger("warpgrains.view")  # no handler: viser's has one that prints tracebacks
 _silent.addHandler(logging.NullHandler())
@@ -37,8 +34,14 @@ def serve_page(port: int, label: str) -> viser.ViserServer:
     Browsers let any web page connect to any WebSocket, and send the origin of the page in the header
     ``Origin``. Connections from other origins are refused. A malformed message closes its connection.
     """
-    with _guarding(), redirect_stdout(StringIO()):  # suppresses its banner
-        return viser.ViserServer(HOST, port, label=label, verbose=False)
+    with _one_at_a_time, redirect_stdout(StringIO()):  # suppresses its banner
+        serve = websockets.asyncio.server.serve
+        # viser passes no options to websockets, nor any request to its callbacks
+        websockets.asyncio.server.serve = partial(_serve_guarded, serve)  # type: ignore[assignment,misc]
+        try:
+            return viser.ViserServer(HOST, port, label=label, verbose=False)
+        finally:
+            websockets.asyncio.server.serve = serve  # type: ignore[misc]
 
 
 def is_own_origin(request: Request) -> bool:
@@ -49,50 +52,19 @@ def is_own_origin(request: Request) -> bool:
     return origins[0] == f"http://{hosts[0]}" and urlsplit(origins[0]).hostname in OWN_NAMES
 
 
-@contextmanager
-def _guarding() -> Iterator[None]:
-    """Protect servers that are started in the block.
+def _serve_guarded(serve: Any, handler: Any, *where: Any, process_request: Any, **options: Any) -> Any:
+    """Call `serve` so that other origins get no WebSocket, and unreadable messages print no traceback."""
 
-    Since viser passes no options to websockets, a function of websockets is replaced.
-    """
-    serve = websockets.asyncio.server.serve
-
-    def guarded(handler: Handler, *where: Any, process_request: OnRequest, **options: Any) -> Any:
-        return serve(
-            _without_tracebacks(handler),
-            *where,
-            process_request=_of_own_origin(process_request),
-            logger=_silent,
-            **options,
-        )
-
-    with _one_at_a_time:
-        websockets.asyncio.server.serve = guarded  # type: ignore[assignment,misc]
-        try:
-            yield
-        finally:
-            websockets.asyncio.server.serve = serve  # type: ignore[misc]
-
-
-def _of_own_origin(answer: OnRequest) -> OnRequest:
-    """Return a handler of requests that refuses other origins a WebSocket."""
-
-    def answer_own(connection: ServerConnection, request: Request) -> Response | None:
+    def answer(connection: ServerConnection, request: Request) -> Response | None:
         if "Upgrade" in request.headers and not is_own_origin(request):
             return connection.respond(HTTPStatus.FORBIDDEN, REFUSAL)
-        return answer(connection, request)
+        return process_request(connection, request)
 
-    return answer_own
-
-
-def _without_tracebacks(handler: Handler) -> Handler:
-    """Return a handler of connections that closes one after an unreadable message, without a traceback."""
-
-    async def serve_quietly(connection: ServerConnection) -> None:
+    async def handle(connection: ServerConnection) -> None:
         asyncio.get_running_loop().set_exception_handler(lambda loop, context: None)
         try:
             await handler(connection)
         except Exception:  # an untrusted message can make viser raise any exception
             await connection.close(MALFORMED, "not a message of the page")
 
-    return serve_quietly
+    return serve(handle, *where, process_request=answer, logger=_silent, **options)
