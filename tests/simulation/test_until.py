@@ -7,7 +7,7 @@ import pytest
 from command import exit_code
 from same_bits import contents
 
-from warpgrains import InputError, Scene, Simulation, SimulationError
+from warpgrains import InputError, Scene, Segment, Simulation, SimulationError
 from warpgrains.analysis import kinetic_energy
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.simulation.until import TEST_INTERVAL
@@ -34,6 +34,36 @@ def test_by_default_nothing_moves_at_rest():
     simulation = Simulation(Scene.load("annulus"))
     assert simulation.run(until="rest", duration=20.0).met
     assert np.hypot(*simulation.velocity.T).max() <= 1e-3 * np.sqrt(9.81 * 0.2)
+
+
+GATE = {"start": (-0.5, 0.0), "end": (0.5, 0.0)}
+STIRRED = {
+    "a gate that will open": (
+        {"walls": [Segment(**GATE, velocity=(0.0, -0.5), from_time=3.0, to_time=3.5)]},
+        3.5,
+    ),
+    "a floor that creeps": ({"walls": [Segment(**GATE, velocity=(0.0, -4e-4))]}, np.inf),
+    "a plate that will turn": ({"walls": [Segment(**GATE, angular_velocity=0.1, from_time=30.0)]}, np.inf),
+    "gravity that turns": ({"gravity": {"rotate": 1e-5}}, np.inf),
+    "a piston that falls": (
+        {"walls": [Segment(**GATE), Segment(start=(-0.5, -0.5), end=(0.5, -0.5), force=-0.1, mass=1.0)]},
+        np.inf,
+    ),
+    "nothing": ({"walls": [Segment(**GATE)]}, 0.0),
+}
+
+
+@pytest.mark.parametrize(("changes", "stirred_until"), STIRRED.values(), ids=STIRRED)
+def test_nothing_rests_while_a_wall_will_move_or_gravity_turns(changes, stirred_until):
+    """A grain on a wall at y = 0, or at the bottom of the circle."""
+    fields = {"position": [(0.0, 0.1)], "radius": 0.1, "mass": 0.1, "radius_out": 2.0, "drag": 0.5}
+    simulation = Simulation(Scene(**fields | changes))
+    if np.isinf(stirred_until):
+        with pytest.warns(UserWarning, match="rest was not reached"):
+            assert not simulation.run(until="rest", duration=4.0).met
+    else:
+        assert simulation.run(until="rest", duration=20.0).met
+        assert simulation.time > stirred_until
 
 
 def test_energy_bound():

@@ -12,6 +12,7 @@ import numpy as np
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.energy import kinetic_energy
+from warpgrains.scene.gravity import TurningGravity
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -92,9 +93,10 @@ def criterion(until: str | Question | None, scene: Scene) -> EndCriterion | None
     ----------
     until : str or callable, optional
         A callable receives the simulation and returns True to end the run. The text "rest" ends it when, for
-        a `time` [s], no grain was faster than `speed` [m/s] and `kinetic_energy` was at most `energy` [J]:
-        "rest,speed=1e-3,time=0.5". The default speed is sqrt(g d) / 1000 with the mean diameter d, or ten
-        tolerances if that is larger. The default time is 5 sqrt(d / g).
+        a `time` [s], no grain or driven wall was faster than `speed` [m/s] and `kinetic_energy` was at most
+        `energy` [J]: "rest,speed=1e-3,time=0.5". It does not while a wall will still move, or gravity turns.
+        The default speed is sqrt(g d) / 1000 with the mean diameter d, or ten tolerances if that is larger.
+        The default time is 5 sqrt(d / g).
 
     Raises
     ------
@@ -149,6 +151,11 @@ def _rest(given: dict[str, float], scene: Scene) -> EndCriterion:
     speed, energy = bounds.get("speed", np.inf), bounds.get("energy", np.inf)
 
     def is_at_rest(now: PresentState) -> bool:
+        will_move = any(wall.moves and now.time < wall.motion.to_time for wall in now.scene.walls)
+        if will_move or isinstance(now.scene.gravity, TurningGravity):
+            return False
+        if now.driven is not None and np.abs(now.driven[:, 1]).max() > speed:
+            return False
         if (now.velocity**2).sum(axis=1).max() > speed**2:
             return False
         return bool(kinetic_energy(scene.mass, scene.radius, now.velocity, now.spin) <= energy)
