@@ -8,6 +8,7 @@ import errno
 import io
 import os
 import re
+import shutil
 import stat
 import sys
 import tempfile
@@ -148,6 +149,21 @@ def _link(draft: Path, target: Path) -> bool:
 def draft_path(target: Path, writer: str = "") -> Path:
     """Return the path of what becomes `target` when it is complete, in the same folder, see `draft_of`."""
     return target.with_name(f".draft{writer}.{target.name}")
+
+
+@contextmanager
+def draft_folder(target: Path) -> Iterator[Path]:
+    """Yield an empty folder at `draft_path`, for the files of which libraries make `target`.
+
+    What a killed process has left there is removed.
+    """
+    folder = draft_path(target)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder)
 
 
 @contextmanager

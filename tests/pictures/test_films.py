@@ -1,6 +1,9 @@
 """Films and stills of runs and recordings, held against the state pixel by pixel."""
 
 import re
+import signal
+import subprocess
+import sys
 
 import imageio_ffmpeg
 import numpy as np
@@ -179,6 +182,22 @@ def test_drawn_output_replaces_what_was_there_and_leaves_no_lock(tmp_path, suffi
     path.write_bytes(b"earlier")
     Simulation(Scene.load("annulus")).run(steps=2, record=path)
     assert path.read_bytes() != b"earlier"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_a_killed_film_left_is_removed(tmp_path):
+    """SIGKILL, while its frames are encoded; the next film of the name removes it."""
+    script = (
+        "import os, signal, sys\nfrom warpgrains import Simulation\n"
+        "from warpgrains.pictures.film import FilmWriter\n"
+        "FilmWriter._finish = lambda self: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "Simulation('annulus').run(steps=20, record=sys.argv[1])"
+    )
+    path = tmp_path / "run.gif"
+    killed = subprocess.run([sys.executable, "-c", script, path], timeout=200)
+    assert killed.returncode == -signal.SIGKILL
+    assert list(tmp_path.glob(".*/film.mkv"))
+    Simulation(Scene.load("annulus")).run(steps=2, record=path)
     assert list(tmp_path.iterdir()) == [path]
 
 

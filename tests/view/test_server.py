@@ -88,6 +88,16 @@ def sliders(page):
     return found
 
 
+def test_a_page_opens_no_tunnel(port, monkeypatch):
+    """Viser's would make the page public, on a server of its own."""
+    opened_to = []
+    monkeypatch.setattr("viser._viser.ViserTunnel", lambda *given: opened_to.append(given))
+    with opened(port) as page:
+        page.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
+        sliders(page)
+    assert not opened_to
+
+
 def test_malformed_messages_print_no_traceback():
     command = [sys.executable, "-m", "warpgrains", "view", "annulus", "--port", "8340"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 import subprocess
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from errno import EIO
 from fractions import Fraction
 from math import ceil
 from pathlib import Path
-from tempfile import TemporaryDirectory, TemporaryFile
+from tempfile import TemporaryFile
 from typing import Self
 
 import imageio_ffmpeg
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.kinds import FILMS, SLOWEST, FilmFormat
 from warpgrains.errors import InputError
-from warpgrains.files import draft_of, require_writable_path
+from warpgrains.files import draft_folder, draft_of, draft_path, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.pictures.shots import DrawnOutput, Painter, Setting, Shot, setting_of, shot_of
 from warpgrains.pictures.still import Canvas
@@ -135,9 +135,9 @@ class FilmWriter:
     def __init__(self, path: Path, setting: Setting, rate: float) -> None:
         self._path, self._rate = path, rate
         self._canvas = Canvas(setting, FILMS[path.suffix].height)
-        self._folder = TemporaryDirectory(dir=path.parent, prefix=".film.")
+        self._held = ExitStack()
         has_palette = not FILMS[path.suffix].encoding
-        self._encoded = Path(self._folder.name) / "film.mkv" if has_palette else path
+        self._encoded = draft_path(path) / "film.mkv" if has_palette else path
         self._encoder: Encoding | None = None
 
     def add(self, shot: Shot) -> None:
@@ -148,10 +148,12 @@ class FilmWriter:
         self._encoder.write(pixels)
 
     def __enter__(self) -> Self:
+        if self._encoded != self._path:
+            self._held.enter_context(draft_folder(self._path))
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        with self._folder:
+        with self._held:
             if kind is None:
                 self._finish()
             elif self._encoder is not None:

@@ -21,7 +21,7 @@ from warpgrains.scene.region import Region, region_of
 from warpgrains.scene.walls import Annulus
 
 MOST_GRAINS = 10_000_000
-LEAST_SPACING = 0.1  # in radii; closer grains almost coincide
+LEAST_SPACING, LARGEST_SPACING = 0.1, 1e12  # in radii; closer grains almost coincide, farther ones leave
 MOST_ADDED = 0.54  # largest packing fraction of random sequential addition here; its limit is 0.547
 
 COMMON = {
@@ -230,8 +230,9 @@ def _radius(annulus: Annulus, value: Any) -> float:
 
 def _spacing(value: Any) -> float:
     spacing = checks.positive("grains.spacing", value)
-    if spacing < LEAST_SPACING:
-        raise InputError(f"grains.spacing is {spacing} radii: it must be at least {LEAST_SPACING}")
+    if not LEAST_SPACING <= spacing <= LARGEST_SPACING:
+        bounds = f"{LEAST_SPACING} and {LARGEST_SPACING:g}"
+        raise InputError(f"grains.spacing is {spacing} radii: it must be between {bounds}")
     return spacing
 
 

@@ -1,6 +1,6 @@
 """The kinds of walls inside the annulus, and the check of the walls of a scene."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from warpgrains.errors import InputError
@@ -16,7 +16,7 @@ WALL_KINDS: dict[str, type[Obstacle]] = {kind.kind: kind for kind in (Disc, Segm
 
 def checked_walls(field: str, value: Any) -> tuple[Obstacle, ...]:
     """Return walls, each given as an object or by the keys of a `[[walls]]` table."""
-    if not isinstance(value, Sequence) or isinstance(value, str):
+    if not isinstance(value, list | tuple):
         raise InputError(f"{field} is {checks.shown(value)}: it must be a list of walls")
     return tuple(_checked_wall(f"{field}[{k}]", wall) for k, wall in enumerate(value))
 

@@ -1,7 +1,6 @@
 """Conversion of a log of frames to a USD file and back, with about 28 MB of frames in memory at a time."""
 
 import os
-import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from pxr import Sdf, Tf, UsdUtils, Work
 
 from warpgrains.errors import InputError
-from warpgrains.files import draft_of, draft_path, publish, resolve_link
+from warpgrains.files import draft_folder, draft_of, publish, resolve_link
 from warpgrains.frame_log import FrameLog, LogReader, kind_of
 from warpgrains.usd.grains import GRAINS
 from warpgrains.usd.metadata import RECORDED_BY
@@ -50,7 +49,7 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
     reader, target = LogReader(log), resolve_link(target)
     with refusing_untrusted_content(log):
         constants = _constants(reader)
-    with _temporary_folder(target) as folder:
+    with draft_folder(target) as folder:
         binary, draft = folder / f"{target.stem}.usdc", folder / target.name
         with _reporting_os_errors(target), _freeing_in_this_thread():
             written = _write_binary(reader, constants, binary, frames)
@@ -169,18 +168,6 @@ def _require_frames(path: Path, names: Any, frames: int) -> None:
         found = layer.GetNumTimeSamplesForPath(name)
         if found != frames:
             raise OSError(f"'{path}' reads back {found} frames of {name}, but {frames} were written")
-
-
-@contextmanager
-def _temporary_folder(target: Path) -> Iterator[Path]:
-    """Yield an empty folder next to the target, because a killed USD process leaves temporary files there."""
-    folder = draft_path(target)
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir()
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder)
 
 
 @contextmanager

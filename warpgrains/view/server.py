@@ -39,9 +39,16 @@ def serve_page(port: int, label: str) -> viser.ViserServer:
         # viser passes no options to websockets, nor any request to its callbacks
         websockets.asyncio.server.serve = partial(_serve_guarded, serve)  # type: ignore[assignment,misc]
         try:
-            return viser.ViserServer(HOST, port, label=label, verbose=False)
+            return _LocalServer(HOST, port, label=label, verbose=False)
         finally:
             websockets.asyncio.server.serve = serve  # type: ignore[misc]
+
+
+class _LocalServer(viser.ViserServer):
+    """A server without the tunnel to a public address that a message of its page can ask for."""
+
+    def request_share_url(self, verbose: bool = True) -> None:
+        return None
 
 
 def is_own_origin(request: Request) -> bool:
