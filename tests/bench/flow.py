@@ -1,8 +1,8 @@
 """The common flowing scene, the same for every program that is compared: grains that fall and splash.
 
 Equal discs fill 40 % of an annulus. They are released at rest from a square lattice, lowest rows first, each
-a little off its place, and fall in a thin liquid. At n = 1,000 they reach 5 m/s, more than a radius a step of
-0.01 s: lists have to be made anew nearly every step.
+a little off its place, and fall in a thin liquid. The fastest of 1,000 reach 1.7 m/s, 0.4 radii a step of
+0.01 s, so that every second step needs another list.
 """
 
 from math import pi, sqrt

@@ -122,8 +122,8 @@ class FrontierRow:
     """Worst overlap after any step of the run's second half [m]; NaN if a grain was lost, which happens if
     far too few iterations let two centers coincide."""
     wall_floor: float
-    """(v dt)^2 / (2 radius_out), with the largest speed v in a run of solved steps [m]: the overlap with the
-    outer wall after a tangential move, even if the step is solved exactly; 0 if the wall is round."""
+    """(v dt)^2 / (2 radius_out), with the largest speed v in a run of solved steps [m]: less than the overlap
+    with the outer wall after a tangential move of a solved step; 0 if the wall is round."""
 
 
 @dataclass(frozen=True)

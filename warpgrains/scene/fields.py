@@ -95,7 +95,7 @@ class SceneFields:
     radius_out: float = _key("Radius of the outer wall [m].", "domain")
     wall: str = _key(
         'Outer wall in a step: "tangent", the tangent at the grain, as in the course text, on which a grain'
-        ' leaves the circle by (v dt)^2 / (2 radius_out); or "round", the circle itself.',
+        ' leaves the circle by (v dt)^2 / (2 (radius_out - radius)); or "round", the circle itself.',
         "domain",
         default="tangent",
     )
