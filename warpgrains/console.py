@@ -27,6 +27,18 @@ def in_columns(rows: Mapping[str, object]) -> str:
     return "\n".join(f"{name:<17} {value}" for name, value in rows.items())
 
 
+def printable(text: str) -> str:
+    """Escape characters that could control a terminal, and bytes that are not UTF-8, as Python does."""
+    return "".join(
+        letter if letter.isprintable() or letter in "\n\t" else _escaped(letter) for letter in text
+    )
+
+
+def _escaped(letter: str) -> str:
+    is_byte = "\udc80" <= letter <= "\udcff"  # see PEP 383
+    return f"\\x{ord(letter) - 0xDC00:02x}" if is_byte else letter.encode("unicode_escape").decode()
+
+
 def open_standard_streams() -> None:
     """Open standard input, output and error if they are closed.
 

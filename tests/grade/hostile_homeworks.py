@@ -81,6 +81,11 @@ HOSTILE = {
         '__attribute__((constructor)) void early(void) { fopen("hacked", "w"); }\n',
         "opens or changes a file",
     ),
+    "before main, without end": (
+        "",
+        "__attribute__((constructor)) void stay(void) { volatile int go = 1; while (go); }\n",
+        "an endless loop (when it is loaded, before any call)",
+    ),
     "before main, by reading": ("", reading("constructor"), "opens or changes a file"),
     "before main, by a section": (
         "",

@@ -118,6 +118,7 @@ def test_hostile_ones_do_no_harm_and_are_named(grade: Grade, what: str, tmp_path
     assert statuses(verdict) == ["wrong" if is_early else "right", "wrong", "not run"]
     assert said in (part.ended or ""), verdict.text(False)
     assert (part.hint is not None) == (what == "a wrong index")
+    assert not (is_early and any(part.mistakes for part in verdict.parts))
     assert "root:" not in json.dumps(verdict.as_json())
     assert not list(tmp_path.parent.parent.rglob("hacked"))
 

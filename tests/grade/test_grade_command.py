@@ -132,6 +132,8 @@ def test_a_bad_file_is_a_row(tmp_path: Path, capfd: Capture) -> None:
     homework(folder / "dots.c", f'#include ".."\n{PLAIN}')
     homework(folder / "long.c", f'#if 0\n#include "{"a" * 400}"\n#include "{"a" * 400}.h"\n#endif\n{PLAIN}')
     homework(folder / "huge.c", " " * (2**20 + 1))
+    homework(folder / "\x1b[31mred.c", f"{PLAIN}int \x1b[31m;\n")
+    homework(folder / "wrong.c", f'{PLAIN}void f(void) {{ __asm__("nonsense"); }}\n')
     os.mkfifo(folder / "pipe.c")
     (folder / "lost.c").symlink_to("nowhere")
     (folder / "secret.c").symlink_to("/etc/passwd")
@@ -139,6 +141,7 @@ def test_a_bad_file_is_a_row(tmp_path: Path, capfd: Capture) -> None:
     with open(os.fsencode(folder) + b"/name\xff.c", "w") as file:
         file.write(PLAIN)
     expected = {
+        "\\x1b[31mred.c": ("does not compile", "error: "),
         "ada.c": ("right", ""),
         "dots.c": ("does not compile", "homework.c:1:10: "),
         "huge.c": ("cannot be read", "it has more than 1048576 bytes"),
@@ -148,6 +151,7 @@ def test_a_bad_file_is_a_row(tmp_path: Path, capfd: Capture) -> None:
         "pipe.c": ("cannot be read", "is not a regular file"),
         "secret.c": ("cannot be read", "secret.c' is a link to a file outside of the folder"),
         "shared.c": ("right", ""),
+        "wrong.c": ("does not compile", "Error: no such instruction"),
     }
     assert exit_code("grade", folder, "-o", output, "--json") == 2
     verdicts = json.loads(capfd.readouterr().out)
@@ -157,6 +161,7 @@ def test_a_bad_file_is_a_row(tmp_path: Path, capfd: Capture) -> None:
     for row, verdict, (status, first) in zip(rows, verdicts, expected.values(), strict=True):
         assert row["status"] == verdict["status"] == status, row
         assert first in row["first"]
+        assert "\x1b" not in "".join(row.values())
         assert verdict["problem"] == (row["first"] if status == "cannot be read" else "")
     for source in folder.glob("*.c"):
         if source.name not in ("lost.c", "huge.c", "pipe.c", "secret.c"):

@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 from tqdm import tqdm
 
-from warpgrains.console import in_columns, stop_on_signals
+from warpgrains.console import in_columns, printable, stop_on_signals
 from warpgrains.errors import InputError
 from warpgrains.files import (
     make_folder,
@@ -78,7 +78,7 @@ def grade(arguments: Namespace) -> int:
         verdicts = _grade_all(paths, arguments.strict, path if is_class else None)
         if not is_class and verdicts[0].problem:
             raise InputError(verdicts[0].problem)
-        names = [_in_utf8(str(each.relative_to(path) if is_class else each)) for each in paths]
+        names = [printable(str(each.relative_to(path) if is_class else each)) for each in paths]
         named = [replace(verdict, file=name) for verdict, name in zip(verdicts, names, strict=True)]
         if table is not None:
             rows = [verdict.as_row(arguments.lang) for verdict in named]
@@ -124,8 +124,8 @@ def _grade_all(paths: list[Path], strict: bool, folder: Path | None) -> list[Ver
                     raise InputError(f"'{path}' is a link to a file outside of the folder")
                 verdict = grader.grade(path)
             except InputError as error:
-                verdict = Verdict(str(path), problem=_in_utf8(str(error)))
-            return replace(verdict, file=_in_utf8(str(path)))
+                verdict = Verdict(str(path), problem=printable(str(error)))
+            return replace(verdict, file=printable(str(path)))
 
         is_quiet = len(paths) == 1 or not sys.stderr.isatty()
         return list(tqdm(pool.map(grade_one, paths), total=len(paths), bar_format=_BAR, disable=is_quiet))
@@ -148,15 +148,10 @@ def _lines(verdicts: list[Verdict], table: str | None, pages: str | None) -> str
         "not compiled": counts["does not compile"],
         "not read": counts["cannot be read"],
         "with warnings": sum(bool(verdict.warnings) for verdict in verdicts),
-        **({"table": _in_utf8(table)} if table else {}),
-        **({"pages": _in_utf8(pages)} if pages else {}),
+        **({"table": printable(table)} if table else {}),
+        **({"pages": printable(pages)} if pages else {}),
     }
     return in_columns(rows)
-
-
-def _in_utf8(text: str) -> str:
-    """Escape those bytes of a file name that are not UTF-8, as Python does."""
-    return text.encode(errors="surrogateescape").decode(errors="backslashreplace")
 
 
 def _has_color() -> bool:

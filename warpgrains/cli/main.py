@@ -9,7 +9,7 @@ from typing import NoReturn
 
 from warpgrains import __version__
 from warpgrains.cli.commands import COMMANDS
-from warpgrains.console import INTERRUPTED, STDOUT, open_standard_streams
+from warpgrains.console import INTERRUPTED, STDOUT, open_standard_streams, printable
 from warpgrains.errors import InputError, SimulationError
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
@@ -80,7 +80,7 @@ class _Parser(ArgumentParser):
 
 
 def _complain(message: str, code: int) -> int:
-    line = " ".join(message.encode(errors="backslashreplace").decode().splitlines())
+    line = printable(" ".join(message.splitlines()))
     print(f"warpgrains: error: {line}", file=sys.stderr)
     return code
 

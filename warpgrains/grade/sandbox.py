@@ -254,6 +254,9 @@ class Child:
         self._start_call()
         try:
             has, _, _ = self._receive_header()
+        except EndedError as error:
+            self.close()
+            raise EndedError("{does} (when it is loaded, before any call)", does=error.words) from None
         except BaseException:
             self.close()
             raise

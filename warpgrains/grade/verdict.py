@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from warpgrains.console import printable
 from warpgrains.grade.diagnosis import Hint, Mistake
 from warpgrains.grade.sandbox import CONTACT, FIELDS, UPDATE, Answer, Call
 from warpgrains.grade.words import Words, in_language
@@ -136,14 +137,14 @@ class Verdict:
         """Return the verdict as text for people."""
 
         def say(text: object) -> str:
-            return _printable(in_language(text, language))
+            return printable(in_language(text, language))
 
         def paragraph(heading: str, said: Words) -> str:
             return say(Words("{heading}: {said}", heading=Words(heading), said=said))
 
-        lines = [f"{_printable(self.file)}: {_colored(say(self.status), self.status, color)}"]
+        lines = [f"{printable(self.file)}: {_colored(say(self.status), self.status, color)}"]
         lines += [f"  {paragraph('warning', warning)}" for warning in self.warnings]
-        lines += ["", *_printable(self.compiler).splitlines()] if self.compiler else []
+        lines += ["", *printable(self.compiler).splitlines()] if self.compiler else []
         lines += ["", *self._table(color, language)] if self.parts else []
         for part in self.reported_parts():
             lines += ["", say(Words(part.name)), f"  {say(part.first)}"]
@@ -195,7 +196,7 @@ class Verdict:
         def say(texts: Any) -> str:
             return "; ".join(in_language(text, language) for text in texts)
 
-        return {
+        row = {
             "file": self.file,
             "status": self.status,
             **{name: status.get(name, self.status) for name in _PARTS},
@@ -203,12 +204,13 @@ class Verdict:
             "warnings": say(self.warnings),
             "first": self.first_line(language),
         }
+        return {name: printable(cell) for name, cell in row.items()}
 
     def first_line(self, language: str) -> str:
         """Return the first error on one line; empty if there is none."""
         if self.problem or self.status == "right":
             return self.problem
-        errors = [line for line in self.compiler.splitlines() if "error" in line]
+        errors = [line for line in self.compiler.splitlines() if "error" in line.lower()]
         if self.status == "does not compile" and errors:
             return errors[0]
         return in_language(next((part.first for part in self.parts if part.first), ""), language)
@@ -216,8 +218,3 @@ class Verdict:
 
 def _colored(said: str, word: str, color: bool) -> str:
     return f"\x1b[{_COLORS.get(word, '31')}m{said}\x1b[0m" if color else said
-
-
-def _printable(text: str) -> str:
-    """Remove characters that could control a terminal."""
-    return "".join(character for character in text if character.isprintable() or character == "\n")
