@@ -1,11 +1,12 @@
 """Kernels that one thread of the host runs on NumPy arrays."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from warpgrains.turns import BUILDING
+from warpgrains import kernel_cache
 
 Array = np.ndarray[Any, Any]
 
@@ -22,8 +23,12 @@ def share(record: Any, arrays: dict[str, Array]) -> None:
         setattr(record, name, shared(array))
 
 
+@cache
+def _load(module: Any) -> None:
+    kernel_cache.load(module, wp.get_device("cpu"), 1)
+
+
 def launch(kernel: Any, inputs: list[Any]) -> None:
     """Launch a kernel with one thread on the CPU. Other Python threads may launch it at the same time."""
-    with BUILDING:
-        kernel.module.load(wp.get_device("cpu"), 1)
+    _load(kernel.module)
     wp.launch(kernel, dim=1, inputs=inputs, device="cpu")

@@ -38,14 +38,19 @@ def _start_warp() -> None:
             with redirected(STDERR, remarks.fileno()):
                 warp.init()
         except OSError as error:
-            raise OSError(
-                f"the cache of compiled kernels cannot be written ({error}):"
-                " set WARP_CACHE_PATH to a writable folder"
-            ) from error
+            raise unwritable_cache(error) from error
         remarks.seek(0)
         for remark in remarks.read().decode(errors="replace").splitlines():
             if NO_DRIVER not in remark:
                 print(remark, file=sys.stderr)
+
+
+def unwritable_cache(error: OSError, folder: str = "") -> OSError:
+    """Return the error of a cache of compiled kernels, in a folder, that cannot be written."""
+    return OSError(
+        f"the cache of compiled kernels{folder and f' in {folder!r}'} cannot be written ({error}):"
+        " set WARP_CACHE_PATH to a writable folder"
+    )
 
 
 def find_device(name: str) -> warp.Device:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
+from warpgrains import kernel_cache
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.kernels import advance as advance_kernel
@@ -116,15 +116,12 @@ class Engine:
         """True if the kernels are in the cache; on a GPU always True, because Warp does not report it."""
         if self._device.is_cuda:
             return True
-        with BUILDING:
-            cached = self.kernel.module.get_module_identifier(CPU_BLOCK)
-        return (Path(wp.config.kernel_cache_dir) / cached).is_dir()
+        return kernel_cache.is_cached(self.kernel.module, CPU_BLOCK)
 
     def load_kernels(self) -> None:
         """Compile the kernels, or load them from the cache."""
         if self._device.is_cpu:
-            with BUILDING:
-                self.kernel.module.load(self._device, CPU_BLOCK)
+            kernel_cache.load(self.kernel.module, self._device, CPU_BLOCK)
 
     def load(self, k: int, state: State) -> None:
         """Load a state, from which scene k continues."""
