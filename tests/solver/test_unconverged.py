@@ -99,8 +99,10 @@ def test_error_in_radii() -> None:
 
 
 def test_a_run_warns_once_and_counts() -> None:
+    with pytest.warns(UserWarning, match="grains overlap"):
+        simulation = Simulation(chain(5, 1e-3, max_iterations=300))
     with pytest.warns(UserWarning, match=r"^step 1: grains 0, 1, 2, 3, 4 cannot fit$") as said:
-        summary = Simulation(chain(5, 1e-3, max_iterations=300)).run(steps=7)
+        summary = simulation.run(steps=7)
     assert len(said) == 1
     assert (summary.unconverged, summary.infeasible) == (7, 7)
     assert summary.infeasible_grains == (0, 1, 2, 3, 4)
