@@ -20,6 +20,10 @@ SceneError = InputError
 """Former name of `InputError`, kept for one release."""
 
 
+class NoAreaError(InputError):
+    """Area of a region that is empty, or of a container whose walls leave it open or are not straight."""
+
+
 class OutputError(InputError):
     """Output that another process writes, or that would replace a file of another kind.
 

@@ -58,6 +58,15 @@ def test_cells_of_unequal_discs_are_where_the_power_is_least():
     assert (np.abs(share - expected) < 5.0 * np.sqrt(expected / len(points))).all()
 
 
+def test_cells_that_meet_at_the_origin():
+    """Of a square lattice about it, in which all cells but the outermost are squares."""
+    place = [(0.04 * i - 0.18, 0.04 * j - 0.1) for i in range(10) for j in range(6)]
+    walls = Annulus(0.0, 1.0)
+    found = areas(scene_of((np.array(place), 0.02), walls)).reshape(10, 6)
+    assert found[1:-1, 1:-1] == pytest.approx(0.04**2, rel=HULL / 0.04**2)
+    assert found.sum() == pytest.approx(np.pi, rel=HULL)
+
+
 def test_cells_of_a_lattice_are_hexagons():
     walls = Annulus(0.0, 1.0)
     scene = scene_of(lattice(walls, radius=0.05, spacing=2.0), walls)

@@ -6,13 +6,14 @@ import sys
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from recordings import RADIUS, make_contacts, make_frames, make_scene, record
+from recordings import RADIUS, make_contacts, make_frames, make_scene, points_recorder, record
 from walls_seen import View
 
 from warpgrains import InputError
 from warpgrains.analysis.plots import measure, plot
 from warpgrains.cli.main import main
 from warpgrains.drawing.chains import CHAIN_COLOR
+from warpgrains.drawing.frames import Frame
 from warpgrains.usd.reader import RecordingReader
 
 WHITE = np.ones(3)
@@ -143,12 +144,23 @@ class TestStrip:
 
 class TestCurves:
     def test_energy_height_and_contacts(self, tmp_path, frames):
-        recording = record(tmp_path / "run.usdc", frames, make_scene(gravity=(0.0, -1.0)), forces=True)
-        reader = RecordingReader(recording)
+        """Of grains of several masses that rotate, with gravity aslant."""
+        mass = np.array([1.0, 0.2, 3.0, 0.5, 2.0])
+        scene = make_scene(mass=mass, gravity=(3.0, -4.0), friction=0.5)
+        spin, path = np.arange(5.0) - 9.0, tmp_path / "run.usdc"
+        with points_recorder(path, scene, forces=True) as recorder:
+            for seed, (position, velocity) in enumerate(frames):
+                contacts = make_contacts(seed)
+                for of_kind in contacts:
+                    of_kind.tangential_force = 0.0 * of_kind.force
+                recorder.record(Frame(position, velocity, *contacts, spin=spin, angle=spin))
+        reader = RecordingReader(path)
         energy, height, contacts = measure(reader).values()
         position, velocity = frames[:, 0], frames[:, 1]
-        assert energy == pytest.approx((velocity**2).sum(axis=2).mean(axis=1) / 2.0, rel=1e-6)
-        assert height == pytest.approx(position[:, :, 1].mean(axis=1), rel=1e-6)
+        energies = 0.5 * mass * (velocity**2).sum(axis=2) + 0.25 * mass * (RADIUS * spin) ** 2
+        # recorded as float32, each with a relative error of 6e-8
+        assert energy == pytest.approx(energies.sum(axis=1) / mass.sum(), rel=1e-6)
+        assert height == pytest.approx((position @ [-0.6, 0.8]).mean(axis=1), rel=1e-6)
         assert contacts.tolist() == [5, 5, 5]
         assert [reader.times.time(k) for k in range(len(reader))] == pytest.approx([0.0, 0.02, 0.04])
 

@@ -6,7 +6,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from warpgrains import Disc, Scene, Segment, Simulation
+from warpgrains import Disc, Scene, Simulation
 from warpgrains.analysis import height_profile, quantities, snapshot
 from warpgrains.analysis.quantities import SWEEP_QUANTITIES
 from warpgrains.scene.geometry import area_below
@@ -43,14 +43,15 @@ def test_many_runs_at_once(n):
         gravity=generator.normal(size=(m, 2)) * (np.arange(m) > 0)[:, np.newaxis],
         discs=generator.uniform(0.0, 0.2, (m, 2, 3)),
         annulus=Annulus(np.linspace(0.0, 0.4, m), np.full(m, 1.5)),
+        containers={},
     )
     for name, of_runs in SWEEP_QUANTITIES.items():
         together = of_runs(grains)
         assert together.shape == (m,)
         for k in range(m):
-            one = StackedGrains(*(array[k : k + 1].copy() for array in grains[:-1]), grains.annulus)
             annulus = Annulus(*(radii[k : k + 1] for radii in grains.annulus[:2]))
-            assert of_runs(one._replace(annulus=annulus)).item() == together[k], name
+            one = StackedGrains(*(array[k : k + 1].copy() for array in grains[:-2]), annulus, {})
+            assert of_runs(one).item() == together[k], name
 
 
 def test_energies():
@@ -132,10 +133,9 @@ def test_wall_carries_the_weight(place, walls, expected):
 
 
 def test_discs_inside_are_no_space():
-    """A disc that moves up, of which half is below the mean height; segments and rings fill none."""
+    """A disc that moves up, of which half is below the mean height; rings fill none."""
     disc = Disc((0.0, -0.5), 0.2, velocity=(0.0, 5.0))
-    walls = [Segment((-0.9, 0.0), (-0.8, 0.0)), disc, Disc((0.0, 0.0), 0.95, inside=True)]
-    simulation = Simulation(scene([[-0.5, 0.0], [0.5, 0.0]], walls=walls, gravity=(0.0, 0.0)))
+    simulation = Simulation(scene([[-0.5, 0.0], [0.5, 0.0]], walls=[disc], gravity=(0.0, 0.0)))
     assert quantities(simulation)["packing_fraction"] == pytest.approx(0.01 / (0.5 - 0.2**2))
     assert height_profile(simulation, bins=2).packing_fraction == pytest.approx([0.01 / (0.5 - 0.04), 0.02])
     simulation.advance(10)

@@ -2,6 +2,7 @@
 
 import csv
 
+import numpy as np
 import pytest
 from command import exit_code, require_refusal
 
@@ -10,6 +11,8 @@ from warpgrains.errors import InputError, OutputError
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.run import OpenRun
 from warpgrains.solver.statistics import RunStatistics
+
+EPS = np.finfo(np.float64).eps
 
 
 def rows(path):
@@ -62,6 +65,53 @@ def test_a_resumed_run_ends_with_the_same_bytes(tmp_path):
     assert exit_code("run", "--resume", kept, "--steps", 150) == 0
     assert parts.read_bytes() == whole.read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["kept.npz", "parts.csv", "whole.csv"]
+
+
+def test_means_are_those_of_all_steps():
+    simulation = Simulation(Scene.load("annulus"))
+    every_step, means = analysis.Series("walls,energy", 1), analysis.Series("walls,energy", 20, mean=True)
+    simulation.run(steps=35, observer=means)
+    simulation.run(steps=30, observer=means)
+    Simulation(Scene.load("annulus")).run(steps=65, observer=every_step)
+    assert [row["step"] for row in means.rows] == [20, 40, 60]
+    for row in means.rows:
+        of_interval = every_step.rows[row["step"] - 19 : row["step"] + 1]
+        for name in means.names:
+            samples = np.array([one[name] for one in of_interval])
+            # each of 20 updates rounds once
+            assert row[name] == pytest.approx(samples.mean(), abs=20 * EPS * np.abs(samples).max())
+    assert len(means.means) == len(means.names)  # of steps 61 to 65
+
+
+@pytest.mark.parametrize("until", [47, 60])
+def test_resumed_means_are_those_of_a_whole_run(tmp_path, until):
+    whole, parts, kept = (tmp_path / name for name in ("whole.csv", "parts.csv", "kept.npz"))
+    options = ("--measure", "stress,packing", "--mean", "--region", "y = [-2.0, 1.0]", "--every", 20)
+    assert exit_code("run", "annulus", "--steps", 90, "--series", whole, *options) == 0
+    assert (
+        exit_code("run", "annulus", "--steps", until, "--series", parts, "--checkpoint", kept, *options) == 0
+    )
+    assert exit_code("run", "--resume", kept, "--steps", 90) == 0
+    assert parts.read_bytes() == whole.read_bytes()
+    assert [row["step"] for row in rows(whole)] == [20, 40, 60, 80]
+    found = rows(whole)[-1]["packing_fraction"]
+    assert 0.0 < found < 1.0
+
+
+def test_a_sweep_with_means(tmp_path, capfd):
+    sweep = tmp_path / "sweep.toml"
+    sweep.write_text('scene = "annulus"\n[set]\ntime.duration = 0.5\n[axes]\nphysics.drag = [0.1, 0.2]\n')
+    options = ("--measure", "walls", "--every", 25, "--mean")
+    assert exit_code("batch", sweep, "-o", tmp_path / "out", *options) == 0
+    series = analysis.Series("walls", 25, mean=True)
+    Simulation(Scene.load("annulus", "physics.drag=0.2")).run(steps=50, observer=series)
+    assert rows(tmp_path / "out" / "runs" / "00001" / "series.csv") == series.rows
+    capfd.readouterr()
+    assert exit_code("batch", sweep, "-o", tmp_path / "new", "--measure", "walls", "--mean") == 2
+    require_refusal(capfd, "--mean needs --every")
+    short = ("--steps", 9, "--measure", "walls", "--series", tmp_path / "run.csv", "--mean")
+    assert exit_code("run", "annulus", *short) == 2
+    require_refusal(capfd, "steps is 9: no mean over 10 steps ends within them")
 
 
 def test_what_a_scene_cannot_have_is_refused_before_the_first_step(tmp_path, capfd):

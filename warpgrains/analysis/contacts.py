@@ -62,7 +62,7 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
     Raises
     ------
     InputError
-        scipy is not installed; the extra ``[report]`` installs it.
+        scipy is not installed, or a cell is unknown, see `cell_areas`.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
 
 
 def mean_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
-    """Return the stress averaged over the area between the walls, or over a region [N/m], shape (2, 2).
+    """Return the stress averaged over the container, or over a region [N/m], shape (2, 2).
 
     With friction it has an antisymmetric part while grains spin up or slow down, see the head of the module.
 
@@ -86,6 +86,11 @@ def mean_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
         See `region_of`. The sum is over all contacts of the grains in the region, and A is its area. So the
         stresses of regions that fill a larger one, weighted by their areas, add up to that of the larger one.
 
+    Raises
+    ------
+    NoAreaError
+        The container is open or unknown, or the region has no area, see `region_of`.
+
     Examples
     --------
     >>> analysis.mean_stress(simulation).round(4)
@@ -93,10 +98,9 @@ def mean_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
            [0.0003, 0.1808]])
     """
     now = snapshot(of)
-    if region is None:
-        return _force_moments(now).sum(axis=0) / now.scene.area
     counted = region_of(now, region)
-    return np.asarray(_force_moments(now)[counted.contains(now.position)].sum(axis=0) / counted.area)
+    inside = slice(None) if region is None else counted.contains(now.position)
+    return np.asarray(_force_moments(now)[inside].sum(axis=0) / counted.area)
 
 
 def pressure(of: Snapshot | HasState, region: Where = None) -> float:

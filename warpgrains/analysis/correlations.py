@@ -5,15 +5,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpgrains.analysis.packing import heights, mean_heights
-from warpgrains.analysis.region import Region
+from warpgrains.analysis.packing import mean_heights
 from warpgrains.analysis.region_table import Where, region_of
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
+from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray
-from warpgrains.errors import InputError, requiring
+from warpgrains.errors import InputError, NoAreaError, requiring
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import distance
-from warpgrains.scene.region import Region as Space
+from warpgrains.scene.gravity import upwards
+from warpgrains.scene.region import Region
 
 
 class RadialDistribution(NamedTuple):
@@ -147,18 +147,24 @@ def _counted(
     """Return pairs and g(r) of grains with labels."""
     with requiring("radial_distribution"):
         from scipy.spatial import cKDTree
-    counted, position = region_and_centers(now, region)
+    counted, position = counted_region(now, region), now.position
+    bins = checks.whole_number("bins", bins)
+    reach = 10.0 * float(now.scene.radius.mean()) if reach is None else checks.positive("reach", reach)
     inside = counted.contains(position)
     kinds, kind = np.unique(label, return_inverse=True)
     position, kind, k = position[inside], kind[inside], len(kinds)
-    reach = 10.0 * float(now.scene.radius.mean()) if reach is None else reach
     i, j = cKDTree(position).query_pairs(reach, output_type="ndarray").T
     apart, of_pair = distance(position[j] - position[i]), kind[i] * k + kind[j]
     edges = np.linspace(0.0, reach, bins + 1)
     counts = [np.histogram(apart[of_pair == one], bins, (0.0, reach))[0] for one in range(k * k)]
     pairs = np.array(counts).reshape(k, k, bins)
     pairs = pairs + pairs.swapaxes(0, 1) * ~np.eye(k, dtype=bool)[..., np.newaxis]
-    reachable = counted.for_centers(now.scene.radius.min(), now.scene.annulus)
+    smallest = now.scene.smallest_radius
+    reachable = counted.within(now.container.walled.without_layer(smallest))
+    if reachable.area <= 0.0:
+        raise NoAreaError(
+            f"the region has no point for the center of a grain of radius {smallest:g} m: give a larger one"
+        )
     expected = _expected(reachable, position, [kind == one for one in range(k)], edges)
     g = np.divide(pairs, expected, out=np.zeros(pairs.shape), where=expected > 0.0)
     return PartialDistributions(edges, kinds, pairs, g)
@@ -168,30 +174,28 @@ def _expected(
     region: Region, position: FloatArray, of_kind: list[BoolArray], edges: FloatArray
 ) -> FloatArray:
     """Return the expected number of pairs of kinds in bins for random centers, by the midpoint rule."""
-    middle, clearance, k = 0.5 * (edges[1:] + edges[:-1]), region.clearance(position), len(of_kind)
-    inside = np.empty((k, len(middle)))
-    for b, r in enumerate(middle):
-        share = region.share_of_circles(position, r, clearance)
-        inside[:, b] = [share[own].sum() for own in of_kind]
+    middle, k = 0.5 * (edges[1:] + edges[:-1]), len(of_kind)
+    inside = np.zeros((k, len(middle)))
+    for part in region.parts:
+        clearance = part.clearance(position)
+        for b, r in enumerate(middle):
+            share = (clearance > 0.0).astype(np.float64)
+            cut = np.flatnonzero(np.abs(clearance) <= r)
+            share[cut] = part.angles(position[cut], np.full(len(cut), r)) / (2.0 * np.pi)
+            inside[:, b] += [share[own].sum() for own in of_kind]
     others = np.tile([float(own.sum()) for own in of_kind], (k, 1)) - np.eye(k)
     half = 0.5 * others[..., np.newaxis] / region.area * 2.0 * np.pi * middle * np.diff(edges)
     ways = half * inside[:, np.newaxis]  # from a grain of kind a to another one of kind b
     return ways + ways.swapaxes(0, 1) * ~np.eye(k, dtype=bool)[..., np.newaxis]
 
 
-def region_and_centers(now: Snapshot, region: Where) -> tuple[Region, FloatArray]:
-    """Return region and centers [m], shape (n, 2).
-
-    If the region is the default, they are rotated so that up is y.
-    """
-    scene = now.scene
+def counted_region(now: Snapshot, region: Where) -> Region:
+    """Return a region, by default the container below the mean height, without a layer along its walls."""
     if region is not None:
-        return region_of(now, region), now.position
-    bulk = Space(scene.annulus.without_layer(2.0 * float(scene.radius.mean())))
-    discs = region_of(now).discs
-    if not any(scene.gravity):
-        return Region(bulk, discs=discs), now.position
-    x, y = upwards(scene.gravity_at(now.time))
-    turned = np.stack([now.position @ np.array([y, -x]), heights(now)], axis=1)
-    discs = tuple(disc._replace(x=y * disc.x - x * disc.y, y=x * disc.x + y * disc.y) for disc in discs)
-    return Region(bulk._replace(high=(np.inf, mean_heights(now.grains).item())), discs=discs), turned
+        return region_of(now, region)
+    scene, level = now.scene, mean_heights(now.grains).item()
+    is_pile, container = any(scene.gravity), now.container
+    container.require_known()
+    space = container.walled if is_pile and level <= container.mouth else container.closed()
+    bulk = space.without_layer(2.0 * float(scene.radius.mean()))
+    return bulk.cut((upwards(scene.gravity_at(now.time)), level)) if is_pile else bulk

@@ -110,7 +110,7 @@ def force_distribution(
     Raises
     ------
     InputError
-        The part is unknown, or the region invalid.
+        The part is unknown, `bins` or `most` is not positive, or the region is invalid.
 
     Examples
     --------
@@ -120,8 +120,9 @@ def force_distribution(
     """
     now = snapshot(of)
     force = PARTS[checks.one_of("part", part, PARTS)](now.force, now.tangential_force)[_counted(now, region)]
+    most = checks.positive("most", most)
     relative = force / force.mean() if len(force) and force.any() else force
-    count, edges = np.histogram(relative, bins, (0.0, most))
+    count, edges = np.histogram(relative, checks.whole_number("bins", bins), (0.0, most))
     return Distribution(edges, count / (max(1, len(force)) * np.diff(edges)))
 
 
@@ -148,7 +149,9 @@ def contact_directions(of: Snapshot | HasState, bins: int = 36, region: Where = 
     """
     now = snapshot(of)
     x, y = now.normal[_counted(now, region)].T
-    count, edges = np.histogram(np.arctan2([y, -y], [x, -x]), bins, (-np.pi, np.pi))
+    count, edges = np.histogram(
+        np.arctan2([y, -y], [x, -x]), checks.whole_number("bins", bins), (-np.pi, np.pi)
+    )
     return Distribution(edges, count / (max(1, 2 * len(x)) * np.diff(edges)))
 
 

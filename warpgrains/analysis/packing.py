@@ -6,14 +6,18 @@ of the points (x, y, |x|^2 - r^2) (Aurenhammer, Power diagrams, 1987): a facet z
 corresponds to a corner c of the cells of its three grains.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from warpgrains.analysis.region_table import Where, region_of
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
+from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import requiring
+from warpgrains.errors import NoAreaError, requiring
+from warpgrains.scene import checks
 from warpgrains.scene.geometry import area_below, area_in_disc
-from warpgrains.scene.walls import Annulus
+from warpgrains.scene.gravity import upwards
+from warpgrains.scene.region import Region
 from warpgrains.solver.final_states import StackedGrains
 
 BEYOND = 10.0  # in radii of the outer wall: three auxiliary points there close the outermost cells
@@ -35,62 +39,81 @@ def _heights(grains: StackedGrains) -> FloatArray:
 
 
 def pile_height(of: Snapshot | HasState) -> float:
-    """Return the height of the highest point of a grain above the lowest point of the walls [m].
+    """Return the height of the highest point of a grain above the lowest point of the container [m].
+
+    For the container, see `region_of`.
+
+    Raises
+    ------
+    NoAreaError
+        The container is unknown.
 
     Examples
     --------
     >>> f"{analysis.pile_height(simulation):.3f} m"
     '1.638 m'
     """
-    return pile_heights(snapshot(of).grains).item()
+    now = snapshot(of)
+    now.container.require_known()
+    return pile_heights(now.grains).item()
 
 
 def pile_heights(grains: StackedGrains) -> FloatArray:
-    """Return the pile heights of many runs [m], shape (m,)."""
-    return (_heights(grains) + grains.radius).max(axis=-1) + grains.annulus.depth
+    """Return the pile heights of many runs [m], shape (m,); NaN where the container is unknown."""
+    lowest = np.broadcast_to(-grains.annulus.depth, len(grains.mass)).copy()
+    for k, container in grains.containers.items():
+        span = container.region.span(upwards(grains.gravity[k]))
+        lowest[k] = span[0] if container.is_known else np.nan
+    return (_heights(grains) + grains.radius).max(axis=-1) - lowest
 
 
 def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
-    """Return the fraction of the area between the walls that grains fill, below their mean height.
+    """Return the fraction of the container that grains fill, below their mean height.
 
     The mean height is weighted by area. A pile is dense below it, so that neither its loose surface nor the
-    empty space above counts. Grains and space are cut exactly at that height.
-    The whole area of a disc inside the annulus is that of a wall. Rings are not considered.
+    empty space above counts. Grains and space are cut exactly at that height. Discs inside are no space.
 
     Parameters
     ----------
     of : Snapshot or Simulation
     region : mapping, optional
-        Region in which the fraction is measured instead, see `region_of`: the area of all grains that have
-        their centers in it, each as a whole, divided by its area, of which discs inside are no part. At a
-        border within the packing some grains stick out, and parts of others stick in.
+        Region in which the fraction is measured instead, see `region_of`. Grains are cut exactly at its
+        border.
+
+    Raises
+    ------
+    NoAreaError
+        The container is unknown or open below the mean height, or the region has no area, see `region_of`.
 
     Examples
     --------
     >>> round(analysis.packing_fraction(simulation), 3)
     0.672
     >>> round(analysis.packing_fraction(simulation, region={"below": -1.5}), 3)
-    0.485
+    0.52
     """
-    if region is not None:
-        now, counted = snapshot(of), region_of(of, region)
-        radius = now.scene.radius[counted.contains(now.position)]
-        return float(np.pi * (radius**2).sum() / counted.area)
-    return packing_fractions(snapshot(of).grains).item()
+    now = snapshot(of)
+    if region is None:
+        found = packing_fractions(now.grains).item()
+        if np.isnan(found):
+            now.container.closed()  # which says why
+        return found
+    counted = region_of(now, region)
+    return float(counted.areas(now.position, now.scene.radius).sum() / counted.area)
 
 
 def packing_fractions(grains: StackedGrains) -> FloatArray:
-    """Return the packing fractions of many runs, shape (m,)."""
-    radius, height, mean = grains.radius, _heights(grains), mean_heights(grains)
-    return area_below(radius, mean[:, np.newaxis] - height).sum(axis=-1) / space_below(grains, mean)
-
-
-def space_below(grains: StackedGrains, level: FloatArray) -> FloatArray:
-    """Return the area between the walls, without discs inside, below levels [m] of many runs [m2], (m,)."""
-    height = (grains.discs[..., :2] @ upwards(grains.gravity)[..., np.newaxis])[..., 0]
-    discs = area_below(grains.discs[..., 2], level[:, np.newaxis] - height).sum(axis=-1)
-    space: FloatArray = grains.annulus.area_below(level) - discs
-    return space
+    """Return the packing fractions of many runs, shape (m,); NaN where the area is unknown."""
+    radius, height, level = grains.radius, _heights(grains), mean_heights(grains)
+    discs = (grains.discs[..., :2] @ upwards(grains.gravity)[..., np.newaxis])[..., 0]
+    in_discs = area_below(grains.discs[..., 2], level[:, np.newaxis] - discs).sum(axis=-1)
+    space = grains.annulus.area_below(level) - in_discs
+    for k, container in grains.containers.items():
+        below = (upwards(grains.gravity[k]), level[k].item())
+        is_enclosed = container.is_known and level[k] <= container.mouth
+        space[k] = container.walled.cut(below).area if is_enclosed else np.nan
+    filled: FloatArray = area_below(radius, level[:, np.newaxis] - height).sum(axis=-1)
+    return filled / space
 
 
 def mean_heights(grains: StackedGrains) -> FloatArray:
@@ -100,24 +123,32 @@ def mean_heights(grains: StackedGrains) -> FloatArray:
 
 
 def global_packing_fraction(of: Snapshot | HasState) -> float:
-    """Return the fraction of the whole area between the walls that grains fill.
+    """Return the fraction of the whole container that grains fill, see `region_of`.
+
+    Raises
+    ------
+    NoAreaError
+        The container is open or unknown.
 
     Examples
     --------
     >>> round(analysis.global_packing_fraction(simulation), 4)
     0.04
     """
-    scene = snapshot(of).scene
-    return float(np.pi * (scene.radius**2).sum() / scene.area)
+    now = snapshot(of)
+    return float(np.pi * (now.scene.radius**2).sum() / now.container.closed().area)
 
 
 def cell_areas(of: Snapshot | HasState) -> FloatArray:
-    """Return the area of each grain's radical Voronoi cell between the walls [m2], shape (n,).
+    """Return the area of each grain's radical Voronoi cell in the container [m2], shape (n,).
+
+    For the container, see `region_of`; in an open one, cells end at the height of its mouth.
 
     Raises
     ------
     InputError
-        scipy is not installed; it comes with the extra ``[report]``.
+        scipy is not installed; it comes with the extra ``[report]``. It is a `NoAreaError` if the container
+        is unknown, or a center is not in it.
 
     Examples
     --------
@@ -125,7 +156,13 @@ def cell_areas(of: Snapshot | HasState) -> FloatArray:
     True
     """
     now = snapshot(of)
-    return radical_cell_areas(now.position, now.scene.radius, now.scene.annulus)
+    now.container.require_known()
+    region = now.container.region
+    outside = ~region.contains(now.position)
+    if region.cells is not None and outside.any():
+        grain = checks.first_bad("position", now.position, outside)
+        raise NoAreaError(f"{grain}: it is above the mouth of the container, where it has no cell")
+    return radical_cell_areas(now.position, now.scene.radius, region)
 
 
 def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
@@ -140,18 +177,29 @@ def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
     return np.pi * now.scene.radius**2 / cell_areas(now)
 
 
-def radical_cell_areas(position: FloatArray, radius: FloatArray, annulus: Annulus) -> FloatArray:
-    """Return the areas of the cells of discs between the walls [m2], shape (n,)."""
-    grain, corner = _corners(position / annulus.radius_out, radius / annulus.radius_out)
+def radical_cell_areas(position: FloatArray, radius: FloatArray, region: Region) -> FloatArray:
+    """Return the areas of the cells of discs in a region of one polygon, or of a whole ring [m2], (n,)."""
+    near, far, _ = region.ring
+    grain, corner = _corners(position / far, radius / far)
     _, first, count = np.unique(grain, return_index=True, return_counts=True)
     middle = np.repeat(np.add.reduceat(corner, first) / count[:, np.newaxis], count, axis=0)
     around = np.arctan2(*(corner - middle).T[::-1])
-    corner = corner[np.lexsort((around, grain))]  # by angle, because each cell is convex
+    corner = corner[np.lexsort((around, grain))] * far  # by angle, because each cell is convex
     onward = np.arange(1, len(grain) + 1)
     onward[first + count - 1] = first
-    inner = annulus.radius_in / annulus.radius_out
-    area = area_in_disc(corner, corner[onward], 1.0) - area_in_disc(corner, corner[onward], inner)
-    return np.asarray(annulus.radius_out**2 * np.bincount(grain, area, len(position)), np.float64)
+    outer, inner = (area_in_disc(corner, corner[onward], radius) for radius in (far, near))
+    area = np.bincount(grain, outer - inner, len(position))
+    reach = np.maximum.reduceat(np.hypot(*(corner - position[grain]).T), first)  # of each cell from its grain
+    is_cut = np.zeros(len(first), bool)
+    for circle in region.discs:
+        to = np.hypot(*(position[grain[first]] - circle[:2]).T)
+        is_cut |= to + reach > circle.radius if circle.keeps_inside else to - reach < circle.radius
+    if region.cells is not None:
+        is_cut |= ~np.logical_and.reduceat(region.contains(corner), first)
+    for start, size, own in zip(first[is_cut], count[is_cut], grain[first[is_cut]], strict=True):
+        cell = tuple(map(tuple, corner[start : start + size].tolist()))
+        area[own] = replace(region, cells=(cell,)).within(replace(region, discs=())).area
+    return np.asarray(area, np.float64)
 
 
 def _corners(position: FloatArray, radius: FloatArray) -> tuple[IndexArray, FloatArray]:

@@ -18,6 +18,8 @@ from warpgrains.locks import Lock
 from warpgrains.pictures.shots import setting_of, shot_of
 from warpgrains.pictures.still import FrameArtists, add_color_bar, save_figure
 from warpgrains.scene import checks
+from warpgrains.scene.energy import kinetic_energy
+from warpgrains.scene.gravity import upwards
 from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
 
 _FRAMES_IN_A_ROW = 5
@@ -118,13 +120,17 @@ def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: list[int]) 
 
 
 def measure(reader: RecordingReader) -> dict[str, FloatArray]:
-    """Return the curves by title, shape (f,); energy and height are means over the grains."""
-    frames = range(len(reader))
-    energies = [0.5 * (reader.velocity(frame) ** 2).sum(axis=1).mean() for frame in frames]
-    curves: dict[str, list[float]] = {"kinetic energy per mass [J/kg]": energies}
-    curves["mean height [m]"] = [reader.position(frame)[:, 1].mean() for frame in frames]
+    """Return the curves by title, shape (f,): energy of all grains per their mass, mean of heights."""
+    scene, mass, radius = reader.scene(), reader.mass, reader.radius
+    curves: dict[str, list[float]] = {"kinetic energy per mass [J/kg]": [], "mean height [m]": []}
+    energies, heights = curves.values()
+    for frame in range(len(reader)):
+        spin, _ = reader.rotation(frame)
+        energies.append(float(kinetic_energy(mass, radius, reader.velocity(frame), spin) / mass.sum()))
+        up = upwards(scene.gravity_at(reader.times.time(frame)))
+        heights.append(float((reader.position(frame) @ up).mean()))
     if reader.chain_scale is not None:
-        curves["contacts that push"] = [len(reader.chains(frame).width) for frame in frames]
+        curves["contacts that push"] = [len(reader.chains(frame).width) for frame in range(len(reader))]
     return {title: np.array(values, dtype=np.float64) for title, values in curves.items()}
 
 

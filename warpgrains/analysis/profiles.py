@@ -5,18 +5,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.packing import heights, space_below
-from warpgrains.analysis.region import Region
+from warpgrains.analysis.packing import heights
 from warpgrains.analysis.region_table import Where, region_of
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
+from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.geometry import area_below, directions, distance, left_of
+from warpgrains.scene import checks
+from warpgrains.scene.geometry import directions, distance, left_of
+from warpgrains.scene.gravity import upwards
+from warpgrains.scene.region import Region
 
 
 class Profile(NamedTuple):
     """Means over slices, in which each grain is weighted by its area inside; NaN without grains.
-
-    In a region, each grain that has its center there counts as a whole, in the slice of its center.
 
     Examples
     --------
@@ -38,9 +38,8 @@ class Profile(NamedTuple):
 def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None) -> Profile:
     """Return means over slices perpendicular to gravity.
 
-    They reach from the lowest to the highest point of the walls.
-
-    Heights are measured from the origin.
+    They reach from the lowest to the highest point of the container, see `region_of`. Heights are measured
+    from the origin.
 
     Parameters
     ----------
@@ -49,6 +48,12 @@ def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     region : mapping, optional
         Region whose parts the slices are, see `region_of`; without area in it, their packing fraction is NaN.
 
+    Raises
+    ------
+    InputError
+        `bins` is no positive whole number, or the region is invalid. It is a `NoAreaError` if the container
+        is unknown.
+
     Examples
     --------
     >>> profile = analysis.height_profile(simulation, bins=8)
@@ -56,26 +61,19 @@ def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     array([0.48, 0.  , 0.  , 0.01, 0.  , 0.  , 0.  , 0.  ])
     """
     now = snapshot(of)
-    annulus, up = now.scene.annulus, upwards(now.scene.gravity_at(now.time))
-    edges = np.linspace(-annulus.depth, annulus.depth, bins + 1)
-    height, grains = heights(now), now.grains
-    if region is not None:
-        counted = region_of(now, region)
-        space = np.array([counted.between(up, low, high).area for low, high in pairwise(edges)])
-        area = _whole_areas(now, counted, edges, height)
-    else:
-        space = np.diff([space_below(grains, np.array([edge])).item() for edge in edges])
-        area = np.diff([area_below(now.scene.radius, edge - height) for edge in edges], axis=0)
-    return _means(edges, area, space, now.velocity, np.broadcast_to(up, (now.n, 2)))
+    up, counted = upwards(now.scene.gravity_at(now.time)), _counted(now, region)
+    edges = np.linspace(*now.container.region.span(up), checks.whole_number("bins", bins) + 1)
+    slices = [counted.between(up, low, high) for low, high in pairwise(edges)]
+    return _means(now, edges, slices, heights(now), np.broadcast_to(up, (now.n, 2)))
 
 
 def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None) -> Profile:
-    """Return means over rings about the origin between the walls.
+    """Return means over rings about the origin in the container.
 
     Parameters
     ----------
     of, bins, region
-        See `height_profile`.
+        See `height_profile`, which raises the same errors.
 
     Examples
     --------
@@ -83,52 +81,37 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     array([0.01, 0.02, 0.  , 0.  , 0.03, 0.12])
     """
     now = snapshot(of)
-    annulus, rho = now.scene.annulus, distance(now.position)
-    edges = np.linspace(annulus.radius_in, annulus.radius_out, bins + 1)
-    if region is not None:
-        counted = region_of(now, region)
-        space = np.array([counted.ring(near, far).area for near, far in pairwise(edges)])
-        area = _whole_areas(now, counted, edges, rho)
-    else:
-        space = np.diff(np.pi * edges**2)
-        area = np.diff([_lens(rho, now.scene.radius, edge) for edge in edges], axis=0)
-    return _means(edges, area, space, now.velocity, directions(now.position))
+    annulus, counted = now.scene.annulus, _counted(now, region)
+    edges = np.linspace(annulus.radius_in, annulus.radius_out, checks.whole_number("bins", bins) + 1)
+    slices = [counted.distances(near, far) for near, far in pairwise(edges)]
+    return _means(now, edges, slices, distance(now.position), directions(now.position))
 
 
-def _whole_areas(now: Snapshot, region: Region, edges: FloatArray, at: FloatArray) -> FloatArray:
-    """Return the areas of the grains of a region in the slices of their centers, at coordinates [m]."""
-    whole = np.pi * now.scene.radius**2 * region.contains(now.position)
-    in_slice = np.searchsorted(edges, at, "right") - 1 == np.arange(len(edges) - 1)[:, np.newaxis]
-    return in_slice * whole
+def _counted(now: Snapshot, region: Where) -> Region:
+    """Return a region, by default the container, which may be open above."""
+    if not region:
+        now.container.require_known()
+        return now.container.region
+    return region_of(now, region)
 
 
 def _means(
-    edges: FloatArray, weight: FloatArray, space: FloatArray, velocity: FloatArray, along: FloatArray
+    now: Snapshot, edges: FloatArray, slices: list[Region], at: FloatArray, along: FloatArray
 ) -> Profile:
-    """Return means of grains weighted by their areas in slices, shape (bins, n).
+    """Return means of grains weighted by their areas in slices between edges of a coordinate [m].
 
-    `space` holds the areas of the slices, and `along` the unit vectors along the profile, shape (n, 2).
+    `at` holds the coordinates of the grains, and `along` the unit vectors along the profile, shape (n, 2).
     """
-    velocity = np.stack([(velocity * way).sum(axis=1) for way in (along, left_of(along))], axis=1)
-    total = weight.sum(axis=1)
+    radius, weight = now.scene.radius, np.zeros((len(slices), now.n))
+    for own, one, low, high in zip(weight, slices, edges[:-1], edges[1:], strict=True):
+        near = np.flatnonzero((at + radius > low) & (at - radius < high))
+        own[near] = one.areas(now.position[near], radius[near])
+    velocity = np.stack([(now.velocity * way).sum(axis=1) for way in (along, left_of(along))], axis=1)
+    total, space = weight.sum(axis=1), np.array([one.area for one in slices])
     with np.errstate(invalid="ignore"):
         share = weight / total[:, np.newaxis]
     mean = share @ velocity
     temperature = 0.5 * (share @ (velocity**2).sum(axis=1) - (mean**2).sum(axis=1))
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):
         fraction = np.where(space > 0.0, total / space, np.nan)
     return Profile(edges, fraction, mean, np.maximum(temperature, 0.0))
-
-
-def _lens(rho: FloatArray, radius: FloatArray, edge: float) -> FloatArray:
-    """Return the areas [m2] that discs at distances rho from the origin share with that of radius `edge`."""
-    touching = (rho < edge + radius) & (rho > np.abs(edge - radius))
-    area = np.where(rho <= np.abs(edge - radius), np.pi * np.minimum(radius, edge) ** 2, 0.0)
-    d, r = rho[touching], radius[touching]
-    near = (d**2 + r**2 - edge**2) / (2.0 * d)  # distance of the common chord from the center of the disc
-    far = d - near
-    half = np.sqrt(np.maximum(r**2 - near**2, 0.0))
-    area[touching] = (
-        r**2 * np.arctan2(half, near) - near * half + edge**2 * np.arctan2(half, far) - far * half
-    )
-    return area

@@ -1,6 +1,6 @@
 """Named scalar quantities of a state, for the series of a run and the tables of sweeps."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -9,10 +9,14 @@ import numpy as np
 
 from warpgrains.analysis import contacts, energy, forces, network, packing
 from warpgrains.analysis.energy import EnergyBalance, require_energy_balance, step_energy_balance
+from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
+from warpgrains.errors import NoAreaError
 from warpgrains.scene import checks
+from warpgrains.scene.container import container_of
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import first_state
 from warpgrains.scene.walls import INNER, OUTER
 from warpgrains.solver.final_states import StackedGrains
 
@@ -25,13 +29,23 @@ class Quantity(NamedTuple):
 
     unit: str
     """Unit; empty for a dimensionless number."""
-    function: Callable[[Snapshot], Any]
+    function: Callable[..., Any]
     part: Callable[[Any], float] = float
     of_runs: Callable[[StackedGrains], FloatArray] | None = None
     """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
     meaning: str = ""
-    require: Callable[[str, Scene], None] = lambda name, scene: None
-    """Function that raises InputError, which names the quantity, if a scene cannot have it."""
+    require: Callable[[str, Scene], object] = lambda name, scene: None
+    """Function that raises InputError if a scene cannot have the quantity of this name."""
+    takes_region: bool = False
+    """Whether the function takes a region as its second argument, and then requires nothing of the scene."""
+
+
+def _require_known(name: str, scene: Scene) -> None:
+    container_of(scene, 0.0, scene.position).require_known(f"{name}: ")
+
+
+def _require_closed(name: str, scene: Scene) -> None:
+    container_of(scene, 0.0, scene.position).closed(f"{name}: ")
 
 
 def _of_runs(unit: str, of_runs: Callable[[StackedGrains], FloatArray], meaning: str) -> Quantity:
@@ -46,11 +60,19 @@ def _stress(a: int, b: int, sign: float = 1.0) -> Quantity:
         contacts.mean_stress,
         lambda found: float(0.5 * (found[a, b] + sign * found[b, a])),
         meaning=f"{part} of the mean stress, compression positive",
+        require=_require_closed,
+        takes_region=True,
     )
 
 
 def _force(part: str, meaning: str) -> Quantity:
-    return Quantity("N", forces.force_statistics, attrgetter(part), meaning=f"{meaning} between grains")
+    return Quantity(
+        "N",
+        forces.force_statistics,
+        attrgetter(part),
+        meaning=f"{meaning} between grains",
+        takes_region=True,
+    )
 
 
 def _power(part: str, meaning: str) -> Quantity:
@@ -77,14 +99,26 @@ QUANTITIES = {
     "inner_wall_force": _of_runs(
         "N", partial(contacts.wall_force_sums, wall=INNER), "sum of the contact forces on the inner wall"
     ),
-    "pile_height": _of_runs(
-        "m", packing.pile_heights, "highest point of a grain above the lowest point of the walls"
+    "pile_height": Quantity(
+        "m",
+        packing.pile_height,
+        of_runs=packing.pile_heights,
+        meaning="highest point of a grain above the lowest point of the container",
+        require=_require_known,
     ),
-    "packing_fraction": _of_runs(
-        "", packing.packing_fractions, "share of the space below the mean height that grains fill"
+    "packing_fraction": Quantity(
+        "",
+        packing.packing_fraction,
+        of_runs=packing.packing_fractions,
+        meaning="share of the region that grains fill, by default of the container below the mean height",
+        require=_require_known,
+        takes_region=True,
     ),
     "coordination_number": Quantity(
-        "", network.coordination_number, meaning="mean number of contacts of a grain, walls included"
+        "",
+        lambda now, region: network.coordination_number(now, region=region),
+        meaning="mean number of contacts of a grain, walls included",
+        takes_region=True,
     ),
     "rattlers": Quantity(
         "",
@@ -92,7 +126,13 @@ QUANTITIES = {
         lambda found: float(np.count_nonzero(found)),
         meaning="number of grains that their contacts do not hold",
     ),
-    "pressure": Quantity("N/m", contacts.pressure, meaning="half the trace of the mean stress"),
+    "pressure": Quantity(
+        "N/m",
+        contacts.pressure,
+        meaning="half the trace of the mean stress",
+        require=_require_closed,
+        takes_region=True,
+    ),
     "stress_xx": _stress(0, 0),
     "stress_xy": _stress(0, 1),
     "stress_yy": _stress(1, 1),
@@ -139,13 +179,27 @@ def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def require_quantities(names: Iterable[str], scene: Scene) -> None:
-    """Raise InputError unless a scene can have all the quantities of these names."""
+def require_quantities(names: Iterable[str], scene: Scene, region: Mapping[str, Any] | None = None) -> None:
+    """Raise InputError unless a scene can have all the quantities of these names at its start.
+
+    So must a region; the surface of a pile is not known yet.
+    """
+    if region is not None:
+        to_surface = {"below": scene.radius_out} if region.get("below") == "surface" else {}
+        region_of(snapshot(scene, first_state(scene)), {**region, **to_surface})
     for name in names:
-        QUANTITIES[name].require(name, scene)
+        if region is None or not QUANTITIES[name].takes_region:
+            QUANTITIES[name].require(name, scene)
 
 
-def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)) -> dict[str, float]:
+def takes_region(names: Iterable[str]) -> bool:
+    """Return whether one of these quantities takes a region."""
+    return any(QUANTITIES[name].takes_region for name in names)
+
+
+def quantities(
+    of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES), region: Where = None
+) -> dict[str, float]:
     """Return quantities by name, in the units of `QUANTITIES`.
 
     Parameters
@@ -153,11 +207,19 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
     of : Snapshot or Simulation
     names : iterable of str, optional
         Names of quantities, or of `GROUPS`; by default all.
+    region : mapping, optional
+        Region of packing fraction, coordination number, stresses and forces between grains, see `region_of`.
+        The others are those of all grains.
+
+    Returns
+    -------
+    dict
+        Values by name; NaN where the area is unknown, or there is none, see `NoAreaError`.
 
     Raises
     ------
     InputError
-        A name is unknown, or the scene cannot have a quantity.
+        A name is unknown, the scene cannot have a quantity, or the region is invalid.
 
     Examples
     --------
@@ -166,5 +228,13 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
     """
     now = snapshot(of)
     wanted = {name: QUANTITIES[name] for name in names_of(names)}
-    found = {function: function(now) for function in {one.function for one in wanted.values()}}
-    return {name: one.part(found[one.function]) for name, one in wanted.items()}
+    found: dict[Callable[..., Any], Any] = {}
+    values = {}
+    for name, one in wanted.items():
+        try:
+            if one.function not in found:
+                found[one.function] = one.function(now, region) if one.takes_region else one.function(now)
+            values[name] = one.part(found[one.function])
+        except NoAreaError:
+            values[name] = np.nan
+    return values

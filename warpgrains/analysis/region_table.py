@@ -1,41 +1,46 @@
-"""Regions as tables: ranges, sectors, polygons, and the space below the surface of a pile."""
+"""Regions as tables: ranges, sectors, convex polygons, and the space below the surface of a pile."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import pairwise
 from math import cos, pi, sin
 from typing import Any
 
 import numpy as np
 
-from warpgrains.analysis.outline import crosses_itself, edges_of, signed_area
-from warpgrains.analysis.region import Region, Sides, box_of, parts_in
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
-from warpgrains.arrays import BoolArray, FloatArray
-from warpgrains.errors import InputError
+from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.arrays import BoolArray
+from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
 from warpgrains.scene import region as ranges
+from warpgrains.scene.gravity import upwards
+from warpgrains.scene.region import Region, Side, sides_of
 
 KEYS = (*ranges.KEYS, "angle", "polygon", "below")
 MOST_COLUMNS = 64  # into which the space above a pile is divided
 
 Where = Mapping[str, Any] | Region | None
-"""Argument of functions that count in a region; None is the whole space between the walls."""
+"""Argument of functions that count in a region; None is the whole container."""
 
 
 def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
-    """Return the region that a table describes, the part of the space between the walls in which all holds.
+    """Return the region that a table describes, the part of the container of the grains in which all holds.
+
+    The container is the space between the circles, without the discs inside. Where it has segments, these
+    must form a convex polygon around the grains, which may be open above; it then ends where they end. With
+    other walls, or segments that cut the space otherwise, the container is unknown, and the region is the
+    described part of the space between the circles.
 
     Parameters
     ----------
     of : Snapshot or Simulation
     region : mapping, optional
-        None or ``{}`` is the whole space. Keys, all optional:
+        None or ``{}`` is the whole container. Keys, all optional:
 
         - ``x``, ``y``, ``distance``: ranges [m] of coordinates and of the distance from the origin, as for
           `grains.region` of scene files;
         - ``angle``: range [rad] of the direction from the origin, counter-clockwise from the x axis. The
           second number is the larger one, by at most 2 pi. With ``distance`` it is a sector of the annulus;
-        - ``polygon``: corners [m], shape (k, 2), in either order; edges do not cross each other;
+        - ``polygon``: corners [m] of a convex polygon, shape (k, 2), in either order;
         - ``below``: a height above the origin, against gravity [m], or ``"surface"``. The latter is the space
           that is at least a mean diameter below the surface of a pile, which leaves out its rough top. The
           surface is at the highest center of a grain in each of the columns into which the space is divided.
@@ -45,13 +50,14 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
     Returns
     -------
     Region
-        Its border is inside for circles and ranges. A point on the edge of a polygon, a sector or a column
-        belongs to one of its sides.
+        Its border is inside.
 
     Raises
     ------
     InputError
-        A key is unknown, a value is invalid, or the region is empty.
+        A key is unknown, or a value is invalid. It is a `NoAreaError` if the region is empty, or if the
+        container is open and the whole of it is asked for, or if it is unknown and the region is bounded
+        neither by ``x`` and ``y``, nor by ``distance`` or ``polygon``.
 
     Examples
     --------
@@ -62,37 +68,24 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
     """
     if isinstance(region, Region):
         return region
-    now, given = snapshot(of), {} if region is None else region
-    if not isinstance(given, Mapping):
-        raise InputError(f"region is {given!r}: it must be a table such as {{'x': (-1.0, 0.0)}}")
-    for key in given:
+    now = snapshot(of)
+    if not region:
+        return now.container.closed()
+    if not isinstance(region, Mapping):
+        raise InputError(f"region is {region!r}: it must be a table such as {{'x': (-1.0, 0.0)}}")
+    for key in region:
         checks.one_of("key of region", key, KEYS)
-    annulus = now.scene.annulus
-    space = ranges.region_of(annulus, {key: given[key] for key in given if key in ranges.KEYS}, "region")
-    borders = (wall.border_at(now.time) for wall in now.scene.walls)
-    discs = tuple(border for border in borders if border is not None)
-    polygons: Iterable[FloatArray] = [_polygon(given["polygon"])] if "polygon" in given else []
-    limits = [_box_sides(space)] if polygons else []
-    if "angle" in given:
-        limits.append(_wedges(given["angle"]))
-    if "below" in given and not isinstance(given["below"], str):
-        limits.append(
-            [[(upwards(now.scene.gravity_at(now.time)), checks.number("region.below", given["below"]))]]
-        )
-    elif "below" in given:
-        checks.one_of("region.below", given["below"], ["surface"])
-        columns, union = _below_surface(now)
-        if polygons:
-            limits.append(columns)
-        else:
-            polygons, limits = union, [_box_sides(space), *limits]
-    if limits and not polygons:
-        polygons = [box_of(space)]
-    for cells in limits:
-        polygons = parts_in(polygons, cells)
-    found = Region(ranges.Region(space.ring) if limits else space, tuple(polygons), discs)
+    own = {key: region[key] for key in region if key in ranges.KEYS}
+    found = ranges.region_of(now.scene.annulus, own, "region")
+    for key, cells_of in _CELLS.items():
+        if key in region:
+            found = found.split(cells_of(now, region[key]))
+    container = now.container
+    if not ({"x", "y"} <= region.keys() or region.keys() & {"distance", "polygon"}):
+        container.require_known()
+    found = found.within(container.region)
     if found.area <= 0.0:
-        raise InputError(f"region is {dict(given)!r}: no point between the walls lies in it")
+        raise NoAreaError(f"region is {dict(region)!r}: no point between the walls lies in it")
     return found
 
 
@@ -108,16 +101,18 @@ def grains_in(of: Snapshot | HasState, region: Where) -> BoolArray:
     return region_of(now, region).contains(now.position)
 
 
-def _polygon(given: Any) -> FloatArray:
-    corner = checks.vectors("region.polygon", given)
-    if len(corner) < 3 or crosses_itself(corner):
-        raise InputError(
-            f"region.polygon has {len(corner)} corners: it must have at least 3, and edges that do not cross"
-        )
-    return corner if signed_area(edges_of(corner)) > 0.0 else corner[::-1]
+def _polygon(_: Snapshot, given: Any) -> list[list[Side]]:
+    corner = checks.vectors("region.polygon", given, of="corner")
+    x, y = corner.T
+    clockwise = float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) < 0.0
+    sides = list(sides_of(corner[::-1] if clockwise else corner))
+    rounding = 1e-9 * float(np.ptp(corner, axis=0).max(initial=0.0))
+    if len(corner) < 3 or any((corner @ normal > level + rounding).any() for normal, level in sides):
+        raise InputError(f"region.polygon has {len(corner)} corners: it must have at least 3, and be convex")
+    return [sides]
 
 
-def _wedges(given: Any) -> list[Sides]:
+def _wedges(_: Snapshot, given: Any) -> list[list[Side]]:
     """Return convex wedges that fill a range of directions."""
     start, end = checks.vector("region.angle", given)
     if not start < end <= start + 2.0 * pi * (1.0 + 1e-12):
@@ -131,20 +126,13 @@ def _wedges(given: Any) -> list[Sides]:
     ]
 
 
-def _box_sides(space: ranges.Region) -> list[Sides]:
-    (left, bottom), _, (right, top), _ = box_of(space)
-    x, y = np.eye(2)
-    return [[(-x, -left), (-y, -bottom), (x, right), (y, top)]]
-
-
-def _below_surface(now: Snapshot) -> tuple[list[Sides], list[FloatArray]]:
-    """Return the columns that hold grains, up to a mean diameter below the uppermost center in each.
-
-    The second part is their union, as one polygon for each run of columns side by side.
-    """
+def _below(now: Snapshot, given: Any) -> list[list[Side]]:
+    """Return the half plane below a height, or the columns below the surface of a pile."""
     up, reach = upwards(now.scene.gravity_at(now.time)), now.scene.radius_out
-    across, bottom = np.array([up[1], -up[0]]), -2.0 * reach  # below all walls
-    diameter = 2.0 * float(now.scene.radius.mean())
+    if not isinstance(given, str):
+        return [[(up, checks.number("region.below", given))]]
+    checks.one_of("region.below", given, ["surface"])
+    across, diameter = np.array([up[1], -up[0]]), 2.0 * float(now.scene.radius.mean())
     count = max(1, min(MOST_COLUMNS, int(reach / diameter)))
     edges = np.linspace(-reach, reach, count + 1)
     grain = np.unique(now.loads.grain) if len(now.loads.grain) else np.arange(now.n)
@@ -154,10 +142,8 @@ def _below_surface(now: Snapshot) -> tuple[list[Sides], list[FloatArray]]:
     edges[[0, -1]] *= 2.0  # beyond the wall, which bounds the outermost columns
     left, right, level = edges[:-1], edges[1:], top - diameter
     held = np.flatnonzero(np.isfinite(top))
-    sides: list[Sides] = [[(-across, -left[k]), (across, right[k]), (up, level[k])] for k in held]
-    polygons = []
-    for run in np.split(held, np.flatnonzero(np.diff(held) > 1) + 1):
-        corner = [(left[run[0]], bottom), (right[run[-1]], bottom)]
-        corner += [(x, level[k]) for k in run[::-1] for x in (right[k], left[k])]
-        polygons.append(np.array(corner) @ np.stack([across, up]))
-    return sides, polygons
+    return [[(-across, -left[k]), (across, right[k]), (up, level[k])] for k in held]
+
+
+_CELLS = {"polygon": _polygon, "angle": _wedges, "below": _below}
+"""Readers of keys: each returns convex cells without overlap, which are cut out of the region."""

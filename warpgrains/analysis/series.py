@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
-from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities
+from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities, takes_region
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import read_table, require_writable_path, table_text, write_atomically
@@ -37,19 +37,26 @@ class Series:
         of a ``with`` block.
     resume_at : int, optional
         Step up to which existing rows of the file are kept and continued.
+    region : mapping, optional
+        Region of the quantities that have one, see `quantities`.
+    mean : bool
+        Whether to measure after every step, and to write the means of the steps since the previous row. Then
+        the first row is that of step `every`. By default a row is of its step alone.
 
     Attributes
     ----------
     names : tuple of str
         Names of the quantities.
+    means : tuple of float
+        Means over the steps since the last row, in the order of the names.
     rows : list of dict
         Measurements: `step`, `time` [s] and the quantities, in the units of `QUANTITIES`.
 
     Raises
     ------
     InputError
-        A name is unknown, or the file cannot be written or continued. It is an `OutputError` if another
-        process writes the file, or the file is no series.
+        A name is unknown, no quantity takes the region, or the file cannot be written or continued. It is an
+        `OutputError` if another process writes the file, or the file is no series.
 
     Examples
     --------
@@ -66,10 +73,18 @@ class Series:
         every: int = 10,
         path: str | Path | None = None,
         resume_at: int | None = None,
+        region: Mapping[str, Any] | None = None,
+        mean: bool = False,
     ) -> None:
         wanted = measure.split(",") if isinstance(measure, str) else measure
         self.names = names_of(name.strip() for name in wanted)
-        self.every = checks.whole_number("every", every)
+        self._interval = checks.whole_number("every", every)
+        self.region, self._is_mean = region, checks.boolean("mean", mean)
+        if region is not None and not takes_region(self.names):
+            raise InputError(f"region has no effect on {', '.join(self.names)}")
+        self.every = 1 if mean else self._interval
+        self.means: tuple[float, ...] = ()
+        self._seen, self._count = resume_at, (resume_at or 0) % self._interval
         self.rows: list[dict[str, float]] = []
         self._path = None if path is None else Path(path)
         self._lock: Lock | None = None
@@ -90,10 +105,22 @@ class Series:
         self.close()
 
     def observe(self, simulation: Simulation | Snapshot) -> None:
-        """Append a row, unless this step has one."""
-        if not self.rows or self.rows[-1]["step"] < simulation.steps:
-            found = quantities(simulation, self.names)
-            self.rows.append({"step": simulation.steps, "time": simulation.time, **found})
+        """Measure a step, unless it is measured already, and append a row if one is due."""
+        step, seen = simulation.steps, self._seen
+        if seen is not None and step <= seen:
+            return
+        self._seen = step
+        if self._is_mean and seen is None:
+            return  # no step precedes the start
+        found = quantities(simulation, self.names, self.region)
+        if self._is_mean:
+            self._count = self._count + 1 if self.means else 1
+            pairs = zip(self.means or (0.0,) * len(found), found.values(), strict=True)
+            self.means = tuple(mean + (value - mean) / self._count for mean, value in pairs)
+            found = dict(zip(found, self.means, strict=True))
+        if step % self._interval == 0:
+            self.rows.append({"step": step, "time": simulation.time, **found})
+            self.means = ()
 
     def flush(self) -> None:
         """Write all rows so far to the file, if one was given."""
@@ -145,5 +172,6 @@ class Series:
                     self.rows.append(numbers | {"step": int(row["step"])})
         except (ValueError, TypeError):
             raise InputError(f"'{path}' holds a value that is not a number") from None
-        if not self.rows or self.rows[-1]["step"] <= resume_at - self.every:
+        last = self.rows[-1]["step"] if self.rows else 0 if self._is_mean else -self._interval
+        if last <= resume_at - self._interval:
             raise InputError(f"'{path}' lacks rows before step {resume_at}: the series cannot be continued")

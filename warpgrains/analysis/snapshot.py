@@ -7,11 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from warpgrains.analysis.tabulated import TABLES, UNITS, columns_of
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene import checks
+from warpgrains.scene.container import Container, container_of
 from warpgrains.scene.geometry import pair_normals
 from warpgrains.solver.final_states import StackedGrains
 from warpgrains.solver.forces import contacts_of, start_of_step
@@ -126,6 +126,11 @@ class Snapshot:
         arrays = (self.position, self.velocity, self.spin, wall_force)
         return StackedGrains.of([self.scene], [self.time], *(array[np.newaxis] for array in arrays))
 
+    @cached_property
+    def container(self) -> Container:
+        """The container of the grains."""
+        return container_of(self.scene, self.time, self.position)
+
     @property
     def normal(self) -> FloatArray:
         """Unit vectors from grain i to grain j of each pair, shape (m, 2)."""
@@ -170,14 +175,6 @@ class Snapshot:
             np.concatenate([self.force, self.force, self.wall_force]),
             np.concatenate([self.tangential_force, self.tangential_force, self.wall_tangential_force]),
         )
-
-
-def upwards(gravity: ArrayLike) -> FloatArray:
-    """Return unit vectors against gravity [m/s2], shape (..., 2); without gravity, the y direction."""
-    g = np.array(gravity)
-    size, up = np.hypot(g[..., :1], g[..., 1:]), np.zeros_like(g)
-    up[..., 1] = 1.0
-    return np.divide(-g, size, out=up, where=size > 0.0)
 
 
 @overload

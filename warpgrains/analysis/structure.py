@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpgrains.analysis.correlations import region_and_centers
+from warpgrains.analysis.correlations import counted_region
 from warpgrains.analysis.region_table import Where
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
@@ -65,8 +65,7 @@ def structure_factor(
     number = np.array(k, np.float64)
     if number.ndim != 1 or not np.isfinite(number).all():
         raise InputError(f"k has shape {number.shape}: it must be a list of finite wave numbers [1/m]")
-    counted, position = region_and_centers(now, region)
-    position = position[counted.contains(position)]
+    position = now.position[counted_region(now, region).contains(now.position)]
     angle = np.pi * np.arange(checks.whole_number("directions", directions)) / directions
     along = np.stack([np.cos(angle), np.sin(angle)]).T @ position.T
     total = np.zeros((len(number), directions), np.complex128)

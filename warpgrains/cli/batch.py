@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from warpgrains.console import in_columns, progress_bar, stdout_to_stderr
 from warpgrains.errors import InputError, OutputError, requiring
 from warpgrains.scene import checks
+from warpgrains.scene.region import table_of
 from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import name_and_bounds
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, RunSettings
@@ -68,7 +69,7 @@ def run(arguments: Namespace) -> bool:
     failed = {number: reason for number, reason in outcomes.failed.items() if number in own}
     missing = {number: reasons.get(number, "") for number in sorted(own - outcomes.finished)}
     done = {run.number for run in left} & outcomes.finished
-    seconds = perf_counter() - start
+    seconds, without = perf_counter() - start, own & outcomes.without_area
     rows = {
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
         "failed": f"{len(failed)}{_first(failed)}",
@@ -77,6 +78,11 @@ def run(arguments: Namespace) -> bool:
         **({} if outcomes.unmet is None else {"not at rest": f"{len(own & outcomes.unmet)} runs"}),
         "time": f"{seconds:.2f} s, {len(done) / seconds:.2f} runs/s",
         **({"results": str(results)} if outcomes.finished else {}),
+        **(
+            {"no area": f"{len(without)} runs: their walls leave it open, so give --region"}
+            if without
+            else {}
+        ),
     }
     print(in_columns(rows))
     if plot is not None:
@@ -100,6 +106,8 @@ def _settings(arguments: Namespace) -> RunSettings:
         checks.whole_number("--every", arguments.every)
         if arguments.measure is None:
             raise InputError("--every needs --measure")
+    if arguments.mean and arguments.every is None:
+        raise InputError("--mean needs --every")
     measured: tuple[str, ...] = ()
     if arguments.measure is not None:
         from warpgrains.analysis.quantities import names_of
@@ -107,7 +115,9 @@ def _settings(arguments: Namespace) -> RunSettings:
         measured = names_of(name.strip() for name in arguments.measure.split(","))
     if arguments.until is not None:
         name_and_bounds(arguments.until)
-    return RunSettings(measured, arguments.until)
+    if arguments.region is not None:
+        table_of("--region", arguments.region)
+    return RunSettings(measured, arguments.until, arguments.region)
 
 
 def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
@@ -160,6 +170,7 @@ def _execution(arguments: Namespace) -> ExecutionOptions:
         fps=fps if arguments.usd else None,
         folders=arguments.folders,
         measure_every=arguments.every,
+        mean=arguments.mean,
     )
 
 

@@ -111,8 +111,8 @@ def compress(
     Raises
     ------
     InputError
-        There is no pressure, it is not positive, or another argument is invalid. The method "exact" is
-        refused.
+        There is no pressure, it is not positive, the scene has segments or arcs, or another argument is
+        invalid. The method "exact" is refused.
 
     Examples
     --------
@@ -124,6 +124,9 @@ def compress(
     pressure = scene.pressure if pressure is None else pressure
     if pressure is None:
         raise InputError("pressure is missing: give it, or domain.pressure in the scene")
+    thin = [wall for wall in scene.walls if wall.border is None]
+    if thin:
+        raise InputError(f"the scene has {thin[0].one()}: the outer wall would shrink through it")
     scene = scene.replace(pressure=pressure, gravity=(0.0, 0.0), wall="tangent")
     if scene.pressure is None or scene.pressure <= 0.0:
         raise InputError(f"pressure is {scene.pressure} N/m: it must be positive to compress grains")

@@ -91,7 +91,10 @@ def area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArra
         enter, leave = (np.nan_to_num((-b + sign * np.sqrt(inside)) / a) for sign in (-1.0, 1.0))
     p, q = (start + np.clip(t, 0.0, 1.0)[:, np.newaxis] * along for t in (enter, leave))
     triangle = 0.5 * _cross(p, q)
-    return triangle + 0.5 * radius**2 * (_angle(start, p) + _angle(q, end))
+    beyond = np.where(
+        leave < 1.0, _angle(q, end), 0.0
+    )  # q is the end but for rounding, which may be the origin
+    return triangle + 0.5 * radius**2 * (_angle(start, p) + beyond)
 
 
 def _cross(u: FloatArray, v: FloatArray) -> FloatArray:

@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from math import cos, sin
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
@@ -56,3 +60,11 @@ def checked_gravity(field: str, value: Any) -> Vector | TurningGravity:
     vector = checks.vector(f"{field}.vector", value.get("vector", EARTH))
     rotate = checks.number(f"{field}.rotate", value["rotate"])
     return TurningGravity(vector, rotate) if rotate else vector
+
+
+def upwards(gravity: ArrayLike) -> FloatArray:
+    """Return unit vectors against gravity [m/s2], shape (..., 2); without gravity, the y direction."""
+    g = np.array(gravity)
+    size, up = np.hypot(g[..., :1], g[..., 1:]), np.zeros_like(g)
+    up[..., 1] = 1.0
+    return np.divide(-g, size, out=up, where=size > 0.0)

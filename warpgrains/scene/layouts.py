@@ -139,7 +139,7 @@ def random(
     seed
         Seed of the random numbers.
     """
-    space = region_of(annulus, region, obstacles=obstacles)
+    space = region_of(annulus, region)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
     radii = _random_radii(radius, count, packing_fraction, space, generator)
     for extreme in (radii.min(), radii.max()):
@@ -150,10 +150,10 @@ def random(
             f"{_stated(count, packing_fraction)}: the grains have {filled:.3g} times the area of their region"
         )
     if filled <= MOST_ADDED:
-        position = place_at_random(space, radii, generator)
+        position = place_at_random(space, radii, generator, obstacles)
         if not np.isnan(position).any():
             return position, radii
-    position, share = grow(space, radii, generator)
+    position, share = grow(space, radii, generator, obstacles)
     if share < 1.0:
         filled *= share * share
         raise InputError(

@@ -40,8 +40,7 @@ class Obstacle:
     """A wall inside the annulus, with the keys of its `[[walls]]` table as fields.
 
     A kind is a class with the decorator `kind_of_wall` that defines `kind`, `kind_number` and the methods
-    below that raise NotImplementedError, for the wall before it moves; `border` if it fills a disc, and
-    `remaining_area` if it fills another shape.
+    below that raise NotImplementedError, for the wall before it moves; and `border` if it fills a disc.
     """
 
     kind: ClassVar[str]
@@ -109,13 +108,6 @@ class Obstacle:
     def _check(self, **checked: Any) -> None:
         """Replace fields by their checked values."""
         vars(self).update(checked)
-
-    def remaining_area(self, area: float) -> float:
-        """Return the part of an area [m2] that the wall leaves to the grains."""
-        if self.border is None:
-            return area
-        own = float(np.pi) * self.border.radius**2
-        return min(area, own) if self.border.keeps_inside else area - own
 
     @property
     def border(self) -> Circle | None:

@@ -9,6 +9,7 @@ declared not to fit.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.geometry import distance, overlapping_pairs
-from warpgrains.scene.obstacle import SHAPE
+from warpgrains.scene.obstacle import SHAPE, Obstacle
 from warpgrains.turns import BUILDING
 
 if TYPE_CHECKING:
@@ -38,7 +39,9 @@ SWEEPS, LAST_SWEEPS = 400, 40_000  # at most, per stage and in the last one
 AT_ONCE = 20  # sweeps between two tests of the displacements
 
 
-def place_at_random(region: Region, radius: FloatArray, generator: np.random.Generator) -> FloatArray:
+def place_at_random(
+    region: Region, radius: FloatArray, generator: np.random.Generator, obstacles: Sequence[Obstacle] = ()
+) -> FloatArray:
     """Place discs by random sequential addition, the largest first.
 
     Parameters
@@ -49,6 +52,8 @@ def place_at_random(region: Region, radius: FloatArray, generator: np.random.Gen
         Radii [m], shape (n,), all > 0.
     generator
         Source of the random positions.
+    obstacles
+        Walls inside the annulus, which discs do not overlap.
 
     Returns
     -------
@@ -56,7 +61,7 @@ def place_at_random(region: Region, radius: FloatArray, generator: np.random.Gen
         Positions [m], shape (n, 2); NaN for the discs that remained when a million tries for one failed.
     """
     order = np.argsort(-radius, kind="stable")
-    discs = _Discs(region, radius[order])
+    discs = _Discs(region, radius[order], obstacles)
     low, high = region.box
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     tries = FIRST_TRIES * len(radius)
@@ -72,14 +77,14 @@ def place_at_random(region: Region, radius: FloatArray, generator: np.random.Gen
 class _Discs:
     """Discs in descending order of radius, as a record of arrays that the kernel reads."""
 
-    def __init__(self, region: Region, radius: FloatArray) -> None:
+    def __init__(self, region: Region, radius: FloatArray, obstacles: Sequence[Obstacle]) -> None:
         self._arrays: dict[str, np.ndarray[Any, Any]] = {}
         self._record = np.zeros(1, _record_dtype())
         walls = region.ring
         annulus = self._record["walls"]["annulus"]
         annulus["radius_in"], annulus["radius_out"] = walls[:2]
         self._record["box"]["low"], self._record["box"]["high"] = region.low, region.high
-        self._set("shape", _shapes(region), self._record["walls"])
+        self._set("shape", _shapes(obstacles), self._record["walls"])
         _, start, count = np.unique(-np.frexp(radius)[1], return_index=True, return_counts=True)
         cell = np.maximum(2.0 * radius[start], walls.radius_out / np.ceil(np.sqrt(count)))
         width = (2.0 * (walls.radius_out / cell)).astype(np.int32) + 1
@@ -125,40 +130,51 @@ class _Discs:
         field["shape"][:, 0], field["strides"][:, 0] = len(array), array.strides[0]
 
 
-def grow(region: Region, radius: FloatArray, generator: np.random.Generator) -> tuple[FloatArray, float]:
+def grow(
+    region: Region, radius: FloatArray, generator: np.random.Generator, obstacles: Sequence[Obstacle] = ()
+) -> tuple[FloatArray, float]:
     """Return dense positions of discs [m], shape (n, 2), and the largest scale of the radii without overlaps.
 
     The scale is 1 if the discs fit, and less than 1 otherwise.
     """
     filled = float(np.pi * (radius**2).sum()) / region.area
     start = min(1.0, float(np.sqrt(INITIAL_FRACTION / filled)))
-    position = place_at_random(region, start * radius, generator)
+    position = place_at_random(region, start * radius, generator, obstacles)
     while np.isnan(position).any():  # until the few large discs are placed too
         start *= 0.7
-        position = place_at_random(region, start * radius, generator)
+        position = place_at_random(region, start * radius, generator, obstacles)
     reached = start
     for share in np.linspace(start, 1.0, STAGES + 1)[1:].tolist():
         grown = position.copy()
-        if _push(region, grown, share * (1.0 + MARGIN) * radius, WHILE_GROWING, SWEEPS) > HOPELESS:
+        if _push(region, obstacles, grown, share * (1.0 + MARGIN) * radius, WHILE_GROWING, SWEEPS) > HOPELESS:
             break
         position, reached = grown, share
-    _push(region, position, reached * (1.0 + MARGIN) * radius, 0.5 * MARGIN, LAST_SWEEPS)
-    return position, min(1.0, _clear_share(region, position, radius))
+    _push(region, obstacles, position, reached * (1.0 + MARGIN) * radius, 0.5 * MARGIN, LAST_SWEEPS)
+    return position, min(1.0, _clear_share(region, obstacles, position, radius))
 
 
-def _clear_share(region: Region, position: FloatArray, radius: FloatArray) -> float:
+def _clear_share(
+    region: Region, obstacles: Sequence[Obstacle], position: FloatArray, radius: FloatArray
+) -> float:
     """Return the largest scale of the radii at which no disc overlaps another one, a wall or the box."""
     i, j = _near(position, radius).T
     sides = (region.ring.side(number, position, radius) for number in (OUTER, INNER))
     to_border = [side.gap + radius for side in sides]
-    to_border += [wall.side(position, radius).gap + radius for wall in region.obstacles]
+    to_border += [wall.side(position, radius).gap + radius for wall in obstacles]
     to_border += [position - region.low, region.high - position]
     shares = [(one.T / radius).min() for one in to_border]
     shares.append((distance(position[j] - position[i]) / (radius[i] + radius[j])).min(initial=np.inf))
     return max(0.0, float(min(shares)))
 
 
-def _push(region: Region, position: FloatArray, radius: FloatArray, enough: float, sweeps: int) -> float:
+def _push(
+    region: Region,
+    obstacles: Sequence[Obstacle],
+    position: FloatArray,
+    radius: FloatArray,
+    enough: float,
+    sweeps: int,
+) -> float:
     """Push discs apart in place until no overlap is above `enough`; return the worst one, in radii.
 
     A list of pairs is valid until some disc has moved so far that it could touch an unlisted one.
@@ -169,7 +185,7 @@ def _push(region: Region, position: FloatArray, radius: FloatArray, enough: floa
         from warpgrains.host_kernels import launch, shared
         from warpgrains.kernels import pushing
 
-    walls, box = _limits(region)
+    walls, box = _limits(region, obstacles)
     worst = np.array([np.inf, 0.0])
     centers, radii = shared(position, wp.vec2d), shared(radius)
     result = shared(worst)
@@ -193,7 +209,7 @@ def _near(position: FloatArray, radius: FloatArray) -> np.ndarray[Any, Any]:
     return np.stack(np.divmod(keys, n), axis=1).astype(np.int32)
 
 
-def _limits(region: Region) -> tuple[Any, Any]:
+def _limits(region: Region, obstacles: Sequence[Obstacle]) -> tuple[Any, Any]:
     """Return the walls and the box of a region as kernel arguments."""
     from warpgrains.host_kernels import shared
     from warpgrains.kernels.types import Shape
@@ -201,14 +217,14 @@ def _limits(region: Region) -> tuple[Any, Any]:
 
     walls, box = Walls(), _kernels().Box()
     walls.annulus.radius_in, walls.annulus.radius_out = region.ring.radius_in, region.ring.radius_out
-    walls.shape = shared(_shapes(region), Shape)
+    walls.shape = shared(_shapes(obstacles), Shape)
     box.low, box.high = region.low, region.high
     return walls, box
 
 
-def _shapes(region: Region) -> FloatArray:
+def _shapes(obstacles: Sequence[Obstacle]) -> FloatArray:
     """Return the obstacles as the kernels keep them, before they move, shape (walls, SHAPE)."""
-    return np.array([wall.shape for wall in region.obstacles]).reshape(-1, SHAPE)
+    return np.array([wall.shape for wall in obstacles]).reshape(-1, SHAPE)
 
 
 def _kernels() -> ModuleType:

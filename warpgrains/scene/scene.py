@@ -22,6 +22,7 @@ from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked
 from warpgrains.scene.geometry import distance, left_of, overlapping_pairs, pair_gaps
 from warpgrains.scene.gravity import TurningGravity
 from warpgrains.scene.reader import scene_fields
+from warpgrains.scene.region import Region
 from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
 from warpgrains.shown import Shown
 
@@ -290,11 +291,9 @@ class Scene(SceneFields, Shown):
 
     @property
     def area(self) -> float:
-        """Area between the walls [m2]."""
-        area = self.annulus.area
-        for wall in self.walls:
-            area = wall.remaining_area(area)
-        return area
+        """Area between the circles at the start, without the discs inside [m2]."""
+        borders = (wall.border for wall in self.walls)
+        return Region(self.annulus, discs=tuple(border for border in borders if border is not None)).area
 
     def discs_at(self, time: float) -> FloatArray:
         """Return center and radius [m] of the disc that each wall inside fills at a time [s], (walls, 3).

@@ -16,6 +16,7 @@ from warpgrains.drawing.kinds import DRAWN_AS, FILM, FILMS, KINDS, RECORDING, ST
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link
 from warpgrains.scene import checks
+from warpgrains.scene.region import table_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -45,6 +46,12 @@ def _output(field: str, name: Any) -> str:
     if Path(name).suffix not in KINDS:
         raise InputError(f"output '{name}' must end in {', '.join(KINDS)}")
     return name
+
+
+def _region(field: str, text: Any) -> str:
+    """Return the text of a region, which is a table."""
+    table_of(field, text)
+    return str(text)
 
 
 def _option(meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, **more: Any) -> Any:
@@ -126,6 +133,18 @@ class RunOptions:
     measure_every: int = _option(
         "Steps between two rows of a series.", checks.whole_number, default=10, needs="series", flag=None
     )
+    region: str | None = _option(
+        "Region of the measured quantities that have one, such as 'x = [-1.0, 0.0], below = \"surface\"'.",
+        _region,
+        "RANGES",
+        needs="measure",
+    )
+    mean: bool = _option(
+        "Measure in every step; rows hold the means of the K steps up to their own.",
+        checks.boolean,
+        default=False,
+        needs="series",
+    )
 
     def __post_init__(self) -> None:
         checks.whole_number("steps", self.steps, least=0)
@@ -134,6 +153,10 @@ class RunOptions:
             if value is not None or option.default is not None:
                 object.__setattr__(self, name, option.metadata["check"](name, value))
         require_needed([name for name, option in OPTIONS.items() if getattr(self, name) != option.default])
+        if self.mean and 0 < self.steps < self.measure_every:
+            raise InputError(
+                f"steps is {self.steps}: no mean over {self.measure_every} steps ends within them"
+            )
         if self.shows is not None:
             self._require_effect(self.shows)
 

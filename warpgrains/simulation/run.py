@@ -17,6 +17,7 @@ from warpgrains.drawing.frames import Frame, FrameTimes, Output
 from warpgrains.drawing.kinds import FILM, RECORDING, require_drawing
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.region import table_of
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.until import CountedRun, Question, criterion, steps_to
@@ -122,9 +123,17 @@ class OpenRun(CountedRun):
                 from warpgrains.analysis.series import Series
 
                 resume_at = self.first_step + self.statistics.steps if self._is_resumed else None
-                series = Series(options.measure, options.measure_every, options.series, resume_at)
-                self.observer = held.enter_context(series)
-                require_quantities(series.names, self.scene)
+                region = None if options.region is None else table_of("region", options.region)
+                series = Series(
+                    options.measure,
+                    options.measure_every,
+                    options.series,
+                    resume_at,
+                    region=region,
+                    mean=options.mean,
+                )
+                self.observer, series.means = held.enter_context(series), self.statistics.means
+                require_quantities(series.names, self.scene, region)
             self.output = self._output()
             if self.output is not None:
                 held.enter_context(self.output)
@@ -214,6 +223,7 @@ class OpenRun(CountedRun):
             self.output.flush()
         if self.observer is not None:
             self.observer.flush()
+            self.statistics.means = getattr(self.observer, "means", ())
         return Checkpoint(self.scene, state, self.options, self.statistics)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.scene.container import Container, container_of
 from warpgrains.scene.walls import Annulus
 from warpgrains.solver.forces import force_of
 
@@ -58,6 +59,8 @@ class StackedGrains(NamedTuple):
     `Scene.discs_at`, shape (m, walls - 2, 3)."""
     annulus: Annulus
     """The annulus of each scene; its radii are arrays [m], shape (m,)."""
+    containers: Mapping[int, Container]
+    """Containers of the scenes with walls other than discs, such as segments and rings, by number."""
 
     @classmethod
     def of(
@@ -82,6 +85,11 @@ class StackedGrains(NamedTuple):
             gravity=np.array([scene.gravity_at(time) for scene, time in each]),
             discs=np.array([scene.discs_at(time) for scene, time in each]),
             annulus=Annulus(*radii),
+            containers={
+                k: container_of(scene, time, position[k])
+                for k, (scene, time) in enumerate(each)
+                if any(wall.border is None or wall.border.keeps_inside for wall in scene.walls)
+            },
         )
 
 

@@ -206,6 +206,8 @@ class RunStatistics(FormerNames):
         Number of steps for which the end criterion has held, plus 1; 0 if it does not hold.
     met : bool
         As in `Summary`.
+    means : tuple of float
+        Means of the quantities of a series over the steps since its last row.
     """
 
     steps: int = _counted(add)
@@ -224,9 +226,10 @@ class RunStatistics(FormerNames):
     other_seconds: float = _counted(add, 0.0)
     held: int = _counted(add)
     met: bool = _counted(or_, False)
+    means: tuple[float, ...] = _counted(_first, ())
 
     def __post_init__(self) -> None:
-        self.infeasible_grains = tuple(self.infeasible_grains)
+        self.infeasible_grains, self.means = tuple(self.infeasible_grains), tuple(self.means)
 
     @property
     def seconds(self) -> float:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
+
+from warpgrains.scene.region import table_of
 
 WRITERS = 16
 GROWTH = 8  # largest ratio of the size of a group, slice or bundle to the previous one
@@ -23,6 +25,13 @@ class RunSettings(NamedTuple):
     """Names of measured quantities."""
     until: str | None = None
     """End criterion of each run, see `criterion`."""
+    region: str | None = None
+    """Region of the quantities that have one, as a text for `table_of`."""
+
+    @property
+    def table(self) -> dict[str, Any] | None:
+        """The region as a table, or None."""
+        return None if self.region is None else table_of("region", self.region)
 
 
 @dataclass(frozen=True)
@@ -39,6 +48,8 @@ class ExecutionOptions:
     """True if every run of a sweep has a folder, even a short one."""
     measure_every: int | None = None
     """Steps between two rows of the series of a run; None without series."""
+    mean: bool = False
+    """Whether rows of series hold means over these steps."""
 
     @property
     def needs_folders(self) -> bool:

@@ -65,7 +65,7 @@ class LongRun(OpenRun):
             run = None
             try:
                 start, is_resumed = folder.start_or_checkpoint(execution)
-                require_quantities(folder.settings.measured, start.scene)
+                require_quantities(folder.settings.measured, start.scene, folder.settings.table)
                 if not is_resumed:
                     # A process ended after its first frame and before its first checkpoint. The run starts
                     # again and records the same frames, if it is recorded.
@@ -122,7 +122,7 @@ class LongRun(OpenRun):
         if self.error is None:
             assert self.saved.steps == self.first_step + self.statistics.steps, "an earlier checkpoint"
             end = snapshot(self.scene, self.saved)
-            self.folder.finish(result(end, self.statistics, self.folder.value_columns))
+            self.folder.finish(result(end, self.statistics, self.folder.settings))
         else:
             self.folder.fail(str(self.error), self.statistics.seconds)
 

@@ -86,7 +86,7 @@ def value_columns(settings: RunSettings) -> list[str]:
     return [*common, *(name for name in settings.measured if name not in COLUMNS), error]
 
 
-def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[RunResult]:
+def results(ends: FinalStates, snapshots: Iterable[Snapshot], settings: RunSettings) -> Iterator[RunResult]:
     """Return the results of finished runs, without labels.
 
     Parameters
@@ -95,22 +95,24 @@ def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[
         Final states of the runs.
     snapshots
         Final states as snapshots, which are used only if quantities are measured.
-    columns
-        See `value_columns`.
+    settings
+        Settings of the runs. With a region, it is that of all columns that have one.
     """
-    values = {name: COLUMNS[name].of_runs(ends).tolist() for name in columns if name in COLUMNS}
-    measured = [name for name in columns if name not in COLUMNS]
+    columns, region = value_columns(settings), settings.table
+    in_region = [name for name in SWEEP_QUANTITIES if region is not None and QUANTITIES[name].takes_region]
+    measured = [name for name in columns if name not in COLUMNS or name in in_region]
+    values = {name: COLUMNS[name].of_runs(ends).tolist() for name in columns if name not in measured}
     if measured:
-        found = [quantities(state, measured) for state in snapshots]
+        found = [quantities(state, measured, region) for state in snapshots]
         values |= {name: [float(one[name]) for one in found] for name in measured}
     seconds = (f"{wall_time:.3f}" for wall_time in ends.done[SECONDS].tolist())
     return zip(*(values[name] for name in columns), seconds, strict=True)
 
 
-def result(end: Snapshot, done: RunStatistics, columns: Sequence[str]) -> RunResult:
+def result(end: Snapshot, done: RunStatistics, settings: RunSettings) -> RunResult:
     """Return the result of a finished run, see `results`."""
     ends = FinalStates(end.grains, np.array([end.scene.dt]), counted([done]))
-    return next(results(ends, [end], columns))
+    return next(results(ends, [end], settings))
 
 
 def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> RunResult:

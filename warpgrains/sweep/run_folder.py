@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from warpgrains.analysis.quantities import takes_region
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import Row, csv_line, read_regular, read_table, table_text, write_atomically
 from warpgrains.locks import Lock
@@ -133,6 +134,8 @@ class RunFolder:
                 "measure": ",".join(self.settings.measured),
                 "measure_every": execution.measure_every,
                 "series": str(self.series),
+                "region": self.settings.region if takes_region(self.settings.measured) else None,
+                "mean": execution.mean,
             }
         options = RunOptions(
             steps=scene.steps, checkpoint=str(self.checkpoint), until=self.settings.until, **wanted

@@ -27,7 +27,7 @@ from warpgrains.solver.service import exact_solver
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, write_all
-from warpgrains.sweep.results import RunResult, results, value_columns
+from warpgrains.sweep.results import RunResult, results
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder
 from warpgrains.warp_start import find_device
@@ -117,13 +117,13 @@ class ShortRunner:
 
     def _short(self, run: Run) -> ShortRun | None:
         """Return a run as a member of a group; None if its scene or its labels demand a folder."""
-        labels = run.labels()
+        labels, settings = run.labels(), self._folder.settings
         if not any(end in label for label in labels.values() for end in "\r\n"):
             with suppress(InputError):
                 scene = self._scene(run)
                 exact_solver(scene.method)
-                until = criterion(self._folder.settings.until, scene)
-                require_quantities(self._folder.settings.measured, scene)
+                until = criterion(settings.until, scene)
+                require_quantities(settings.measured, scene, settings.table)
                 if team_size(scene, self._device, self._threads) == 1:
                     return ShortRun(run, labels, scene, until)
         self.longer.append(run)
@@ -205,7 +205,7 @@ class ShortRunner:
 
     def _results(self, last: SetSteps, sets: ResidentSets) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs in memory with their indices in the group."""
-        columns = value_columns(self._folder.settings)
+        settings = self._folder.settings
         for numbers, ends in last.ended():
             states = (snapshot(sets.present[k]) for k in numbers)
-            yield from zip(numbers, results(ends, states, columns), strict=True)
+            yield from zip(numbers, results(ends, states, settings), strict=True)

@@ -26,6 +26,7 @@ from warpgrains.sweep.shards import ResultShards, writer
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep
 
 RESULTS = "results.csv"
+AREA = "packing_fraction"
 HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
 
 
@@ -39,6 +40,8 @@ class Outcomes(NamedTuple):
     """Runs with a step that did not meet the tolerance."""
     unmet: set[int] | None
     """Runs that ended before their end criterion was met; None if they have none."""
+    without_area: set[int]
+    """Runs whose packing fraction is not a number, because its area is unknown."""
 
 
 class SweepFolder:
@@ -100,7 +103,8 @@ class SweepFolder:
     @property
     def _settings_by_option(self) -> dict[str, Any]:
         """Content of the file of the settings, which is no TOML: in a folder, that would be a scene."""
-        return {"measure": list(self.settings.measured), "until": self.settings.until}
+        settings = self.settings
+        return {"measure": list(settings.measured), "until": settings.until, "region": settings.region}
 
     def create_or_check(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
         """Create the folder, or check that a share of the runs may continue in it; rename damaged shards.
@@ -207,7 +211,7 @@ class SweepFolder:
         while True:
             finished = in_folders | in_shards
             if not finished:
-                return Outcomes(finished, {}, set(), None if self.settings.until is None else set())
+                return Outcomes(finished, {}, set(), None if self.settings.until is None else set(), set())
             results, timing = [csv_line(self.columns)], [csv_line(["run", SECONDS])]
             for run in sweep.runs:
                 if run.number in finished:
@@ -225,7 +229,7 @@ class SweepFolder:
     def _outcomes(self, finished: set[int], results: list[bytes]) -> Outcomes:
         """Return the numbers of runs by outcome from the lines of the table of results."""
         met = [] if self.settings.until is None else [MET]
-        found = columns_of(map(bytes.decode, results), lambda _: ("run", "error", "unconverged", *met))
+        found = columns_of(map(bytes.decode, results), lambda _: ("run", "error", "unconverged", AREA, *met))
         numbers = list(map(int, found["run"]))
         errors = {number: error for number, error in zip(numbers, found["error"], strict=True) if error}
 
@@ -234,7 +238,8 @@ class SweepFolder:
             return {number for number, cell in cells if cell in values and number not in errors}
 
         unconverged = set(numbers) - errors.keys() - good("unconverged", "0", "")
-        return Outcomes(finished, errors, unconverged, good(MET, "0") if met else None)
+        unmet = good(MET, "0") if met else None
+        return Outcomes(finished, errors, unconverged, unmet, good(AREA, "nan"))
 
 
 def _option(name: str, value: Any) -> str:

@@ -1,0 +1,327 @@
+"""Containers that segments form: found from their ends, with areas and stresses in closed form."""
+
+import csv
+from dataclasses import replace
+from itertools import pairwise
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+import pytest
+from command import exit_code, require_refusal
+
+from warpgrains import Arc, Disc, InputError, Scene, Segment, Simulation, analysis, compress
+from warpgrains.scene.outline import Part
+from warpgrains.scene.state import first_state
+from warpgrains.scene.walls import Annulus
+
+EPS = np.finfo(np.float64).eps
+TURN = np.array([[cos(0.4), sin(0.4)], [-sin(0.4), cos(0.4)]])
+
+
+def of(position, walls, radius=0.02, **fields):
+    fields = {"radius_out": 1.0, "mass": 1.0, **fields}
+    scene = Scene(position=np.array(position), radius=radius, walls=walls, **fields)
+    return analysis.snapshot(scene, first_state(scene))
+
+
+def chain(*corners):
+    """Segments from corner to corner."""
+    return [Segment(tuple(a), tuple(b)) for a, b in pairwise(corners)]
+
+
+U = [(-0.3, 0.4), (-0.3, -0.4), (0.3, -0.4), (0.3, 0.5)]
+HEXAGON = [(0.6 * cos(k * pi / 3), 0.6 * sin(k * pi / 3)) for k in range(7)]
+CORNER = [(0.0, 0.01), (0.1, -0.3)]
+CAP = pi / 3.0 - sqrt(3.0) / 4.0  # of a disc of radius 1, beyond a line at a distance of 1/2
+
+
+@pytest.mark.parametrize(
+    ("walls", "area", "mouth"),
+    [
+        (chain(*U), 0.6 * 0.8, 0.4),
+        (chain(*(np.array(U) @ TURN)), None, None),  # gravity turns along
+        ([*chain(*U), Segment((-0.5, 0.2), (0.31, 0.2))], 0.6 * 0.6, np.inf),  # a lid that sticks out
+        ([*chain(*U), Segment((-0.28, 0.2), (0.28, 0.2))], 0.6 * 0.6, np.inf),  # and one with narrow gaps
+        ([Segment((-0.2, 0.2), (0.2, 0.2)), *chain(*U)], 0.36, 0.2),  # with gaps of 5 radii it is open there
+        (chain((-0.3, 0.4), (-0.3, -0.4), (0.0, -0.4), (0.2, -0.4), (0.3, -0.4), (0.3, 0.5)), 0.48, 0.4),
+        (chain(*HEXAGON), 1.5 * sqrt(3.0) * 0.36, np.inf),
+        ([*chain(*HEXAGON), Disc((0.2, 0.2), 0.1)], 1.5 * sqrt(3.0) * 0.36 - pi * 0.01, np.inf),
+        ([Segment((-0.9, -0.5), (0.9, -0.5))], pi - CAP, np.inf),  # both ends beyond the circle
+        ([*chain(*U), *chain((0.5, 0.2), (0.5, -0.5), (0.7, -0.5), (0.7, 0.2))], 0.48, 0.4),  # another box
+        ([*chain(*U), Segment((0.05, -0.4), (0.05, 0.1))], None, "unknown"),  # a divider
+        ([*chain(*U), Arc((0.0, 0.0), 0.8, 0.0, 1.0)], None, "unknown"),
+        ([Segment((-0.2, -0.5), (0.2, -0.5))], None, "unknown"),  # a shelf
+        ([Segment((-0.8, 0.7), (-0.1, -0.5)), Segment((0.1, -0.5), (0.8, 0.7))], None, "unknown"),  # a hopper
+        (chain(*U)[:2], None, "unknown"),  # no wall to the right
+    ],
+)
+def test_container_is_found_from_the_ends_of_segments(walls, area, mouth):
+    turned = mouth is None
+    turn, area, mouth = (TURN, 0.48, 0.4) if turned else (np.eye(2), area, mouth)
+    found = of(np.array(CORNER) @ turn, walls, gravity=np.array([0.0, -1.0]) @ turn).container
+    if mouth == "unknown":
+        assert not found.is_known
+        with pytest.raises(InputError, match="do not form a convex polygon around the grains: give region"):
+            found.closed()
+        return
+    assert found.is_known
+    assert found.mouth == pytest.approx(mouth, rel=16 * EPS)
+    assert found.region.area == pytest.approx(area, rel=64 * EPS)
+    assert found.region.contains(np.array(CORNER) @ turn).all()
+
+
+def test_an_open_container_without_gravity_is_unknown():
+    assert not of(CORNER, chain(*U), gravity=(0.0, 0.0)).container.is_known
+
+
+def test_a_grain_that_has_left_makes_it_unknown():
+    assert not of([*CORNER, (0.5, 0.0)], chain(*U)).container.is_known
+
+
+def test_walls_are_where_they_are_at_the_time():
+    lid = Segment((-0.3, 0.4), (0.3, 0.4), velocity=(0.0, -0.1))
+    moving = of(CORNER, [*chain(*U), lid])
+    areas = [replace(moving, time=time).container.closed().area for time in (0.0, 2.0)]
+    assert areas == pytest.approx([0.48, 0.36], rel=64 * EPS)
+
+
+RADIUS = 0.02
+BOX = [(-0.2, 0.12), (-0.2, -0.12), (0.2, -0.12), (0.2, 0.12)]
+LATTICE = np.array([(0.04 * i - 0.18, 0.04 * j - 0.1) for i in range(10) for j in range(6)])
+
+
+def crate(closed, turn, **fields):
+    """A square lattice that fills a box, in which each row carries a force of 3 N from wall to wall."""
+    corners = np.array([*BOX, *BOX[: int(closed)]]) @ turn
+    now = of(LATTICE @ turn, chain(*corners), RADIUS, gravity=np.array([0.0, -9.81]) @ turn, **fields)
+    row = np.array([(6 * i + j, 6 * i + j + 6) for i in range(9) for j in range(6)], np.int32)
+    ends = np.array([(j, 2) for j in range(6)] + [(54 + j, 4) for j in range(6)], np.int32)
+    forces = {"force": np.full(54, 3.0), "tangential_force": np.zeros(54)}
+    at_walls = {"wall_force": np.full(12, 3.0), "wall_tangential_force": np.zeros(12)}
+    return replace(now, pair=row, wall=ends, **forces, **at_walls)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+@pytest.mark.parametrize("turn", [np.eye(2), TURN])
+def test_what_is_measured_in_a_box_is_over_the_box(closed, turn):
+    """Each grain fills pi / 4 of its square, also at walls; a row's force acts on its height of 4 cm."""
+    now, full, fill = crate(closed, turn), {"below": 0.12}, pi / 4.0
+    # the same places, turned and rounded, of up to 60 grains
+    near = {"rel": 1e4 * EPS, "abs": 1e4 * EPS}
+    # arcs near the ends of the arcsine, where grains touch the mean height, lose half of their digits
+    assert analysis.packing_fraction(now) == pytest.approx(fill, rel=sqrt(EPS))
+    assert analysis.packing_fraction(now, full) == pytest.approx(fill, **near)
+    profile = analysis.height_profile(now, 9)
+    assert profile.edges[[0, -1]] == pytest.approx([-0.12, 0.12], **near)
+    assert profile.packing_fraction @ np.full(9, 1.0 / 9.0) == pytest.approx(fill, **near)
+    assert analysis.height_profile(now, 6, full).packing_fraction == pytest.approx(fill, **near)
+    assert analysis.local_packing_fractions(now) == pytest.approx(fill, rel=1e-9)  # slopes of a hull
+    assert analysis.pile_height(now) == pytest.approx(0.24, **near)
+    stress = turn.T @ np.diag([3.0 / 0.04, 0.0]) @ turn
+    assert analysis.mean_stress(now, full) == pytest.approx(stress, rel=1e-9, abs=1e-9)
+    assert analysis.grain_stresses(now) == pytest.approx(np.tile(stress, (60, 1, 1)), rel=1e-9, abs=1e-7)
+    if closed:
+        assert analysis.mean_stress(now) == pytest.approx(stress, rel=1e-9, abs=1e-9)
+        assert analysis.global_packing_fraction(now) == pytest.approx(fill, **near)
+    else:
+        for measure in (analysis.mean_stress, analysis.pressure, analysis.global_packing_fraction):
+            with pytest.raises(
+                InputError, match=r"open above a height of 0\.12 m: give region, such as \{'bel"
+            ):
+                measure(now)
+
+
+def test_below_the_surface_ends_at_the_floor_of_the_box():
+    now = crate(False, np.eye(2))
+    # a diameter below the uppermost centers, in the columns that hold grains, which are wider than the box
+    assert analysis.region_of(now, {"below": "surface"}).area == pytest.approx(0.4 * 0.18, rel=1e-12)
+    assert analysis.region_of(now, {"below": "surface", "x": (0.1, 0.9)}).area == pytest.approx(0.1 * 0.18)
+
+
+def test_where_the_container_is_unknown_a_region_must_be_bounded():
+    stub = of(LATTICE, [Segment((0.5, -0.1), (0.6, -0.1))], RADIUS)
+    for region in (None, {}, {"below": "surface"}, {"x": (-0.2, 0.2)}, {"angle": (0.0, 1.0)}):
+        with pytest.raises(InputError, match="do not form a convex polygon"):
+            analysis.packing_fraction(stub, region)
+    for measure in (
+        analysis.packing_fraction,
+        analysis.mean_stress,
+        analysis.pile_height,
+        analysis.cell_areas,
+    ):
+        with pytest.raises(InputError, match="do not form a convex polygon"):
+            measure(stub)
+    box = {"x": (-0.2, 0.2), "y": (-0.12, 0.12)}
+    assert analysis.packing_fraction(stub, box) == pytest.approx(pi / 4.0, rel=1e4 * EPS)
+    assert np.isnan(
+        [analysis.quantities(stub)[name] for name in ("packing_fraction", "pile_height", "pressure")]
+    ).all()
+
+
+@pytest.mark.parametrize("fraction", [0.1, 0.2, 0.5, 0.9])
+def test_grains_are_cut_at_the_border_of_a_region(fraction):
+    """Of a lattice in a window that ends anywhere within its grains, against the strip that each loses."""
+    now = of(LATTICE, [], RADIUS)
+    reach = 0.16 + 0.04 * fraction  # the outermost columns have their centers at 0.18
+    d = reach - 0.18
+    cut = RADIUS**2 * np.arccos(-d / RADIUS) + d * sqrt(RADIUS**2 - d**2)  # of a disc, before the border
+    filled = 6 * (8 * pi * RADIUS**2 + 2 * cut)
+    found = analysis.packing_fraction(now, {"x": (-reach, reach), "y": (-0.12, 0.12)})
+    assert found == pytest.approx(filled / (2 * reach * 0.24), rel=1e4 * EPS)
+
+
+def test_areas_of_discs_are_those_of_points_at_random():
+    """In polygons with up to seven edges, in rings, without discs; large and small, anywhere."""
+    rng, compared = np.random.default_rng(8), 0
+    points = np.sqrt(rng.random(40_000)) * np.exp(2j * pi * rng.random(40_000))
+    inside = np.stack([points.real, points.imag], axis=1)
+    for _ in range(12):
+        angle = np.sort(rng.uniform(0.0, 2.0 * pi, rng.integers(3, 8)))
+        corner = rng.uniform(0.5, 1.3) * np.stack([np.cos(angle), np.sin(angle)], axis=1) + rng.uniform(
+            -0.3, 0.3, 2
+        )
+        part = Part(
+            corner, (*Annulus(0.3, 1.0).borders, *(disc.border for disc in (Disc((0.4, 0.2), 0.25),)))
+        )
+        center, radius = rng.uniform(-1.0, 1.0, (25, 2)), rng.uniform(0.05, 0.6, 25)
+        for own, r, area in zip(center, radius, part.areas(center, radius), strict=True):
+            share = area / (pi * r**2)
+            # five standard deviations of a share of so many points, and one point
+            deviation = 5.0 * sqrt(max(share * (1.0 - share), 0.0) / len(inside)) + 1.0 / len(inside)
+            assert part.contains(own + r * inside).mean() == pytest.approx(share, abs=deviation)
+            compared += 0.01 < share < 0.99
+    assert compared > 100
+
+
+def test_areas_of_discs_that_touch():
+    """Walls and corners that only touch cut nothing, in any direction."""
+    part = Part(np.array([(-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)]) @ TURN, ())
+    touching = np.array([(0.1, 0.1), (-0.1, 0.1), (0.1, 0.0), (0.0, 0.1), (0.3, 0.0), (0.0, 0.0)]) @ TURN
+    found = part.areas(touching, np.array([0.1, 0.1, 0.1, 0.1, 0.1, 0.2]))
+    assert found == pytest.approx(pi * np.array([0.01, 0.01, 0.01, 0.01, 0.0, 0.04]), abs=1e-15)
+    ring = Part(np.array([(-2, -2), (2, -2), (2, 2), (-2, 2)], float), Annulus(0.5, 1.0).borders)
+    angle = 2.0 * pi * np.arange(16) / 16
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    for distance in (0.6, 0.9):
+        assert ring.areas(distance * along, np.full(16, 0.1)) == pytest.approx(pi * 0.01, rel=1e-12)
+
+
+def test_g_of_points_at_random_in_a_box_is_one():
+    rng = np.random.default_rng(4)
+    position = rng.uniform((-0.2989, -0.3989), (0.2989, 0.3), (4000, 2))
+    found = analysis.radial_distribution(of(position, chain(*U), 0.001), 20, 0.4)
+    deviation = 1.0 / np.sqrt(found.pairs) + 1.0 / np.sqrt(2000)
+    assert (np.abs(found.g - 1.0) < 3.0 * deviation).all()
+    with pytest.raises(InputError, match="open above"):
+        analysis.radial_distribution(of(position, chain(*U), 0.001), region={})
+
+
+@pytest.mark.parametrize(
+    ("measure", "options", "complaint"),
+    [
+        (analysis.height_profile, {"bins": 0}, "bins is 0"),
+        (analysis.radial_profile, {"bins": 2.5}, "bins is 2.5"),
+        (analysis.radial_distribution, {"bins": -1}, "bins is -1"),
+        (analysis.radial_distribution, {"reach": 0.0}, "reach is 0.0"),
+        (analysis.radial_distribution, {"reach": np.nan}, "reach is nan"),
+        (analysis.force_distribution, {"bins": 0}, "bins is 0"),
+        (analysis.force_distribution, {"most": -1.0}, "most is -1.0"),
+        (analysis.contact_directions, {"bins": "4"}, "bins is '4'"),
+        (analysis.packing_fraction, {"region": {"polygon": U[:2]}}, "must have at least 3, and be convex"),
+        (analysis.packing_fraction, {"region": {"polygon": [*U, (0.0, 0.0)]}}, "5 corners: it must"),
+    ],
+)
+def test_bins_reach_and_polygons_are_checked(measure, options, complaint):
+    with pytest.raises(InputError, match=complaint):
+        measure(of(LATTICE, [], RADIUS), **options)
+
+
+def test_compress_refuses_walls_that_the_circle_would_shrink_through():
+    with pytest.raises(InputError, match="the scene has a segment: the outer wall would shrink through it"):
+        compress(Scene(position=CORNER, radius=0.02, mass=1.0, radius_out=1.0, walls=chain(*U)), pressure=1.0)
+
+
+SILO = """
+[domain]
+radius_out = 1.0
+[[walls]]
+kind = "segment"
+from = [-0.3, 0.5]
+to = [-0.3, -0.4]
+[[walls]]
+kind = "segment"
+from = [-0.4, -0.4]
+to = [$right, -0.4]
+[[walls]]
+kind = "segment"
+from = [0.3, -0.4]
+to = [0.3, 0.5]
+[grains]
+layout = "random"
+radius = [0.03, 0.04]
+count = 30
+mass = 0.1
+region = {x = [-0.3, 0.3], y = [-0.4, 0.4]}
+[time]
+dt = 0.01
+duration = 1.0
+"""
+
+
+@pytest.fixture
+def silos(tmp_path):
+    """A silo, and one with an opening in its floor."""
+    folder = tmp_path / "silos"
+    folder.mkdir()
+    for name, right in (("closed", 0.4), ("open", 0.0)):
+        (folder / f"{name}.toml").write_text(SILO.replace("$right", str(right)))
+    return folder
+
+
+def rows(path):
+    with path.open() as lines:
+        return list(csv.DictReader(lines))
+
+
+def test_a_sweep_has_no_number_over_an_unknown_area(silos, tmp_path, capfd):
+    assert exit_code("batch", silos, "-o", tmp_path / "out") == 0
+    assert "1 runs: their walls leave it open, so give --region" in capfd.readouterr().out
+    closed, leaking = rows(tmp_path / "out" / "results.csv")
+    simulation = Simulation(Scene.load(silos / "closed.toml"))
+    simulation.run()
+    assert float(closed["packing_fraction"]) == analysis.packing_fraction(simulation) > 0.6
+    assert float(closed["pile_height"]) == analysis.pile_height(simulation)
+    assert leaking["packing_fraction"] == leaking["pile_height"] == "nan"
+
+
+def test_a_sweep_in_a_region(silos, tmp_path, capfd):
+    region = {"x": (-0.25, 0.25), "y": (-0.35, -0.2)}
+    options = ("--region", "x = [-0.25, 0.25], y = [-0.35, -0.2]", "--measure", "stress")
+    for where, more in (("short", ()), ("long", ("--folders",))):
+        assert exit_code("batch", silos, "-o", tmp_path / where, *options, *more) == 0
+        for name, row in zip(("closed", "open"), rows(tmp_path / where / "results.csv"), strict=True):
+            simulation = Simulation(Scene.load(silos / f"{name}.toml"))
+            simulation.run()
+            assert float(row["packing_fraction"]) == analysis.packing_fraction(simulation, region)
+            assert float(row["pressure"]) == analysis.pressure(simulation, region)
+    capfd.readouterr()
+    assert exit_code("batch", silos, "-o", tmp_path / "long", "--resume", "--measure", "stress") == 2
+    require_refusal(capfd, "is of a sweep with --region x = [-0.25, 0.25], y = [-0.35, -0.2]")
+    assert exit_code("batch", silos, "-o", tmp_path / "new", "--region", "x = 1 2") == 2
+    require_refusal(capfd, "--region is 'x = 1 2': it must be ranges such as")
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (("--measure", "stress"), "pressure: the walls are open above a height of 0.5 m: give region"),
+        (("--measure", "stress", "--region", "below = 'surfaces'"), "unknown region.below 'surfaces'"),
+        (("--measure", "speed", "--region", "below = 0.1"), "region has no effect on mean_speed"),
+        (("--measure", "stress", "--region", "y = [0.95, 0.99]"), "no point between the walls lies in it"),
+    ],
+)
+def test_a_run_refuses_a_series_without_area(silos, tmp_path, capfd, options, complaint):
+    series = tmp_path / "run.csv"
+    assert exit_code("run", silos / "closed.toml", "--series", series, *options) == 2
+    require_refusal(capfd, complaint)
+    assert not series.exists()
