@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
     from warpgrains.analysis.recording import Recording
     from warpgrains.batch.batch import Batch, SceneSummary
-    from warpgrains.errors import InputError, OutputError, SceneError, SimulationError
+    from warpgrains.errors import InputError, NoAreaError, OutputError, SceneError, SimulationError
     from warpgrains.packings.compress import Packing, compress
     from warpgrains.packings.pack import Rest, pack
     from warpgrains.packings.separate import Separation, separate
@@ -37,6 +37,7 @@ __all__ = [
     "Batch",
     "Disc",
     "InputError",
+    "NoAreaError",
     "OutputError",
     "Packing",
     "Recording",
@@ -64,7 +65,7 @@ _NAMES = {
     "packings.separate": ("Separation", "separate"),
     "analysis.recording": ("Recording",),
     "batch.batch": ("Batch", "SceneSummary"),
-    "errors": ("InputError", "OutputError", "SceneError", "SimulationError"),
+    "errors": ("InputError", "NoAreaError", "OutputError", "SceneError", "SimulationError"),
     "scene.arc": ("Arc",),
     "scene.disc": ("Disc",),
     "scene.scene": ("Scene",),

@@ -21,7 +21,16 @@ SceneError = InputError
 
 
 class NoAreaError(InputError):
-    """Area of a region that is empty, or of a container whose walls leave it open or are not straight."""
+    """Area that is unknown, of a container that walls leave open or unknown, or of an empty region.
+
+    Examples
+    --------
+    >>> stub = wg.Segment((0.5, -0.1), (0.6, -0.1))
+    >>> analysis.packing_fraction(wg.Simulation(simulation.scene.replace(walls=[stub])))
+    Traceback (most recent call last):
+        ...
+    warpgrains.errors.NoAreaError: the walls do not form a convex polygon around the grains: give region, ...
+    """
 
 
 class OutputError(InputError):

@@ -90,7 +90,7 @@ def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
     >>> round(analysis.packing_fraction(simulation), 3)
     0.672
     >>> round(analysis.packing_fraction(simulation, region={"below": -1.5}), 3)
-    0.52
+    0.48
     """
     now = snapshot(of)
     if region is None:
