@@ -78,7 +78,7 @@ def keep_only(folder, name):
         (lambda file: file.write_text("[" * 100_000), "settings.json' does not hold"),
         (lambda file: file.write_bytes(b"\xff"), "settings.json' does not hold"),
         (
-            lambda file: file.write_text('{"measure": 1, "until": [2]}'),
+            lambda file: file.write_text('{"measure": 1, "until": [2], "region": null}'),
             "with --measure 1 and --until 2: choose",
         ),
         (lambda file: file.unlink(), "results.csv': '"),
