@@ -152,15 +152,20 @@ def test_keys_and_scrubber_of_a_recording(driver, tmp_path):
     path = record(tmp_path / "run.usdc", make_frames(9), make_scene(), forces=True, draw_as="discs")
     page = Page(Recorded(RecordingReader(path), "run.usdc"), 8310).start()
     with opened(driver, page.url) as tab:
+
+        def scrubbed():
+            return tab.slider("frame").get_attribute("value")
+
         assert tab.told() == {"state": "stopped", "time": "0 s", "frame": "0 of 8", "contacts": "5"}
         tab.press("n")
-        tab.wait_for(lambda: tab.told()["frame"] == "1 of 8")
+        tab.wait_for(lambda: tab.told()["frame"] == "1 of 8" and scrubbed() == "1")
         field = tab.slider("frame")
         field.click()
         field.send_keys("\ue009a\ue000" + "6\n")
         tab.wait_for(lambda: tab.told()["frame"] == "6 of 8")
         tab.click("resume")
         tab.wait_for(lambda: (tab.told()["frame"], tab.told()["state"]) == ("8 of 8", "stopped"))
+        tab.wait_for(lambda: scrubbed() == "8")
         tab.click("restart")
         tab.wait_for(lambda: tab.told()["frame"] == "0 of 8")
     page.close()

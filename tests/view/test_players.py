@@ -14,7 +14,9 @@ from same_bits import contents
 from warpgrains import InputError, Scene, Simulation
 from warpgrains.grade.grader import Grader
 from warpgrains.usd.reader import RecordingReader
+from warpgrains.view import pace
 from warpgrains.view.homework import Homework
+from warpgrains.view.pace import FRAMES, Pace
 from warpgrains.view.players import AXES, Live, Recorded
 
 
@@ -136,15 +138,48 @@ def test_a_homework_that_ends_is_told_and_restarts(play):
     assert player.readout()["stage"] == "velocities by Newton's law"
 
 
+ONE_GRAIN = """
+[domain]
+radius_in = 0.2
+radius_out = 1.0
+[grains]
+position = [[0.0, -0.5]]
+radius = 0.1
+mass = 0.1
+"""
+WALL = "[[walls]]\nkind = 'segment'\nfrom = [0.5, 0]\nto = [0.7, 0]\n"
+ADDED = {
+    "spun": f"[physics]\nspin_drag = 0.01\n{WALL}friction = 0.3\n",
+    "walled": WALL,
+    "turning": "[physics]\ngravity = {rotate = 0.1}\n",
+}
 HOMEWORKS = {
     "a recording": (["run.usdc", "--homework", "homework.c"], "needs a scene, not a recording"),
     "another scheme": (
         ["annulus", "--homework", "homework.c", "--set", "time.scheme=leapfrog"],
-        "needs scheme text",
+        "scheme is 'leapfrog': --homework needs scheme text",
     ),
+    "friction": (
+        ["annulus", "--homework", "homework.c", "--set", "contact.friction=0.3"],
+        "friction is 0.3: --homework needs",
+    ),
+    "friction at walls": (
+        ["annulus", "--homework", "homework.c", "--set", "contact.wall_friction=0.3"],
+        "wall_friction is 0.3: --homework needs",
+    ),
+    "spin drag": (["spun.toml", "--homework", "homework.c"], "spin_drag is 0.01 kg m2/s: --homework needs"),
+    "pressure": (
+        ["annulus", "--homework", "homework.c", "--set", "domain.pressure=2.0"],
+        "pressure is 2.0 N/m: --homework needs",
+    ),
+    "a wall": (["walled.toml", "--homework", "homework.c"], "walls has 1 entries: --homework needs"),
     "no inner wall": (
         ["bidisperse", "--homework", "homework.c", "--set", "time.scheme=text"],
         "an inner wall",
+    ),
+    "turning gravity": (
+        ["turning.toml", "--homework", "homework.c"],
+        "gravity.rotate is 0.1 rad/s: --homework needs",
     ),
     "no file": (["annulus", "--homework", "none.c"], "'none.c' cannot be read"),
     "no homework": (["annulus", "--homework", "empty.c"], "'empty.c' cannot be run"),
@@ -156,9 +191,37 @@ def test_homeworks_that_cannot_be_played_are_refused(case, tmp_path, monkeypatch
     arguments, complaint = HOMEWORKS[case]
     monkeypatch.chdir(tmp_path)
     (tmp_path / "homework.c").write_text(RIGHT)
+    for name, added in ADDED.items():
+        (tmp_path / f"{name}.toml").write_text(ONE_GRAIN + added)
     (tmp_path / "empty.c").write_text('#include "fem.h"\n')
     assert exit_code("view", *arguments) == 2
     require_refusal(capfd, complaint)
+
+
+SPEEDS = (0.1, 0.5, 1.0, 1.3, 10.0)
+
+
+@pytest.mark.parametrize("dt", [1 / 24, 1 / 30, 1 / 60, 0.3, 0.01, 0.005, 1e-4])
+def test_playback_never_is_a_step_away_from_its_speed(dt):
+    for speed in SPEEDS:
+        paced, played = Pace(dt), 0
+        for frame in range(1, 301):
+            played += paced.due(speed)
+            owed = speed * frame / FRAMES / dt - played
+            assert -1e-6 <= owed < 1.0  # steps; rounding of the sum of 300 is 300 eps of the sum
+
+
+def test_frames_keep_their_rate_and_do_not_hurry_after_a_slow_one(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(pace, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(pace, "sleep", lambda seconds: now.__setitem__(0, now[0] + seconds))
+    paced, at = Pace(0.01), []
+    for work in [0.02] * 10 + [0.2] + [0.001] * 10:
+        now[0] += work
+        paced.wait()
+        at.append(now[0] * FRAMES)
+    late = 0.2 * FRAMES
+    assert at == pytest.approx([*range(1, 11), *(10 + late + k for k in range(11))])
 
 
 def test_recording_ends_with_its_last_frame(tmp_path):

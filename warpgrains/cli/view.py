@@ -45,10 +45,7 @@ def view(arguments: Namespace) -> bool:
 def _homework(arguments: Namespace, held: ExitStack) -> Homework:
     """Return the player of a homework, whose processes end with the context `held`."""
     scene = Scene.load(arguments.what, arguments.overrides or [])
-    is_the_texts = scene.scheme == "text" and scene.wall == "tangent" and scene.radius_in > 0.0
-    if not is_the_texts or scene.gravity_rate or scene.n > MOST_GRAINS:
-        needs = "scheme text, wall tangent, an inner wall, constant gravity"
-        raise InputError(f"--homework needs {needs} and at most {MOST_GRAINS} grains")
+    _require_the_texts(scene)
     folder, processes = held.enter_context(TemporaryDirectory()), Processes()
     held.callback(processes.stop)
     grader = Grader(Path(folder), processes=processes)
@@ -57,6 +54,28 @@ def _homework(arguments: Namespace, held: ExitStack) -> Homework:
     return Homework(
         scene, lambda: grader.run(Path(arguments.homework)), f"{scene.name}, {arguments.homework}"
     )
+
+
+def _require_the_texts(scene: Scene) -> None:
+    """Raise InputError unless a homework can simulate the scene."""
+    lacking = {
+        f"scheme is {scene.scheme!r}": scene.scheme != "text",
+        f"wall is {scene.wall!r}": scene.wall != "tangent",
+        f"radius_in is {scene.radius_in} m": scene.radius_in == 0.0,
+        f"gravity.rotate is {scene.gravity_rate} rad/s": scene.gravity_rate,
+        f"friction is {scene.friction}": scene.friction,
+        f"wall_friction is {scene.wall_friction}": scene.wall_friction,
+        f"spin_drag is {scene.spin_drag} kg m2/s": scene.spin_drag,
+        f"pressure is {scene.pressure} N/m": scene.pressure is not None,
+        f"walls has {len(scene.walls)} entries": scene.walls,
+        f"the scene has {scene.n} grains": scene.n > MOST_GRAINS,
+    }
+    for what, is_lacking in lacking.items():
+        if is_lacking:
+            raise InputError(
+                f"{what}: --homework needs scheme text, wall tangent, an inner wall, constant gravity, no"
+                f" friction, pressure or other walls, and at most {MOST_GRAINS} grains"
+            )
 
 
 def _recorded(arguments: Namespace) -> Recorded:

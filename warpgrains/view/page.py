@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import redirect_stdout, suppress
 from html import escape
 from io import StringIO
 from queue import Empty, SimpleQueue
 from threading import Thread
+from time import perf_counter
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -17,6 +17,7 @@ from viser import uplot
 
 from warpgrains.errors import InputError
 from warpgrains.pictures.shots import Setting
+from warpgrains.view.pace import Pace
 from warpgrains.view.players import AXES, Live, Player, Recorded
 from warpgrains.view.server import HOST, serve_page
 from warpgrains.view.sliders import add_physics, value_of
@@ -24,7 +25,6 @@ from warpgrains.view.stage import Stage
 
 KEYS: dict[Literal["R", "S", "N", "0"], str] = {"R": "run", "S": "stop", "N": "one step", "0": "restart"}
 
-_FRAMES = 30.0  # a second, at most
 _TEXTS = 10.0  # a second, at most
 _MOST_SPEED = 10.0
 
@@ -45,7 +45,7 @@ class Page:
     def __init__(self, player: Player, port: int) -> None:
         self._player = player
         self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
-        self.is_playing = False
+        self.is_playing, self._pace = False, Pace(player.dt)
         self._refused: str | None = None
         self._speed, has_chains = 1.0, player.setting.chain_scale is not None
         self._style: dict[str, Any] = {"color_by": "speed", "forces": has_chains}
@@ -79,12 +79,12 @@ class Page:
                 self._server.stop()
 
     def _play(self) -> None:
-        """Advance by a frame, and wait until it is time for the next one."""
-        start = time.perf_counter()
-        self._player.advance(max(1, round(self._speed / _FRAMES / self._player.dt)))
-        self.is_playing = not self._player.has_ended
-        self._show(texts=not self.is_playing or start - self._texts_at > 1.0 / _TEXTS)
-        time.sleep(max(0.0, 1.0 / _FRAMES - (time.perf_counter() - start)))
+        """Advance by the steps that are due, and wait until it is time for the next frame."""
+        if steps := self._pace.due(self._speed):
+            self._player.advance(steps)
+            self.is_playing = not self._player.has_ended
+            self._show(texts=not self.is_playing or perf_counter() - self._texts_at > 1.0 / _TEXTS)
+        self._pace.wait()
 
     def start(self) -> Self:
         """Play in a new thread."""
@@ -104,12 +104,19 @@ class Page:
         return lambda _: self._asked.put(what)
 
     def _resume(self) -> None:
+        self._pace.restart()
         self.is_playing = not self._player.has_ended
 
     def _pause(self, then: Callable[[], None] = lambda: None) -> None:
         self.is_playing = False
         then()
         self._show(texts=True)
+
+    def _scrub(self, event: viser.GuiEvent[Any]) -> None:
+        """Queue the frame that a reader of the page has chosen; the slider also follows the frames shown."""
+        if event.client is not None:
+            frame = round(value_of(event.target))
+            self._asked.put(lambda: self._go_to(frame))
 
     def _go_to(self, frame: int) -> None:
         self._player.restart()
@@ -140,12 +147,14 @@ class Page:
             self._stage.show(self._player.shot())
         if not texts:
             return
-        self._texts_at = time.perf_counter()
+        self._texts_at = perf_counter()
         state = "running" if self.is_playing else "stopped"
         rows = self._player.readout()
         error = rows.pop("error", None)
         self._readout.content = _table({"state": state, **rows})
         self._legend.content = _legend(self._player.setting, error or self._refused)
+        if isinstance(self._player, Recorded):
+            self._frame.value = self._player.steps  # type: ignore[misc]
         self._run.label = f"{'resume' if self._player.steps else KEYS['R']} (R)"
         for title, (places, values) in self._player.curves().items():
             self._curves[title].visible = len(places) > 1
@@ -180,8 +189,8 @@ class Page:
         if isinstance(player, Live):
             add_physics(gui, player, lambda change: self._ask(lambda: self._change(change)))
         if isinstance(player, Recorded):
-            frame = gui.add_slider("frame", 0, max(player.last, 1), 1, 0)
-            frame.on_update(self._ask(lambda: self._go_to(round(value_of(frame)))))
+            self._frame = gui.add_slider("frame", 0, max(player.last, 1), 1, 0)
+            self._frame.on_update(self._scrub)
         self._legend = gui.add_html("")  # below the sliders, so that they do not move when it grows
         self._curves = {title: self._add_curve(title) for title in player.curves()}
 
