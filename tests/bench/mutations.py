@@ -90,6 +90,7 @@ def copy_package(folder: Path, mutant: Mutant) -> None:
         "warpgrains": "warpgrains",
         "kernels": "warpgrains/kernels",
         "scenes": "warpgrains/scenes",
+        "scenes/programs": "scenes/programs",
         "tests": "tests",
     }
     for source, target in copied.items():

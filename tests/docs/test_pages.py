@@ -73,6 +73,7 @@ def _ended(line: str) -> int:
 )
 def test_blocks_run(name, slow, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
+    Path("scenes").symlink_to(ROOT / "scenes")
     reader = Reader(name, capfd)
     for block in blocks(name):
         reader.read(block, slow=slow)
@@ -122,7 +123,8 @@ def test_what_is_named_is_there(name):
     text = PAGES[name].read_text()
     for module in re.findall(r"python -m ((?:warpgrains|tests)[\w.]*)", text):
         assert find_spec(module) or find_spec(f"{module}.__main__"), module
-    for path in re.findall(r"`((?:tests|kernels|warpgrains|scenes)/[\w./-]*)`", text):
+    programs = re.findall(r"python (scenes/[\w./-]*)", text)
+    for path in [*programs, *re.findall(r"`((?:tests|kernels|warpgrains|scenes)/[\w./-]*)`", text)]:
         assert (ROOT / path).exists(), path
     for link in re.findall(r"\]\((?!https?:)([^)#]+)", text):
         assert (PAGES[name].parent / link).exists(), link

@@ -2,17 +2,22 @@
 
 from dataclasses import replace
 
+import closed_forms
+import collapse
 import numpy as np
 import pytest
+import silos
+import slopes
+import steps
+import validation
 
 from warpgrains import Scene, Simulation
 from warpgrains.analysis import snapshot
-from warpgrains.scenes import beverloo, closed_forms, friction, hard_steps, janssen, run_out, solutions, walls
 
 
 def test_closed_forms_are_met(tmp_path):
     picture = tmp_path / "closed_forms.png"
-    found = friction.main(["-o", str(tmp_path), "closed_forms"])["closed_forms"]
+    found = validation.main(["-o", str(tmp_path), "closed_forms"])["closed_forms"]
     assert picture.stat().st_size > 10_000
     for mu in ("0.05", "0.3", "2"):
         assert found[f"slide to roll, mu {mu}: error [m/s]"] <= 1e-5
@@ -24,8 +29,8 @@ def test_closed_forms_are_met(tmp_path):
     assert abs(found["three discs, mu 0.27: fallen in 1 s [m]"]) < 1e-4
 
 
-def test_heap_needs_the_friction_of_its_balance(tmp_path):
-    found = closed_forms.draw_heap(tmp_path / "heap.png")
+def test_heap_needs_the_friction_of_its_balance():
+    found = closed_forms.heap()[1]
     needed = found.pop("friction that the heap needs")
     stands, above, below = found.values()
     assert 0.18 < needed < 0.19
@@ -46,27 +51,27 @@ def test_slope_of_a_surface(angle):
         snapshot(Simulation(scene)), pair=pair, force=np.ones(len(i)), tangential_force=np.ones(len(i))
     )
     # the highest grain of a slice is within one spacing of its end
-    assert friction.surface_angle(chain) == pytest.approx(angle, abs=1.5)
+    assert validation.surface_angle(chain) == pytest.approx(angle, abs=1.5)
 
 
 def test_starts_are_within_the_bound_of_coulomb():
-    scene = solutions.falling(0.8, seed=0)
+    scene = steps.falling(0.8, seed=0)
     simulation = Simulation(scene)
     simulation.advance(60)
     state, rng = simulation.state(), np.random.default_rng(0)
-    start = solutions.other_start(state.corrections, 0.8, rng)
+    start = steps.other_start(state.corrections, 0.8, rng)
     assert (np.abs(start.pair_friction) <= 0.8 * start.pair_correction).all()
     assert start.pair_correction.any()
-    found = solutions.solutions(scene, state, rng)
-    assert found.shape == (solutions.STARTS, 3 * scene.n)
+    found = steps.solved(scene, state, rng)
+    assert found.shape == (steps.STARTS, 3 * scene.n)
 
 
 def test_short_steps_are_found_and_solved_again():
-    scene = solutions.falling(0.5, seed=0).replace(tolerance=1e-9, max_iterations=2)
-    count, states = hard_steps.short_steps(scene, 60)
-    assert count > hard_steps.KEPT == len(states)
+    scene = steps.falling(0.5, seed=0).replace(tolerance=1e-9, max_iterations=2)
+    count, states = steps.short_steps(scene, 60)
+    assert count > steps.KEPT == len(states)
     assert [state.steps for state in states] == sorted({state.steps for state in states})
-    few, many = hard_steps.residuals(scene, states[-1], "gauss-seidel")[[0, -1]]
+    few, many = steps.residuals(scene, states[-1], "gauss-seidel")[[0, -1]]
     assert many < few
 
 
@@ -74,29 +79,29 @@ def test_short_steps_are_found_and_solved_again():
 def test_discs_on_slopes_follow_closed_forms(friction):
     for tangent in (0.25, 1.0, 1.7):
         exact = 0.125 * closed_forms.acceleration_on_a_slope(tangent, friction)
-        assert walls.way(walls.on_a_slope(tangent, friction)) == pytest.approx(exact, rel=1e-9)
-    exact = walls.way_when_tilted(friction, 2.0)
-    errors = [abs(walls.way(walls.tilted(friction, dt)) - exact) for dt in (0.02, 0.01)]
+        assert slopes.way_on_a_slope(tangent, friction) == pytest.approx(exact, rel=1e-9)
+    exact = slopes.exact_way_when_tilted(friction)
+    errors = [abs(slopes.way_when_tilted(friction, dt) - exact) for dt in (0.02, 0.01)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
 
 
 @pytest.mark.slow
 def test_a_silo_empties_at_a_constant_rate():
-    time, left = beverloo.departures(beverloo.silo(10.0, seed=0, count=1000), last=250)
+    time, left = silos.departures(silos.hopper_silo(10.0, seed=0, count=1000), last=250)
     half = np.searchsorted(left, 155)
-    early, late = (beverloo.rate(time[part], left[part], 60) for part in (slice(half), slice(half, None)))
+    early, late = (silos.rate(time[part], left[part], 60) for part in (slice(half), slice(half, None)))
     assert early == pytest.approx(late, rel=0.2)
-    assert 280 < beverloo.rate(time, left, 60) < 450  # 380 by the fit of the page
+    assert 280 < silos.rate(time, left, 60) < 450  # 380 by the fit of the page
 
 
 @pytest.mark.slow
 def test_a_column_runs_out():
-    found = run_out.collapse(2.0, count=500)[1]
-    assert found.run_out == pytest.approx(run_out.law(np.array(found.aspect)), rel=0.2)
+    found = collapse.collapsed(2.0, count=500)
+    assert found.run_out == pytest.approx(collapse.law(np.array(found.aspect)), rel=0.2)
 
 
 @pytest.mark.slow
 def test_side_walls_carry_a_filling():
-    smooth, rough = janssen.silo(2.0, 0, 0.0, max_iterations=1000), janssen.silo(2.0, 0)
-    assert janssen.load(smooth) == pytest.approx(smooth.mass.sum(), rel=0.01)
-    assert 0.45 < janssen.load(rough) / rough.mass.sum() < 0.7
+    smooth, rough = silos.piston_silo(2.0, 0, 0.0, max_iterations=1000), silos.piston_silo(2.0, 0)
+    assert silos.load(smooth) == pytest.approx(smooth.mass.sum(), rel=0.01)
+    assert 0.45 < silos.load(rough) / rough.mass.sum() < 0.7

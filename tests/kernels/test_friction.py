@@ -4,6 +4,7 @@ from ctypes import CDLL
 from pathlib import Path
 from typing import Any
 
+import closed_forms
 import numpy as np
 import pytest
 from swept_order import full_order
@@ -11,7 +12,6 @@ from swept_order import full_order
 from warpgrains import Batch, Disc, InputError, Scene, Simulation
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.state import State
-from warpgrains.scenes import closed_forms
 
 DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
 FEATURES: dict[str, dict[str, Any]] = {

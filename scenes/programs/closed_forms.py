@@ -1,23 +1,25 @@
-"""Closed forms of friction: one disc that slides, rolls, hits a wall or swings, and three discs.
+"""Closed forms: one disc that slides, rolls, hits a wall or swings, and three discs.
 
-Each function is one experiment. The tests compare its numbers with the closed form; `draw` draws them.
+Each function is one experiment. The tests compare its numbers with the closed form; sections draw them.
 """
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.special import ellipj, ellipk
+from sections import Numbers, Row, Section, draw_orders, panels
 
 import warpgrains as wg
 from warpgrains.arrays import FloatArray
-from warpgrains.scenes.exhibits import Numbers
-from warpgrains.scenes.style import panels
 
 RADIUS = 0.5
 G = 9.81
-FRICTIONS = (0.1, 0.3, 0.6)
-"""Coefficients of friction on slopes."""
+FRICTIONS = (0.1, 0.3, 0.6)  # on slopes
+SCHEMES = {
+    "text, tangent": {"scheme": "text", "wall": "tangent"},
+    "leapfrog, round wall": {"scheme": "leapfrog", "wall": "round"},
+}
 
 
 def disc(**changes: Any) -> wg.Scene:
@@ -30,8 +32,7 @@ def disc(**changes: Any) -> wg.Scene:
         "gravity": (0.0, 0.0),
         "friction": 0.3,
         "tolerance": 1e-12,
-        "wall": "round",
-        "scheme": "leapfrog",
+        **SCHEMES["leapfrog, round wall"],
     }
     return wg.Scene(**{**fields, **changes})
 
@@ -39,11 +40,11 @@ def disc(**changes: Any) -> wg.Scene:
 def slide_to_roll(friction: float, steps: int = 3000) -> tuple[FloatArray, FloatArray]:
     """Return speed and rim speed [m/s] after every step of a disc that at first slides at 1 m/s."""
     simulation = wg.Simulation(disc(velocity=[[0.0, 1.0]], friction=friction))
-    speeds = np.empty((steps, 2))
+    speeds = np.empty((2, steps))
     for k in range(steps):
         simulation.step()
-        speeds[k] = np.hypot(*simulation.velocity[0]), RADIUS * simulation.spin[0]
-    return speeds[:, 0], speeds[:, 1]
+        speeds[:, k] = np.hypot(*simulation.velocity[0]), RADIUS * simulation.spin[0]
+    return speeds[0], speeds[1]
 
 
 def oblique_impact(friction: float, slip: float = 1.0) -> tuple[FloatArray, float]:
@@ -51,15 +52,8 @@ def oblique_impact(friction: float, slip: float = 1.0) -> tuple[FloatArray, floa
 
     It touches the wall after 10 steps of 1 nm, in which the normal turns by 1e-8.
     """
-    scene = disc(
-        position=[[1.0 - 1e-8, 0.0]],
-        velocity=[[1.0, slip]],
-        friction=friction,
-        wall="tangent",
-        scheme="text",
-        dt=1e-9,
-    )
-    simulation = wg.Simulation(scene)
+    start = {"position": [[1.0 - 1e-8, 0.0]], "velocity": [[1.0, slip]]}
+    simulation = wg.Simulation(disc(**start, friction=friction, dt=1e-9, **SCHEMES["text, tangent"]))
     simulation.advance(20)
     return simulation.velocity[0], RADIUS * float(simulation.spin[0])
 
@@ -80,21 +74,14 @@ def rolling_period(dt: float) -> float:
 
 def exact_rolling_period() -> float:
     """Return the period of a pendulum of length 3 (R - r) / 2 [s]."""
-    from scipy.special import ellipk
-
     return float(4.0 * np.sqrt(1.5 / G) * ellipk(np.sin(0.25) ** 2))
 
 
 def on_a_slope(tangent_of_slope: float, friction: float) -> wg.Simulation:
     """Return a disc after half a second on a slope; the circle is so large that it is flat within a meter."""
     slope, floor = np.arctan(tangent_of_slope), 1e6
-    scene = disc(
-        position=[[0.0, -(floor - RADIUS)]],
-        radius_out=floor,
-        gravity=G * np.array([np.sin(slope), -np.cos(slope)]),
-        friction=friction,
-        wall="tangent",
-    )
+    gravity, start = G * np.array([np.sin(slope), -np.cos(slope)]), [[0.0, -(floor - RADIUS)]]
+    scene = disc(position=start, radius_out=floor, gravity=gravity, friction=friction, wall="tangent")
     simulation = wg.Simulation(scene)
     simulation.advance(50)
     return simulation
@@ -156,9 +143,27 @@ def heap_friction(slope: float) -> float:
     return float(tangential / normal)
 
 
-def draw(path: Path) -> Numbers:
-    """Draw four closed forms and what comes out, and return the errors."""
-    figure, ((roll, impact), (slope, swing)) = panels(2, 2, height=6.4)
+def swing(scene: wg.Scene) -> tuple[FloatArray, FloatArray]:
+    """Return time [s] and angle [rad] of the first grain after every step."""
+    simulation, places = wg.Simulation(scene), []
+    for _ in range(scene.steps):
+        simulation.step()
+        places.append(simulation.position[0])
+    x, y = np.transpose(places)
+    return scene.dt * np.arange(1, scene.steps + 1), np.arctan2(x, -y)
+
+
+def pendulum(scene: wg.Scene, time: FloatArray) -> FloatArray:
+    """Return the angle [rad] at some times [s] of the pendulum that the first grain is, let go at rest."""
+    x, y = scene.position[0]
+    k = np.sin(np.arctan2(x, -y) / 2.0)  # sin(angle / 2) = k sn(w t + K, k)
+    rate = np.sqrt(np.hypot(*scene.gravity) / np.hypot(x, y))
+    return np.asarray(2.0 * np.arcsin(k * ellipj(rate * time + ellipk(k**2), k**2)[0]))
+
+
+def one_disc() -> Section:
+    """Draw four closed forms and what comes out, and return the errors, with those of three discs."""
+    figure, ((roll, impact), (slope, period)) = panels(2, 2, height=6.4)
     numbers: Numbers = {}
     for friction in (0.05, 0.3, 2.0):
         speed, rim = slide_to_roll(friction)
@@ -191,40 +196,54 @@ def draw(path: Path) -> Numbers:
 
     steps, exact = 0.01 * 2.0 ** -np.arange(4), exact_rolling_period()
     errors = np.array([abs(rolling_period(dt) / exact - 1.0) for dt in steps])
-    swing.loglog(steps, errors, "o-", label="rolling pendulum")
-    swing.loglog(steps, errors[0] * (steps / steps[0]) ** 2, "k:", label="second order")
-    swing.set(xlabel="dt [s]", ylabel="relative error of the period")
-    swing.set_xticks(steps, [f"{dt:g}" for dt in steps])
-    swing.minorticks_off()
+    period.loglog(steps, errors, "o-", label="rolling pendulum")
+    draw_orders(period, steps, errors, ylabel="relative error of the period")
     numbers["pendulum: relative error of the period at dt 0.01 s"] = float(errors[0])
     numbers["pendulum: order in dt"] = float(np.log2(errors[-2] / errors[-1]))
-    for axes in (roll, impact, slope, swing):
+    for axes in (roll, impact, slope, period):
         axes.legend()
-    figure.savefig(path)
     for friction in (0.265, 0.27):
-        fallen = three_discs(friction)[1]
-        numbers[f"three discs, mu {friction:g}: fallen in 1 s [m]"] = fallen
-    return numbers
+        numbers[f"three discs, mu {friction:g}: fallen in 1 s [m]"] = three_discs(friction)[1]
+    return figure, numbers
 
 
-def draw_heap(path: Path) -> Numbers:
+def heap() -> Section:
     """Draw the heap with more and with less friction than it needs; return how far the upper disc falls."""
-    from warpgrains.pictures.shots import Painter
-    from warpgrains.pictures.still import FrameArtists
-
-    scene = wg.Scene.load("heap")
+    scene, row = wg.Scene.load("heap"), Row(3)
     needed = heap_friction(np.arcsin(scene.radius[0] / (scene.radius_out - scene.radius[0])))
     numbers = {"friction that the heap needs": needed}
-    figure, shown = panels(1, 3, height=3.0)
-    for axes, friction in zip(shown, (scene.friction, 1.01 * needed, 0.99 * needed), strict=True):
+    for axes, friction in zip(row.axes, (scene.friction, 1.01 * needed, 0.99 * needed), strict=True):
         simulation = wg.Simulation(scene.replace(friction=friction))
         simulation.run()
-        painter = Painter(scene, "speed", forces=True, largest=2.0)
-        FrameArtists(axes, painter.setting).show(painter.shot_of(simulation))
+        row.show(simulation, "speed", largest=2.0)
         for label in axes.texts:
             label.set_visible(label.get_text().startswith("t ="))
         axes.set(xlim=(-0.25, 0.25), ylim=(-1.03, -0.78), title=f"friction {friction:.4f}")
         fallen = scene.position[2, 1] - simulation.position[2, 1]
         numbers[f"fallen at {friction:.4f} [m]"] = float(fallen)
-    figure.savefig(path)
-    return numbers
+    return row.figure, numbers
+
+
+def bowl() -> Section:
+    """Draw the slides of both schemes in a bowl, next to the pendulum, and return their orders in dt."""
+    scene = wg.Scene.load("bowl")
+    steps = scene.dt * 2.0 ** -np.arange(-3, 4)
+    figure, (swings, errors) = panels(1, 2)
+    numbers = {}
+    for label, changes in SCHEMES.items():
+        worst = []
+        for dt in steps:
+            time, angle = swing(scene.replace(dt=dt, **changes))
+            worst.append(float(np.abs(angle - pendulum(scene, time)).max()))
+            if dt == steps[0]:
+                swings.plot(time, np.degrees(angle), label=label)
+        errors.loglog(steps, worst, "o-", label=label)
+        numbers[f"order, {label}"] = float(np.log2(worst[-2] / worst[-1]))
+    swings.plot(time, np.degrees(pendulum(scene, time)), "k:", label="pendulum")
+    swings.set(xlabel="t [s]", ylabel="angle [degrees]", title=f"dt {steps[0]:g} s", ylim=(-65.0, 95.0))
+    swings.legend(loc="upper center", ncols=3)
+    errors.set(xlabel="dt [s]", ylabel="worst error of the angle [rad]")
+    errors.set_xticks(steps, [f"{dt:g}" for dt in steps], rotation=30.0)
+    errors.minorticks_off()
+    errors.legend()
+    return figure, numbers

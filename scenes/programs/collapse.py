@@ -1,34 +1,26 @@
 """The collapse of columns of several aspect ratios, held against the laws of Staron and Hinch (2005)."""
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
+from sections import Section, panels
+from silos import G, filled, opened, room, straight_line
 
 import warpgrains as wg
 from warpgrains.arrays import FloatArray
-from warpgrains.scenes.exhibits import Numbers
-from warpgrains.scenes.filled import G, filled, opened, room, straight_line
-from warpgrains.scenes.style import panels
 
-ASPECTS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
-"""Height of the column over its width."""
-BREAK = 2.0
-"""Aspect ratio at which the law changes."""
+ASPECTS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)  # height of the column over its width
+BREAK = 2.0  # aspect ratio at which the law changes
 COUNT = 1000
-SETTLING = 0.8
-"""Time before the gate is removed [s]."""
 
 
 class Collapse(NamedTuple):
-    """Results of a collapse."""
+    """Height of a column, growth of the pile, and its height at the end, over the width of the column."""
 
     aspect: float
-    """Height of the column over its width, before the gate is removed."""
     run_out: float
-    """Length by which the pile has grown, over the width of the column."""
     height: float
-    """Height of the pile at the end, over the width of the column."""
 
 
 def column(aspect: float, seed: int = 0, count: int = COUNT) -> tuple[wg.Scene, float]:
@@ -47,8 +39,6 @@ def column(aspect: float, seed: int = 0, count: int = COUNT) -> tuple[wg.Scene, 
 
 def front(simulation: wg.Simulation) -> float:
     """Return x of the front [m] of the grains that are connected with the leftmost one, by near grains."""
-    from scipy.sparse.csgraph import connected_components
-
     position, radius = simulation.position, simulation.scene.radius
     apart = np.hypot(*(position[:, np.newaxis] - position).transpose(2, 0, 1))
     _, pile = connected_components(apart < 2.2 * radius.max())
@@ -61,15 +51,14 @@ def top(simulation: wg.Simulation) -> float:
     return float((simulation.position[:, 1] + simulation.scene.radius).max())
 
 
-def collapse(aspect: float, seed: int = 0, count: int = COUNT) -> tuple[wg.Simulation, Collapse]:
-    """Let a column settle and collapse; return the simulation at the end, and its results."""
+def collapsed(aspect: float, seed: int = 0, count: int = COUNT) -> Collapse:
+    """Let a column settle for 0.8 s and collapse."""
     scene, width = column(aspect, seed, count)
-    simulation = opened(scene, SETTLING)
+    simulation = opened(scene, 0.8)
     tall = top(simulation)
     simulation.run(duration=round(1.0 + 4.0 * float(np.sqrt(tall / G)), 2))
-    foot = scene.walls[1].start[0]
-    run_out = (front(simulation) - foot - width) / width
-    return simulation, Collapse(tall / width, run_out, top(simulation) / width)
+    run_out = (front(simulation) - scene.walls[1].start[0] - width) / width
+    return Collapse(tall / width, run_out, top(simulation) / width)
 
 
 def law(aspect: FloatArray) -> FloatArray:
@@ -77,10 +66,9 @@ def law(aspect: FloatArray) -> FloatArray:
     return np.where(aspect <= BREAK, 2.5 * aspect, 3.25 * aspect**0.7)
 
 
-def draw(path: Path) -> Numbers:
+def collapse() -> Section:
     """Let columns collapse, and draw their run-out over the aspect ratio."""
-    found = [collapse(aspect)[1] for aspect in ASPECTS]
-    aspect, run_out, rest = np.transpose(found)
+    aspect, run_out, rest = np.transpose([collapsed(aspect) for aspect in ASPECTS])
     figure, (shown, heights) = panels(1, 2)
     line = np.geomspace(aspect.min(), aspect.max(), 50)
     shown.loglog(aspect, run_out, "o", label="grains")
@@ -94,12 +82,8 @@ def draw(path: Path) -> Numbers:
     shown.set_yticks([1.0, 2.0, 5.0, 10.0], ["1", "2", "5", "10"])
     heights.set_yticks([0.5, 1.0, 1.5], ["0.5", "1", "1.5"])
     shown.legend()
-    figure.savefig(path)
-    numbers: Numbers = {}
-    for one in found:
-        numbers[f"a = {one.aspect:.2f}: run-out / width"] = one.run_out
+    numbers = {f"a = {a:.2f}: run-out / width": length for a, length in zip(aspect, run_out, strict=True)}
     for name, own in (("a up to 2", aspect < 1.2 * BREAK), ("a from 2", aspect > 0.8 * BREAK)):
         intercept, exponent = straight_line(np.log(aspect[own]), np.log(run_out[own]))
-        numbers[f"{name}: exponent"] = exponent
-        numbers[f"{name}: factor"] = float(np.exp(intercept))
-    return numbers
+        numbers |= {f"{name}: exponent": exponent, f"{name}: factor": float(np.exp(intercept))}
+    return figure, numbers

@@ -1,21 +1,18 @@
-"""A worked example: grains settle in a drum, at several drags; what carries them, in a table and a figure.
+"""A worked example: grains settle in a drum, at several drags; forces, pressures and packing fractions."""
 
-python -m warpgrains.scenes.drum -o drum.png
-"""
-
-import argparse
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+from matplotlib.collections import EllipseCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from sections import Numbers, Section, panels
 
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.drawing.colors import QUANTITIES
-from warpgrains.scenes.style import STYLE, panels
 
-DRAGS = (0.05, 0.1, 0.2, 0.4)
-"""kg/s."""
+DRAGS = (0.05, 0.1, 0.2, 0.4)  # kg/s
 
 
 def settle(drag: float) -> wg.Simulation:
@@ -25,12 +22,11 @@ def settle(drag: float) -> wg.Simulation:
     return simulation
 
 
-def measure(simulation: wg.Simulation) -> dict[str, float]:
-    """Return what a row of the table holds."""
+def measure(simulation: wg.Simulation) -> Numbers:
+    """Return the results for a drum at rest."""
     stress = analysis.mean_stress(simulation)
     force = analysis.force_statistics(simulation)
     return {
-        "drag [kg/s]": simulation.scene.drag,
         "time to rest [s]": simulation.time,
         "packing fraction": analysis.packing_fraction(simulation),
         "coordination": analysis.coordination_number(simulation, without_rattlers=True),
@@ -41,25 +37,15 @@ def measure(simulation: wg.Simulation) -> dict[str, float]:
     }
 
 
-def draw(settled: Sequence[wg.Simulation], path: str) -> None:
+def draw(settled: Sequence[wg.Simulation]) -> Figure:
     """Draw the pressure in the first drum, force distributions, packing by height, and time to rest."""
-    from matplotlib.collections import EllipseCollection
-    from matplotlib.patches import Circle
-
     figure, (drum, forces, heights) = panels(1, 3)
     first = settled[0]
-    pressure = np.trace(analysis.grain_stresses(first), axis1=1, axis2=2) / 2.0
     size = 2.0 * first.scene.radius
-    grains = EllipseCollection(
-        size,
-        size,
-        0.0 * size,
-        units="xy",
-        offsets=first.position,
-        offset_transform=drum.transData,
-        cmap=QUANTITIES["pressure"].colormap,
-    )
-    grains.set_array(pressure)
+    place = {"units": "xy", "offsets": first.position, "offset_transform": drum.transData}
+    color = QUANTITIES["pressure"].colormap
+    grains = EllipseCollection(size, size, 0.0 * size, cmap=color, **place)
+    grains.set_array(np.trace(analysis.grain_stresses(first), axis1=1, axis2=2) / 2.0)
     drum.add_collection(grains)
     drum.add_patch(Circle((0.0, 0.0), first.scene.radius_out, fill=False, color="0.35", linewidth=2.0))
     drum.set(xlim=(-1.02, 1.02), ylim=(-1.02, 1.02), aspect="equal")
@@ -74,25 +60,15 @@ def draw(settled: Sequence[wg.Simulation], path: str) -> None:
     forces.set(xlabel="f / mean f", ylabel="probability density", yscale="log")
     heights.set(xlabel="height above the center [m]", ylabel="packing fraction")
     forces.legend()
-    figure.savefig(path)
+    return figure
 
 
-def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
-    """Settle, print the table, and draw."""
-    from matplotlib import rc_context
-
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", metavar="PNG", default="drum.png")
-    output = parser.parse_args(arguments).output
+def section() -> Section:
+    """Settle at each drag, draw, and return the results."""
     settled = [settle(drag) for drag in DRAGS]
-    table = [measure(simulation) for simulation in settled]
-    print("  ".join(table[0]))
-    for row in table:
-        print("  ".join(f"{value:{len(name)}.4g}" for name, value in row.items()))
-    with rc_context(STYLE):
-        draw(settled, output)
-    return table
-
-
-if __name__ == "__main__":
-    main()
+    numbers = {
+        f"drag {simulation.scene.drag:g} kg/s: {name}": value
+        for simulation in settled
+        for name, value in measure(simulation).items()
+    }
+    return draw(settled), numbers

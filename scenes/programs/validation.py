@@ -1,25 +1,24 @@
-"""Validation of friction: closed forms and experiments, with pictures and numbers.
+"""Validation of friction and of straight walls: closed forms and experiments, with pictures and numbers.
 
-python -m warpgrains.scenes.friction -o validation [NAME ...]
+python scenes/programs/validation.py -o validation [NAME ...]
 """
 
 from functools import partial
-from pathlib import Path
 
+import closed_forms
+import collapse
 import numpy as np
+import silos
+import slopes
+import steps
+from sections import Numbers, Section, Sections, draw_sections, panels
 
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.analysis import Snapshot
-from warpgrains.scenes import closed_forms, hard_steps, solutions
-from warpgrains.scenes.exhibits import Exhibits, Numbers, draw_exhibits
-from warpgrains.scenes.filled import straight_line
-from warpgrains.scenes.style import panels
 
-FRICTIONS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
-"""Coefficients of friction of the packings."""
-REPOSE = (0.0, 0.1, 0.2, 0.3, 0.5, 0.8)
-"""Coefficients of friction between grains in the rotating drum."""
+FRICTIONS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)  # of the packings
+REPOSE = (0.0, 0.1, 0.2, 0.3, 0.5, 0.8)  # between grains in the rotating drum
 
 
 def settling(friction: float) -> wg.Scene:
@@ -55,7 +54,7 @@ def packed(now: Snapshot) -> Numbers:
     }
 
 
-def draw_packings(path: Path) -> Numbers:
+def packings() -> Section:
     """Settle piles of several frictions, and draw contact number and packing fraction."""
     scenes = [settling(friction) for friction in FRICTIONS]
     batch = wg.Batch(scenes)
@@ -68,8 +67,7 @@ def draw_packings(path: Path) -> Numbers:
     contacts.set(xlabel="friction", ylabel="contacts a grain")
     packing.plot(FRICTIONS, [one["packing fraction"] for one in found], "o-")
     packing.set(xlabel="friction", ylabel="packing fraction of the bulk")
-    figure.savefig(path)
-    return {
+    return figure, {
         f"mu {friction:g}: {name}": value
         for friction, one in zip(FRICTIONS, found, strict=True)
         for name, value in one.items()
@@ -85,10 +83,10 @@ def surface_angle(now: Snapshot) -> float:
         inside = np.abs(x - middle) < 0.05
         if inside.any():
             highest.append((middle, top[inside].max()))
-    return float(np.degrees(np.arctan(straight_line(*np.transpose(highest))[1])))
+    return float(np.degrees(np.arctan(silos.straight_line(*np.transpose(highest))[1])))
 
 
-def draw_repose(path: Path) -> Numbers:
+def repose() -> Section:
     """Rotate drums of several frictions, and one slowly, and draw the slopes of their surfaces."""
     scene, every, settled = wg.Scene.load("rotating_drum"), 0.1, 3.0
     scenes = [scene.replace(friction=friction) for friction in REPOSE]
@@ -112,12 +110,11 @@ def draw_repose(path: Path) -> Numbers:
     over_friction.errorbar(scene.friction, mean[-1], deviation[-1], fmt="s", capsize=3.0, label=slow)
     over_friction.set(xlabel="friction between grains", ylabel="slope of the surface [degrees]")
     over_friction.legend()
-    figure.savefig(path)
     numbers = {f"mu {mu:g}: slope [degrees]": float(one) for mu, one in zip(REPOSE, mean, strict=False)}
-    return numbers | {f"mu {scene.friction:g}, {slow}: slope [degrees]": float(mean[-1])}
+    return figure, numbers | {f"mu {scene.friction:g}, {slow}: slope [degrees]": float(mean[-1])}
 
 
-def draw_couette(path: Path) -> Numbers:
+def couette() -> Section:
     """Shear the Couette cell, and draw its mean velocity and spin over the distance from the inner wall."""
     scene, bins, start, end = wg.Scene.load("couette"), 24, 5.0, 15.0
     simulation = wg.Simulation(scene)
@@ -151,8 +148,7 @@ def draw_couette(path: Path) -> Numbers:
     rotation.set(xlabel="distance from the wall [diameters]", ylabel="[rad/s]")
     for axes in (velocity, rotation):
         axes.legend()
-    figure.savefig(path)
-    return {
+    return figure, {
         "grains": scene.n,
         "velocity of the first layer / wall": float(along[0] / wall),
         "decay length [diameters]": length,
@@ -161,15 +157,19 @@ def draw_couette(path: Path) -> Numbers:
     }
 
 
-EXHIBITS: Exhibits = {
-    "closed_forms": closed_forms.draw,
-    "packings": draw_packings,
-    "repose": draw_repose,
-    "couette": draw_couette,
-    "solutions": solutions.draw,
-    "hard_steps": hard_steps.draw,
+SECTIONS: Sections = {
+    "closed_forms": closed_forms.one_disc,
+    "packings": packings,
+    "repose": repose,
+    "couette": couette,
+    "solutions": steps.solutions,
+    "hard_steps": steps.hard_steps,
+    "slope": slopes.slope,
+    "hopper": silos.hopper,
+    "collapse": collapse.collapse,
+    "piston": silos.piston,
 }
-main = partial(draw_exhibits, EXHIBITS, __doc__, "validation")
+main = partial(draw_sections, SECTIONS, __doc__, "validation")
 
 
 if __name__ == "__main__":

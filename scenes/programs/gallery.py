@@ -1,0 +1,215 @@
+"""The gallery: a picture of every shipped scene, of a jam and of a batch, with the numbers that they show.
+
+python scenes/programs/gallery.py -o gallery [NAME ...]
+"""
+
+from functools import partial
+from math import cos, radians, sin
+
+import closed_forms
+import drum
+import numpy as np
+from collapse import front, top
+from matplotlib.colors import LogNorm
+from matplotlib.patches import Circle
+from sections import Row, Section, Sections, draw_sections, moments, panels
+
+import warpgrains as wg
+from warpgrains import analysis
+
+COUNT = 1000  # scenes of the batch
+BIN = 0.01  # side of the squares in which it counts centers [m]
+
+
+def shipped(name: str, *times: float, color_by: str = "speed") -> Section:
+    """Draw a shipped scene at some times [s], with a summary of its solution."""
+    scene = wg.Scene.load(name)
+    figure, simulation, summary = moments(scene, times, color_by)
+    return figure, {
+        "iterations a step": summary.iterations_mean,
+        "worst overlap [smallest radii]": summary.overlap / scene.smallest_radius,
+        "contacts a grain": analysis.coordination_number(simulation),
+    }
+
+
+def column() -> Section:
+    """Draw the forces of the column over height, and hold the last ones against the weight above them."""
+    scene = wg.Scene.load("column")
+    simulation = wg.Simulation(scene)
+    figure, axes = panels()
+    for time in (0.02, 0.03, 0.04, 0.07, 1.0):  # after 0.1 s nothing changes
+        simulation.run(duration=time - simulation.time)
+        contacts = simulation.contacts()
+        axes.plot(contacts.pair[:, 0] + 1, contacts.force, ".-", label=f"t = {simulation.time:g} s")
+    above = scene.mass[0] * np.hypot(*scene.gravity) * (scene.n - 1 - contacts.pair[:, 0])
+    axes.set(xlabel="contact, from the lowest", ylabel="force [N]", ylim=(0.0, 1.3 * above.max()))
+    axes.legend()
+    return figure, {
+        "contacts between grains": len(contacts.force),
+        "their weights above, at most [N]": float(above.max()),
+        "worst difference of a force [N]": float(np.abs(contacts.force - above).max()),
+    }
+
+
+def bidisperse() -> Section:
+    """Let grains of two sizes settle, and equal ones for comparison."""
+    row, numbers = Row(2), {}
+    for label, overrides in {"of two sizes": (), "equal": ("grains.radius=0.048",)}.items():
+        simulation = wg.Simulation(wg.Scene.load("bidisperse", overrides))
+        simulation.run()
+        row.show(simulation, "pressure")
+        numbers[f"grains, {label}"] = simulation.scene.n
+        numbers[f"contacts, {label}"] = simulation.step().contacts
+    return row.figure, numbers
+
+
+def bullet() -> Section:
+    """Shoot a grain into a crystal, and hold the momentum against that of the bullet."""
+    scene = wg.Scene.load("bullet")
+    figure, simulation, summary = moments(scene, (0.004, 0.006, 0.03, 0.09))
+    moved = (scene.mass[:, np.newaxis] * simulation.velocity).sum(axis=0)
+    return figure, {
+        "momentum of the bullet [kg m/s]": float(scene.mass[0] * scene.velocity[0, 0]),
+        "momentum in the end [kg m/s]": float(moved[0]),
+        "worst overlap [smallest radii]": summary.overlap / scene.smallest_radius,
+    }
+
+
+def slope() -> Section:
+    """Draw the grains on both slopes, and hold their ways against the closed forms."""
+    scene, time = wg.Scene.load("slope"), 0.6
+    figure, simulation, _ = moments(scene, (0.2, 0.4, time), "spin")
+    g, theta, friction = -scene.gravity[1], radians(30.0), scene.wall_frictions[3]
+    rolls, slides = 2.0 / 3.0 * g * sin(theta), g * (sin(theta) - friction * cos(theta))
+    ways = np.hypot(*(simulation.position - scene.position).T)
+    return figure, {
+        "way of the upper grain [m]": float(ways[0]),
+        "2/3 g sin(30) t^2 / 2 [m]": 0.5 * rolls * time**2,
+        "way of the lower grain [m]": float(ways[1]),
+        "g (sin(30) - 0.1 cos(30)) t^2 / 2 [m]": 0.5 * slides * time**2,
+    }
+
+
+def hopper() -> Section:
+    """Draw the hopper, and count the grains that have left it."""
+    simulation, row, numbers = wg.Simulation(wg.Scene.load("hopper")), Row(3), {}
+    for time in (0.5, 1.0, 1.5, 2.0, 2.5):
+        simulation.run(duration=time - simulation.time)
+        below = simulation.position[:, 1] < -0.1
+        numbers[f"grains that have left after {time} s"] = int(below.sum())
+        if time in (0.5, 1.5, 2.5):
+            row.show(simulation)
+    return row.figure, numbers
+
+
+def collapse() -> Section:
+    """Draw the column before and after the gate opens, and measure it."""
+    scene = wg.Scene.load("collapse")
+    simulation, row, heights, width = wg.Simulation(scene), Row(4), [], 0.3
+    for time in (0.5, 0.8, 1.1, scene.duration):
+        simulation.run(duration=time - simulation.time)
+        row.show(simulation)
+        heights.append(top(simulation) + 0.3)
+    return row.figure, {
+        "height of the column over its width": heights[0] / width,
+        "run-out over its width": (front(simulation) + 0.6) / width,
+        "height that remains over its width": heights[-1] / width,
+    }
+
+
+def jamming() -> Section:
+    """Draw grains before, during and after their compression, and print what the packing is like."""
+    scene = wg.Scene.load("jamming")
+    packing, simulation, row = wg.compress(scene), wg.Simulation(scene), Row(3)
+    row.show(simulation, "pressure", packing.largest_force)
+    simulation.run(duration=1.6)
+    row.show(simulation, "pressure", packing.largest_force)
+    row.show(packing.simulation, "pressure", packing.largest_force)
+    return row.figure, {
+        "packing fraction": packing.fraction,
+        "packing fraction away from the wall": packing.bulk_fraction,
+        "contacts a grain": packing.contacts,
+        "rattlers": packing.rattlers,
+        "forces of the wall / (2 pi R p)": packing.pressure,
+        "largest force / mean": packing.largest_force / packing.mean_force,
+    }
+
+
+def jam() -> Section:
+    """Wedge five grains between the walls, where there is room for a little less than five."""
+    chain = np.column_stack([np.zeros(5), -0.55 - 0.1 * np.arange(5)])
+    loose = np.column_stack([[-0.5, -0.35, 0.35, 0.5], [0.55, 0.75, 0.75, 0.55]])
+    places, circles = np.vstack([chain, loose]), {"radius_in": 0.5, "radius_out": 1.0}
+    scene = wg.Scene(position=places, radius=0.0502, mass=0.1, max_iterations=1000, **circles)
+    simulation, row = wg.Simulation(scene), Row(2)
+    force, states, unsolved = [], {}, 0
+    for step in range(1, 17):
+        named = simulation.step().infeasible
+        unsolved += len(named) > 0
+        force.append(float(simulation.contacts().force.max()))
+        states[step] = simulation.state()
+    for step in (1, 16):
+        simulation.restore(states[step])
+        row.show(simulation, "pressure", largest=force[-1])
+    return row.figure, {
+        "steps without a solution": unsolved,
+        "grains that cannot fit": len(named),
+        "force that a step adds [N]": force[-1] - force[-2],
+    }
+
+
+def batch() -> Section:
+    """Kick the grains of the course's scene at random, a thousand times, and see where they come to rest."""
+    scene, random = wg.Scene.load("annulus"), np.random.default_rng(0)
+    scenes = [scene.replace(velocity=random.normal(0.0, 0.5, (scene.n, 2))) for _ in range(COUNT)]
+    many = wg.Batch(scenes)
+    many.run()
+    ends = [analysis.snapshot(one, many.state(k)) for k, one in enumerate(scenes)]
+    x, y = np.concatenate([end.position for end in ends]).T
+    largest = np.array([end.force.max() for end in ends])
+    figure, (places, forces) = panels(2, 1, height_ratios=(3, 2), height=6.4)
+    limits = (-1.2, 1.2), (-2.02, -1.32)
+    bins = [round((high - low) / BIN) for low, high in limits]
+    shown = places.hist2d(x, y, bins=bins, range=limits, norm=LogNorm(), cmap="magma_r")[3]
+    figure.colorbar(shown, ax=places, label="centers in a square of 1 cm")
+    wall = {"color": "0.35", "linewidth": 1.5, "label": "outer wall"}
+    reached = {"color": "0.6", "linestyle": ":", "label": "centers of grains that touch it"}
+    for radius, look in ((scene.radius_out, wall), (scene.radius_out - scene.smallest_radius, reached)):
+        places.add_patch(Circle((0.0, 0.0), radius, fill=False, **look))
+    places.legend(loc="upper center", ncols=2)
+    places.set(xlim=limits[0], ylim=limits[1], xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    forces.hist(largest, bins=40)
+    forces.set(xlabel="largest force between two grains [N]", ylabel="scenes")
+    return figure, {
+        "scenes": len(scenes),
+        "mean of the largest forces [N]": float(largest.mean()),
+        "deviation [N]": float(largest.std()),
+        "mean height of the centres [m]": float(y.mean()),
+    }
+
+
+SECTIONS: Sections = {
+    "annulus": partial(shipped, "annulus", 0.2, 0.5, 1.0, 8.0),
+    "column": column,
+    "no_inner_wall": partial(shipped, "no_inner_wall", 0.1, 0.4, 0.8, 1.6),
+    "polydisperse": partial(shipped, "polydisperse", 0.1, 0.3, 0.6, 3.0),
+    "pile": partial(shipped, "pile", 0.2, 0.5, 0.8, 2.0),
+    "bowl": closed_forms.bowl,
+    "bullet": bullet,
+    "bidisperse": bidisperse,
+    "drum": drum.section,
+    "heap": closed_forms.heap,
+    "rotating_drum": partial(shipped, "rotating_drum", 1.0, 2.0, 4.0),
+    "couette": partial(shipped, "couette", 0.5, 4.0, color_by="spin"),
+    "slope": slope,
+    "hopper": hopper,
+    "collapse": collapse,
+    "jamming": jamming,
+    "jam": jam,
+    "batch": batch,
+}
+main = partial(draw_sections, SECTIONS, __doc__, "gallery")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""The sections of a page, functions that return a figure and the numbers that it shows, and their program."""
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+import warpgrains as wg
+from warpgrains.pictures.shots import Painter
+from warpgrains.pictures.still import FrameArtists, add_color_bar
+from warpgrains.solver.statistics import RunStatistics
+
+Numbers = dict[str, float]
+Section = tuple[Figure, Numbers]
+Sections = Mapping[str, Callable[[], Section]]
+STYLE = {
+    "font.size": 9.0,
+    "legend.fontsize": "small",
+    "legend.frameon": False,
+    "lines.markersize": 4.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "0.9",
+    "axes.axisbelow": True,
+    "savefig.dpi": 110,
+}
+
+
+def panels(rows: int = 1, columns: int = 1, height: float = 3.2, **options: Any) -> tuple[Figure, Any]:
+    """Return a figure with a height [inches] for curves, and its axes, as `Figure.subplots` does."""
+    figure = Figure(figsize=(9.7, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, **options)
+
+
+def draw_orders(axes: Any, dt: Any, errors: Any, **labels: Any) -> None:
+    """Add a line of second order through the first of the errors, and ticks at the time steps [s]."""
+    axes.loglog(dt, errors[0] * (dt / dt[0]) ** 2, "k:", label="second order")
+    axes.set(xlabel="dt [s]", **labels)
+    axes.set_xticks(dt, [f"{one:g}" for one in dt])
+    axes.minorticks_off()
+
+
+class Row:
+    """Moments of simulations side by side."""
+
+    def __init__(self, count: int) -> None:
+        self.figure = Figure(figsize=(3.0 * count + 0.7, 3.0), layout="constrained")
+        self.axes = self.figure.subplots(1, count)
+        self._free = list(self.axes)
+
+    def show(self, simulation: wg.Simulation, color_by: str = "speed", largest: float | None = None) -> None:
+        """Draw the present state in the next panel; `largest` is that of `Painter`."""
+        painter = Painter(simulation.scene, color_by, forces=True, largest=largest)
+        FrameArtists(self._free.pop(0), painter.setting).show(painter.shot_of(simulation))
+        if not self._free and painter.setting.scale is not None:
+            add_color_bar(self.figure, self.axes, painter.setting.scale)
+
+
+def moments(
+    scene: wg.Scene, times: Sequence[float], color_by: str = "speed"
+) -> tuple[Figure, wg.Simulation, wg.Summary]:
+    """Draw a scene at some times [s]; return the figure, the simulation at the last time, and a summary."""
+    simulation, done, row = wg.Simulation(scene), RunStatistics(), Row(len(times))
+    for begin, end in pairwise([0, *(scene.steps_in(time) for time in times)]):
+        done.add(simulation.advance(end - begin))
+        row.show(simulation, color_by)
+    return row.figure, simulation, done.summary(None)
+
+
+def draw_sections(
+    sections: Sections, description: str | None, folder: str, arguments: Sequence[str] | None = None
+) -> dict[str, Numbers]:
+    """Draw the sections that the arguments name, by default all, and print their numbers."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("-o", "--output", metavar="DIR", type=Path, default=folder)
+    parser.add_argument("names", metavar="NAME", nargs="*", help=f"of {', '.join(sections)}")
+    chosen, found = parser.parse_args(arguments), {}
+    chosen.output.mkdir(parents=True, exist_ok=True)
+    for name in chosen.names or sections:
+        with rc_context(STYLE):
+            figure, found[name] = sections[name]()
+            figure.savefig(chosen.output / f"{name}.png")
+        print(name)
+        for what, value in found[name].items():
+            print(f"  {what:<40} {value:.6g}")
+    return found

@@ -1,0 +1,133 @@
+"""Steps with friction that are hard: those with several solutions, and those that do not converge."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from sections import Numbers, Section, panels
+
+import warpgrains as wg
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.layouts import random
+from warpgrains.scene.state import Corrections, State
+from warpgrains.scene.walls import Annulus
+
+FRICTIONS = (0.1, 0.3, 0.5, 0.8, 1.2)
+RUNS, STEPS, STARTS = 4, 12, 5  # of each friction; of a run that are solved again; of each of these
+TOLERANCE = 1e-9  # m/s
+
+SCENES = {"heap": 400, "rotating_drum": 800, "couette": 2000}  # and the number of their steps
+SWEEPS = 500  # that a step may take before it counts as short
+SHARE = 0.02  # of the speed that gravity gives in a step: the bound of its residual
+BUDGETS = (50, 100, 200, 500, 1000, 2000, 5000, 10_000)  # sweeps after which the residual is drawn
+KEPT = 8  # short steps that are solved again
+
+
+def falling(friction: float, seed: int) -> wg.Scene:
+    """Return 40 discs that fall in a circle."""
+    position, radius = random(Annulus(0.0, 1.0), radius=[0.05, 0.08], count=40, seed=seed)
+    body = {"position": position, "radius": radius, "mass": 10.0 * np.pi * radius**2, "radius_out": 1.0}
+    return wg.Scene(**body, friction=friction, dt=0.005, tolerance=1e-6, max_iterations=2000)
+
+
+def other_start(kept: Corrections, friction: float, rng: np.random.Generator) -> Corrections:
+    """Return random corrections of the same contacts, within Coulomb's bound."""
+    scale = kept.pair_correction.max(initial=0.0)
+    changed: dict[str, Any] = {}
+    for name in ("pair", "wall"):
+        normal = rng.uniform(0.0, scale, len(getattr(kept, name)))
+        changed[f"{name}_correction"] = normal
+        changed[f"{name}_friction"] = friction * normal * rng.uniform(-1.0, 1.0, len(normal))
+    return replace(kept, **changed)
+
+
+def solved(scene: wg.Scene, state: State, rng: np.random.Generator) -> FloatArray | None:
+    """Return velocities and rim speeds after a step from `STARTS` starts; None if one does not converge."""
+    exactly, found = scene.replace(tolerance=TOLERANCE, max_iterations=20_000, stop="residual"), []
+    for _ in range(STARTS):
+        simulation = wg.Simulation(exactly)
+        corrections = other_start(state.corrections, scene.friction, rng)
+        simulation.restore(replace(state, corrections=corrections, lists=None))
+        if simulation.step().residual > TOLERANCE:
+            return None
+        found.append(np.append(simulation.velocity, simulation.spin * scene.radius))
+    return np.array(found)
+
+
+def spreads(friction: float) -> FloatArray:
+    """Return the spread of the solutions of each step that converges from all starts [m/s]."""
+    rng, found = np.random.default_rng(0), []
+    for seed in range(RUNS):
+        scene = falling(friction, seed)
+        simulation = wg.Simulation(scene)
+        for _ in range(STEPS):
+            simulation.advance(10)
+            solutions = solved(scene, simulation.state(), rng)
+            if solutions is not None:
+                found.append(float(np.ptp(solutions, axis=0).max()))
+    return np.array(found)
+
+
+def solutions() -> Section:
+    """Draw the spread of the solutions of each step, and count the steps that have several."""
+    (figure, axes), numbers = panels(), {}
+    for friction in FRICTIONS:
+        found = spreads(friction)
+        axes.semilogy(np.full(len(found), friction), np.maximum(found, 1e-12), "o", color="C0", alpha=0.4)
+        numbers[f"mu {friction:g}: steps solved from {STARTS} starts"] = len(found)
+        numbers[f"mu {friction:g}: steps with several solutions"] = np.count_nonzero(found > 1e-5)
+        numbers[f"mu {friction:g}: largest spread [m/s]"] = float(found.max())
+    axes.set(xlabel="friction", ylabel="spread of the velocities [m/s]")
+    return figure, numbers
+
+
+def limited(name: str) -> wg.Scene:
+    """Return a scene whose steps end within the share of gravity, or after `SWEEPS` sweeps.
+
+    Without gravity they end within the tolerance of the scene.
+    """
+    scene = wg.Scene.load(name)
+    tolerance = SHARE * float(np.hypot(*scene.gravity)) * scene.dt or scene.tolerance
+    return scene.replace(method="accelerated", stop="residual", tolerance=tolerance, max_iterations=SWEEPS)
+
+
+def short_steps(scene: wg.Scene, steps: int) -> tuple[int, list[State]]:
+    """Return how many steps are short, and the states before some of them, evenly spread."""
+    simulation, before = wg.Simulation(scene), []
+    for _ in range(steps):
+        state = simulation.state()
+        if not simulation.step().converged:
+            before.append(state)
+    kept = np.unique(np.linspace(0, len(before) - 1, KEPT).astype(int)) if before else []
+    return len(before), [before[k] for k in kept]
+
+
+def residuals(scene: wg.Scene, state: State, method: str) -> FloatArray:
+    """Return the residual of a step [m/s] after each budget of sweeps."""
+    found = []
+    for sweeps in BUDGETS:
+        simulation = wg.Simulation(scene.replace(method=method, tolerance=0.0, max_iterations=sweeps))
+        simulation.restore(state)
+        found.append(simulation.step().residual)
+    return np.array(found)
+
+
+def hard_steps() -> Section:
+    """Count the short steps of each scene, and draw the residual of some of them over their sweeps."""
+    numbers: Numbers = {}
+    hard = []
+    for name, steps in SCENES.items():
+        scene = limited(name)
+        numbers[f"{name}: short steps, of {steps}"], states = short_steps(scene, steps)
+        hard += [(scene, state) for state in states]
+    figure, both = panels(1, 2, sharey=True)
+    for axes, method in zip(both, ("gauss-seidel", "accelerated"), strict=True):
+        curves = np.array([residuals(scene, state, method) for scene, state in hard])
+        median = np.median(curves, axis=0)
+        axes.loglog(BUDGETS, curves.T, "-", color="C0", alpha=0.4)
+        axes.loglog(BUDGETS, median, "ko-")
+        axes.set(xlabel="sweeps", title=method)
+        for sweeps, value in zip(BUDGETS, median, strict=True):
+            numbers[f"{method}, {sweeps} sweeps: median residual [m/s]"] = float(value)
+    both[0].set_ylabel("residual [m/s]")
+    return figure, numbers
