@@ -14,14 +14,15 @@ from PIL import Image, ImageSequence
 from recordings import make_scene, record
 from walls_seen import View
 
-from warpgrains import OutputError, Scene, Simulation
+from warpgrains import InputError, OutputError, Scene, Segment, Simulation
 from warpgrains.analysis.plots import plot
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import GrainColors, mark_color
 from warpgrains.drawing.frames import Frame
 from warpgrains.pictures.film import Film, draw_film, encoding_of_frames
 from warpgrains.pictures.shots import Painter
-from warpgrains.pictures.still import FrameArtists
+from warpgrains.pictures.still import FrameArtists, Picture
+from warpgrains.simulation.options import RunOptions
 
 STEPS = 40
 STRIDE = 4
@@ -201,7 +202,64 @@ def test_what_a_killed_film_left_is_removed(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+FRAME = "-0.5,-0.25,1.5,0.75"
+
+
+@pytest.mark.parametrize("suffix", [*FILMS, ".png"])
+def test_size_and_frame_of_a_run_and_of_its_recording(tmp_path, states, suffix):
+    shown = {"size": "900x400", "frame": FRAME}
+    run, again = tmp_path / f"run{suffix}", tmp_path / f"again{suffix}"
+    Simulation(Scene.load("annulus")).run(steps=10, record=run, **shown)
+    recording = record(tmp_path / "run.usdc", states[:3], Scene.load("annulus"))
+    draw = draw_film if suffix in FILMS else plot
+    draw(recording, again, **shown)
+    for path in (run, again):
+        pixels = imread(path)[:, :, :3] if suffix == ".png" else film_frames(path)[0][0]
+        assert pixels.shape == (400, 900, 3)
+    with pytest.raises(InputError, match="size is '900'"):
+        draw(recording, again, size="900")
+
+
+INVALID = {
+    "size": ["", "900", "900x", "9x9", "9000x900", "-90x90", "900x400x2", "9e2x400"],
+    "frame": ["", "0,0,1", "0,0,1,1,1", "1,0,0,1", "0,0,1,0", "0,0,nan,1", "0,0,inf,1", "a,0,1,1"],
+}
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [(name, text) for name, texts in INVALID.items() for text in texts]
+)
+def test_an_invalid_size_or_frame_is_refused(tmp_path, capfd, option, value):
+    path = tmp_path / "run.png"
+    assert exit_code("run", "annulus", "-o", path, f"--{option}", value) == 2
+    require_refusal(capfd, f"{option} is {value!r}: ")
+    assert not path.exists()
+
+
+def test_a_film_of_odd_size_is_refused():
+    with pytest.raises(InputError, match="size is '641x480': a film needs even numbers of pixels"):
+        RunOptions(steps=1, record="run.mp4", size="641x480")
+
+
+def test_a_frame_may_begin_with_a_minus(tmp_path):
+    path = tmp_path / "run.png"
+    assert exit_code("run", "annulus", "--steps", "1", "-o", path, "--frame", FRAME) == 0
+    assert path.exists()
+
+
 class TestStill:
+    def test_contains_all_grains_unless_it_has_a_frame(self):
+        walls = [Segment((-0.3, -0.4), (0.3, -0.4)), Segment((-0.3, -0.4), (-0.3, 0.6))]
+        walls.append(Segment((0.3, -0.4), (0.3, 0.6)))
+        scene = Scene(position=[(0.0, 0.1)], radius=0.05, mass=0.1, radius_out=2.0, walls=walls)
+        painter, framed = (Painter(scene, "palette", False, frame=frame) for frame in (None, FRAME))
+        for y, top in ((0.1, 0.62), (1.0, 1.05)):
+            shot = painter.shot(Frame(np.array([(0.0, y)]), np.zeros((1, 2))))
+            (axes,) = Picture(painter.setting, shot).figure.axes
+            assert [*axes.get_xlim(), *axes.get_ylim()] == pytest.approx([-0.32, 0.32, -0.42, top])
+            (axes,) = Picture(framed.setting, shot).figure.axes
+            assert [*axes.get_xlim(), *axes.get_ylim()] == [-0.5, 1.5, -0.25, 0.75]
+
     def test_shows_the_state(self, tmp_path):
         simulation = Simulation(Scene.load("annulus"))
         simulation.run(steps=600, record=tmp_path / "run.png", forces=True)

@@ -15,7 +15,7 @@ from recordings import (
     record,
 )
 
-from warpgrains import Disc, Segment
+from warpgrains import Disc, Scene, Segment, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colors import (
     LEVELS,
@@ -219,6 +219,19 @@ def test_viewers_find_the_camera(tmp_path):
     camera = stage.GetPrimAtPath(f"/World/{UsdUtils.GetPrimaryCameraName()}")
     assert camera.IsA(UsdGeom.Camera)
     assert stage.GetRootLayer().customLayerData["cameraSettings"] == {"boundCamera": str(camera.GetPath())}
+
+
+@pytest.mark.parametrize(
+    ("frame", "center", "half"), [(None, (0.0, 0.0), 2.08), ("-0.5,-0.25,1.5,0.75", (0.5, 0.25), 1.0)]
+)
+def test_the_camera_shows_the_extent_or_the_frame(tmp_path, frame, center, half):
+    path = tmp_path / "run.usdc"
+    Simulation(Scene.load("annulus")).run(steps=1, record=path, frame=frame)
+    stage = Usd.Stage.Open(str(path))
+    camera = UsdGeom.Camera(stage.GetPrimAtPath("/World/main_cam")).GetCamera(0)
+    x, y, distance = camera.transform.ExtractTranslation()
+    assert (x, y) == center
+    assert distance * camera.verticalAperture / camera.focalLength / 2.0 == pytest.approx(half, rel=1e-5)
 
 
 class TestForceChains:

@@ -12,11 +12,12 @@ from matplotlib.figure import Figure, SubFigure
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.kinds import STILLS
+from warpgrains.drawing.views import size_of
 from warpgrains.errors import InputError
 from warpgrains.files import read_table, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.pictures.shots import setting_of, shot_of
-from warpgrains.pictures.still import FrameArtists, add_color_bar, save_figure
+from warpgrains.pictures.still import DOTS_PER_INCH, FrameArtists, add_color_bar, save_figure, shares
 from warpgrains.scene import checks
 from warpgrains.scene.energy import kinetic_energy
 from warpgrains.scene.gravity import upwards
@@ -33,7 +34,12 @@ _STEPS_MAP = "viridis"
 
 
 def plot(
-    recording: str | Path, output: str | Path, frames: Sequence[int] | None = None, curves: bool = True
+    recording: str | Path,
+    output: str | Path,
+    frames: Sequence[int] | None = None,
+    curves: bool = True,
+    size: str | None = None,
+    frame: str | None = None,
 ) -> list[int]:
     """Draw frames of a recording, and curves over time.
 
@@ -47,6 +53,11 @@ def plot(
         Numbers of the frames to draw, negative ones from the end; by default five evenly spaced frames.
     curves : bool
         Whether to draw energy, height and number of contacts over time.
+    size : str, optional
+        Width and height of the picture [pixels], such as "1920x1080".
+    frame : str, optional
+        Rectangle to show [m], such as "-0.5,0,0.5,1"; by default the grains and the walls that they can
+        touch.
 
     Returns
     -------
@@ -56,16 +67,17 @@ def plot(
     Raises
     ------
     InputError
-        The file cannot be read, is no recording or lacks a frame, or the picture cannot be written. It is an
-        `OutputError` if another process writes it. Only the command ``warpgrains plot`` is safe against files
-        that crash USD or never end.
+        The file cannot be read, is no recording or lacks a frame, the size or the frame is invalid, or the
+        picture cannot be written. It is an `OutputError` if another process writes it. Only the command
+        ``warpgrains plot`` is safe against files that crash USD or never end.
     """
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
+    pixels = None if size is None else size_of("size", size)
     reader = RecordingReader(recording)
     numbers = _numbers(frames, len(reader))
     with Lock(output), refusing_untrusted_content(recording):
-        save_figure(_draw(reader, numbers, curves and len(reader) > 1), output)
+        save_figure(_draw(reader, numbers, curves and len(reader) > 1, pixels, frame), output)
     return numbers
 
 
@@ -84,19 +96,31 @@ def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
     return [frame % count for frame in frames]
 
 
-def _draw(reader: RecordingReader, numbers: list[int], curves: bool) -> Figure:
+def _draw(
+    reader: RecordingReader,
+    numbers: list[int],
+    curves: bool,
+    pixels: tuple[int, int] | None,
+    frame: str | None,
+) -> Figure:
     columns = min(len(numbers), _FRAMES_IN_A_ROW)
     rows = -(-len(numbers) // columns)
     size = max(_FRAME_SIZE, 3.0 * _FRAME_SIZE / columns)
-    heights = [rows * size] + [_CURVES_HEIGHT] * curves
-    figure = Figure(figsize=(columns * size, sum(heights)), layout="constrained")
+    shots = [shot_of(reader, number) for number in numbers]
+    setting = setting_of(reader, frame).covering(*shots)
+    across, along = shares(setting.view)
+    heights = [rows * along * size] + [_CURVES_HEIGHT] * curves
+    inches = columns * across * size, float(sum(heights))
+    if pixels is not None:
+        inches = pixels[0] / DOTS_PER_INCH, pixels[1] / DOTS_PER_INCH
+    figure = Figure(figsize=inches, layout="constrained")
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
-    upper, setting = figure.add_subfigure(grid[0]), setting_of(reader)
+    upper = figure.add_subfigure(grid[0])
     places = upper.subplots(rows, columns, squeeze=False)
-    for axes, number in zip_longest(places.flat, numbers):
+    for axes, shot in zip_longest(places.flat, shots):
         axes.set_axis_off()
-        if number is not None:
-            FrameArtists(axes, setting).show(shot_of(reader, number))
+        if shot is not None:
+            FrameArtists(axes, setting).show(shot)
     if setting.scale is not None:
         add_color_bar(upper, places, setting.scale)
     if curves:

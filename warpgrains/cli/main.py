@@ -1,11 +1,12 @@
 """Entry point of the command line: parse it, execute the command, and print one line if it fails."""
 
 import os
+import re
 import sys
 from argparse import ArgumentParser
 from collections.abc import Sequence
 from errno import EDQUOT, EFBIG, EIO, ENOSPC
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from warpgrains import __version__
 from warpgrains.cli.commands import COMMANDS
@@ -73,7 +74,11 @@ def _reason(error: OSError) -> str:
 
 
 class _Parser(ArgumentParser):
-    """A parser whose error messages are one line, like all others."""
+    """A parser whose error messages are one line, like all others, and that takes "-1,2" as a value."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
         sys.exit(_complain(message, BAD_INPUT))

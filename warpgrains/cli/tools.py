@@ -44,19 +44,20 @@ def plot(arguments: Namespace) -> bool:
     is_film = Path(output).suffix in FILMS
     require_drawing("plot", is_film)
     if Path(arguments.file).suffix == ".csv":
-        if arguments.frames is not None or not arguments.curves:
-            raise InputError("--frames and --no-curves have no effect on a history")
+        if arguments.frames is not None or not arguments.curves or arguments.size or arguments.frame:
+            raise InputError("--frames, --no-curves, --size and --frame have no effect on a history")
         from warpgrains.analysis.plots import plot_history
 
         print(f"{output}: {len(plot_history(arguments.file, output))} steps")
         return False
+    shown = {"output": output, "size": arguments.size, "frame": arguments.frame}
     if is_film:
         if arguments.frames is not None or not arguments.curves:
             raise InputError("--frames and --no-curves have no effect on a film")
-        numbers = run_sandboxed("pictures.film.draw_film", arguments.file, None, output=output)
+        numbers = run_sandboxed("pictures.film.draw_film", arguments.file, None, **shown)
         print(f"{output}: {len(numbers)} frames")
         return False
-    given = {"output": output, "frames": arguments.frames, "curves": arguments.curves}
+    given = {"frames": arguments.frames, "curves": arguments.curves, **shown}
     numbers = run_sandboxed("analysis.plots.plot", arguments.file, len(arguments.frames or ()), **given)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
     return False

@@ -17,8 +17,8 @@ class FilmFormat(NamedTuple):
     """ffmpeg's name of the file format; without one, it takes %d in a file name for a sequence of images."""
     encoding: tuple[str, ...] = ()
     """Codec, format of the pixels, and options; empty if the film needs a palette of all its frames first."""
-    height: int = 400
-    """Of a frame [pixels]."""
+    side: int = 400
+    """Longer side of what a frame shows [pixels], unless the film has a size."""
     fastest: float = 50.0
     """Largest frame rate that browsers play, or ffmpeg writes [1/s]."""
 
@@ -29,7 +29,7 @@ FILMS = {
     ".mp4": FilmFormat(
         "mp4",
         ("libx264", "yuv420p", "-crf", "18", "-preset", "fast", "-movflags", "+faststart"),
-        height=720,
+        side=720,
         fastest=1e6,
     ),
     ".gif": FilmFormat("gif"),
@@ -56,7 +56,7 @@ class Kind(NamedTuple):
         return ", ".join(self.suffixes)
 
 
-RECORDING = Kind("recording", RECORDINGS, continues=True)
+RECORDING = Kind("recording", RECORDINGS, continues=True, lacks=("size",))
 FILM = Kind("film", tuple(FILMS), lacks=("draw_as",))
 STILL = Kind("still", STILLS, has_frames=False, lacks=("draw_as", "fps"))
 KINDS = {suffix: kind for kind in (RECORDING, FILM, STILL) for suffix in kind.suffixes}

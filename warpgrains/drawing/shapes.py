@@ -19,7 +19,7 @@ WALL_COLOR = (0.35, 0.35, 0.35)
 """Color of walls (sRGB)."""
 
 _SEGMENTS = 64  # per circle about z; the polygon lacks 0.16 % of the disc's area
-_THICKNESS = 0.02  # thickness of a wall, in radius_out
+_THICKNESS = 0.02  # thickness of a wall, in half of the longer side of the extent
 _RINGS = 16  # of a sphere, from pole to pole
 _RIM = 0.88  # inner radius of the rim of a disc, in radii
 _SLOPE = 2.0  # slope of the rim; its shading separates grains that touch
@@ -110,7 +110,7 @@ def wall_mesh(band: Band) -> Shape:
 
 def drawn_walls(scene: Scene) -> dict[str, Band]:
     """Return the drawn walls by name; they lie outside the space of the grains."""
-    thickness, circles = _THICKNESS * scene.radius_out, enumerate(scene.annulus.borders)
+    thickness, circles = _THICKNESS * scene.extent.half, enumerate(scene.annulus.borders)
     drawn = {number: ring(border, thickness) for number, border in circles if border.radius > 0.0}
     drawn |= {number: wall.drawn(thickness) for number, wall in enumerate(scene.walls, INNER + 1)}
     return _by_name(scene, drawn)
@@ -121,7 +121,7 @@ def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> 
 
     Walls that forces drive are at `places`, see `State.driven` [m], or where they begin.
     """
-    now, thickness = scene.with_walls_at(places), _THICKNESS * scene.radius_out
+    now, thickness = scene.with_walls_at(places), _THICKNESS * scene.extent.half
     moved = {} if scene.pressure is None else {OUTER: ring(now.annulus.borders[OUTER], thickness)}
     for number, wall in enumerate(now.walls, INNER + 1):
         if wall.is_mobile:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.kinds import FILMS, SLOWEST, FilmFormat
+from warpgrains.drawing.views import size_of
 from warpgrains.errors import InputError
 from warpgrains.files import draft_folder, draft_of, draft_path, require_writable_path
 from warpgrains.locks import Lock
@@ -132,9 +133,11 @@ class FilmWriter:
         The film could not be encoded.
     """
 
-    def __init__(self, path: Path, setting: Setting, rate: float) -> None:
+    def __init__(
+        self, path: Path, setting: Setting, rate: float, size: tuple[int, int] | None = None
+    ) -> None:
         self._path, self._rate = path, rate
-        self._canvas = Canvas(setting, FILMS[path.suffix].height)
+        self._canvas = Canvas(setting, FILMS[path.suffix].side, size)
         self._held = ExitStack()
         has_palette = not FILMS[path.suffix].encoding
         self._encoded = draft_path(path) / "film.mkv" if has_palette else path
@@ -169,43 +172,50 @@ class FilmWriter:
             Encoding(["-i", self._encoded, "-i", palette, "-lavfi", _WITH_PALETTE], self._path).finish()
 
 
-def draw_film(recording: str | Path, output: str | Path) -> list[int]:
+def draw_film(
+    recording: str | Path, output: str | Path, size: str | None = None, frame: str | None = None
+) -> list[int]:
     """Make a film of a recording, and return the numbers of the recording's frames in it.
+
+    For `size` and `frame`, see `RunOptions`.
 
     Raises
     ------
     InputError
-        The file cannot be read, is no recording or has too few frames a second, or the film cannot be written
-        there. It is an `OutputError` if another process writes it.
+        The file cannot be read, is no recording or has too few frames a second, the size or the frame is
+        invalid, or the film cannot be written there. It is an `OutputError` if another process writes it.
     """
     from warpgrains.usd.reader import RecordingReader  # a film of a run needs no USD
 
     output = Path(output)
     require_writable_path("film", output, *FILMS)
+    pixels = None if size is None else size_of("size", size, is_film=True)
     reader = RecordingReader(recording)
     require_rate(reader.times.rate)
     frames = range(0, len(reader), max(1, ceil(reader.times.rate / FILMS[output.suffix].fastest)))
     with (
         Lock(output),
         draft_of(output) as draft,
-        FilmWriter(draft, setting_of(reader), reader.times.rate / frames.step) as film,
+        FilmWriter(draft, setting_of(reader, frame), reader.times.rate / frames.step, pixels) as film,
     ):
-        for frame in frames:
-            film.add(shot_of(reader, frame))
+        for number in frames:
+            film.add(shot_of(reader, number))
     return list(frames)
 
 
 class Film(DrawnOutput):
     """A film of a run with `rate` frames per second [1/s], see `DrawnOutput`."""
 
-    def __init__(self, path: Path, rate: float, painter: Painter) -> None:
+    def __init__(
+        self, path: Path, rate: float, painter: Painter, size: tuple[int, int] | None = None
+    ) -> None:
         require_rate(rate)
         self._rate = rate
-        super().__init__(path, painter)
+        super().__init__(path, painter, size)
 
     def __enter__(self) -> Self:
         draft = self.enter_context(draft_of(self._path))
-        self._writer = self.enter_context(FilmWriter(draft, self._painter.setting, self._rate))
+        self._writer = self.enter_context(FilmWriter(draft, self._painter.setting, self._rate, self._size))
         return self
 
     def record(self, frame: Frame) -> None:

@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from math import hypot
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
 from warpgrains.drawing.colors import ColorScale, GrainColors
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import drawn_walls, moved_walls
+from warpgrains.drawing.views import view_of
 from warpgrains.files import require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.scene.band import Band
+from warpgrains.scene.box import Box
+from warpgrains.scene.extent import box_of_discs
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -31,17 +36,26 @@ class Setting:
     """Radii of the grains [m], shape (n,)."""
     walls: Mapping[str, Band]
     """Walls as drawn, by name."""
+    view: Box
+    """The rectangle that is shown [m]."""
     scale: ColorScale | None
     chain_scale: ChainScale | None
     rotates: bool = False
     """Whether grains rotate, and have marks."""
     mobile: tuple[str, ...] = ()
     """Names of the mobile walls."""
+    is_framed: bool = False
+    """Whether the view was given."""
 
     @property
-    def reach(self) -> float:
-        """Largest coordinate of a wall as drawn [m]."""
-        return max(wall.reach for wall in self.walls.values())
+    def has_free_corners(self) -> bool:
+        """Whether nothing is drawn in the corners, because they are outside of the outer wall."""
+        return hypot(*self.view[:2]) > 1.3 * self.walls["Outer"].reach
+
+    def covering(self, *shots: Shot) -> Self:
+        """Return the setting with a view that contains all grains of shots, unless it was given."""
+        boxes = [] if self.is_framed else [box_of_discs(shot.position, self.radius) for shot in shots]
+        return replace(self, view=reduce(Box.covering, boxes, self.view))
 
 
 @dataclass(frozen=True)
@@ -74,6 +88,8 @@ class Painter:
     largest : float, optional
         Force of a chain of full width [N]. Divided by the diameter of a mean grain, it is the pressure of the
         last color. By default `ChainScale.of` estimates it from the scene.
+    frame : str, optional
+        The rectangle to show, see `frame_of`; by default the extent of the scene.
 
     Raises
     ------
@@ -81,7 +97,14 @@ class Painter:
         The coloring is unknown.
     """
 
-    def __init__(self, scene: Scene, color_by: str, forces: bool, largest: float | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        color_by: str,
+        forces: bool,
+        largest: float | None = None,
+        frame: str | None = None,
+    ) -> None:
         self._scene = scene
         self._colors = GrainColors(scene, color_by)
         self.needs_contacts = forces or self._colors.needs_contacts
@@ -92,7 +115,8 @@ class Painter:
                 self._colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
         walls, mobile = drawn_walls(scene), tuple(moved_walls(scene, 0.0))
         scales = self._colors.scale, chain_scale
-        self.setting = Setting(scene.radius, walls, *scales, scene.has_friction, mobile)
+        same = scene.radius, walls, view_of(scene, frame), *scales, scene.has_friction, mobile
+        self.setting = Setting(*same, is_framed=frame is not None)
 
     def shot(self, frame: Frame) -> Shot:
         """Return a shot of a frame."""
@@ -118,20 +142,22 @@ class DrawnOutput(ExitStack):
         It cannot be written. It is an `OutputError` if another process writes it.
     """
 
-    def __init__(self, path: Path, painter: Painter) -> None:
+    def __init__(self, path: Path, painter: Painter, size: tuple[int, int] | None = None) -> None:
         super().__init__()
         require_writable_path("output", path)
-        self._path, self._painter, self.needs_contacts = path, painter, painter.needs_contacts
+        self._path, self._painter, self._size = path, painter, size
+        self.needs_contacts = painter.needs_contacts
         self.enter_context(Lock(path))
 
     def flush(self) -> None:
         """Do nothing, because a run that is drawn cannot be continued."""
 
 
-def setting_of(reader: RecordingReader) -> Setting:
-    """Return the setting of a recording."""
-    scales = reader.scale, reader.chain_scale
-    return Setting(reader.radius, reader.walls, *scales, reader.has_rotation, tuple(reader.moved_walls(0)))
+def setting_of(reader: RecordingReader, frame: str | None = None) -> Setting:
+    """Return the setting of a recording; for `frame`, see `Painter`."""
+    same = reader.radius, reader.walls, view_of(reader.scene(), frame), reader.scale, reader.chain_scale
+    mobile = tuple(reader.moved_walls(0))
+    return Setting(*same, reader.has_rotation, mobile, is_framed=frame is not None)
 
 
 def shot_of(reader: RecordingReader, frame: int) -> Shot:

@@ -26,14 +26,15 @@ from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.pictures.shots import DrawnOutput, Setting, Shot
 from warpgrains.scene.band import Band
+from warpgrains.scene.box import Box
 
-_MARGIN = 0.02  # in radii of the outer wall
 _OUTLINE = 0.3  # line width [points]; less for small grains
 _CASING = 0.15  # width of the white border of a force chain, in widths of the chain
-_DOTS_PER_INCH = 120
-_HEIGHT = 600  # pixels of a picture of a simulation
-_INCHES = 5.0  # height of a single frame; text scales with the picture
-_BAR: dict[str, Any] = {"fraction": 0.046, "pad": 0.02, "aspect": 30}
+DOTS_PER_INCH = 120
+_SIDE = 600  # pixels of the longer side of the axes in a picture of a simulation
+_INCHES = 5.0  # the same length; text scales with the picture
+_BAR_SHARE, _LEAST_SHARE = 0.2, 0.4  # of that length: for a color bar, and of the shorter side at least
+_BAR: dict[str, Any] = {"fraction": 0.046, "pad": 0.02, "aspect": 30, "panchor": False}
 
 
 class FrameArtists:
@@ -41,9 +42,9 @@ class FrameArtists:
 
     def __init__(self, axes: Axes, setting: Setting) -> None:
         self._axes = axes
-        reach = (1.0 + _MARGIN) * setting.reach
+        view = setting.view
         axes.set_axis_off()
-        axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+        axes.set(xlim=(view.left, view.right), ylim=(view.bottom, view.top), aspect="equal")
         outlines = {name: _outline(wall) for name, wall in setting.walls.items()}
         walls = {name: PathPatch(line, color=WALL_COLOR, linewidth=0.0) for name, line in outlines.items()}
         for wall in walls.values():
@@ -58,17 +59,20 @@ class FrameArtists:
             offsets=np.zeros((len(diameter), 2)),
             offset_transform=axes.transData,
             edgecolors="black",
-            linewidths=np.minimum(_OUTLINE, 3.0 * diameter / reach),
+            linewidths=np.minimum(_OUTLINE, 3.0 * diameter / view.half),
         )
         self._radius = setting.radius
         self._marks = PolyCollection([], linewidths=0.0) if setting.rotates else None
         self._chains = PolyCollection([], facecolors=[CHAIN_COLOR], edgecolors="white")
-        self._points = 72.0 * axes.get_window_extent().height / axes.figure.dpi / (2.0 * reach)
-        self._time = axes.text(0.0, 1.0, "", transform=axes.transAxes, va="top", fontsize="small")
+        window = axes.get_window_extent()
+        pixels = min(window.width / view.width, window.height / view.height)
+        self._points = 72.0 * pixels / axes.figure.dpi
+        side = "top" if setting.has_free_corners else "bottom"
+        self._time = axes.text(0.0, 1.0, "t", transform=axes.transAxes, va=side, fontsize="small")
         for collection in self._collections:
             axes.add_collection(collection, autolim=False)
         if setting.chain_scale is not None:
-            _add_chain_legend(axes, setting.chain_scale, reach)
+            _add_chain_legend(axes, setting.chain_scale, setting)
 
     @property
     def changing(self) -> tuple[Any, ...]:
@@ -108,16 +112,23 @@ def add_color_bar(figure: Figure | SubFigure, axes: Any, scale: ColorScale) -> N
     bar.outline.set_linewidth(0.5)
 
 
-def _add_chain_legend(axes: Axes, scale: ChainScale, reach: float) -> None:
-    """Draw a force chain of full width with its force, in a corner without grains."""
-    left, bottom, length = -0.98 * reach, -0.95 * reach, 0.12 * reach
-    band = Rectangle(
-        (left, bottom - scale.width / 2.0), length, scale.width, color=CHAIN_COLOR, linewidth=0.0
-    )
+def _add_chain_legend(axes: Axes, scale: ChainScale, setting: Setting) -> None:
+    """Draw a force chain of full width with its force, in a corner without grains, or below the frame."""
+    view, length = setting.view, 0.12 * setting.view.half
+    left, middle = view.left + 0.02 * view.half, view.bottom + 0.05 * view.half
+    if not setting.has_free_corners:
+        left, middle = view.left, view.bottom - 0.05 * view.half
+    corner = left, middle - scale.width / 2.0
+    band = Rectangle(corner, length, scale.width, color=CHAIN_COLOR, linewidth=0.0, clip_on=False)
     axes.add_patch(band)
-    axes.text(
-        left + 1.1 * length, bottom, f"{float(f'{scale.force:.2g}'):g} N", va="center", fontsize="small"
-    )
+    force = f"{float(f'{scale.force:.2g}'):g} N"
+    axes.text(left + 1.1 * length, middle, force, va="center", fontsize="small")
+
+
+def shares(view: Box) -> tuple[float, float]:
+    """Return width and height of the axes of a view, in their longer side, with room for legends."""
+    across, along = (max(length / (2.0 * view.half), _LEAST_SHARE) for length in (view.width, view.height))
+    return across, along
 
 
 class Canvas:
@@ -126,14 +137,21 @@ class Canvas:
     Parameters
     ----------
     setting : Setting
-    height : int
-        Height of the picture [pixels].
+    side : int
+        Longer side of the frame [pixels], unless there is a size.
+    size : tuple of int, optional
+        Width and height of the picture [pixels].
     """
 
-    def __init__(self, setting: Setting, height: int) -> None:
-        dpi = height / _INCHES
-        width = 2 * round(height * (1.2 if setting.scale is not None else 1.0) / 2.0)  # even, for films
-        self.figure = Figure(figsize=(width / dpi, _INCHES), dpi=dpi, layout="constrained")
+    def __init__(self, setting: Setting, side: int, size: tuple[int, int] | None = None) -> None:
+        bar = _BAR_SHARE * (setting.scale is not None)
+        if size is None:
+            across, along = shares(setting.view)
+            size = 2 * round(side * (across + bar) / 2.0), 2 * round(side * along / 2.0)  # even, for films
+        else:
+            side = min(round(size[0] / (1.0 + bar)), size[1])
+        dpi = side / _INCHES
+        self.figure = Figure(figsize=(size[0] / dpi, size[1] / dpi), dpi=dpi, layout="constrained")
         self._agg = FigureCanvasAgg(self.figure)
         axes = self.figure.subplots()
         if setting.scale is not None:
@@ -163,7 +181,7 @@ class Canvas:
 
 
 def save_figure(
-    figure: Figure, output: pathlib.Path, writer: str = "", dpi: float = _DOTS_PER_INCH, **options: Any
+    figure: Figure, output: pathlib.Path, writer: str = "", dpi: float = DOTS_PER_INCH, **options: Any
 ) -> None:
     """Write a picture atomically; for `writer`, see `draft_of`."""
     with draft_of(output, writer) as draft:
@@ -171,7 +189,7 @@ def save_figure(
 
 
 class Picture:
-    """A picture, which notebooks show.
+    """A picture, which notebooks show. Unless a frame is given, it shows all grains.
 
     Attributes
     ----------
@@ -182,8 +200,8 @@ class Picture:
     >>> simulation.plot(color_by="pressure", forces=True).save("annulus.png")
     """
 
-    def __init__(self, setting: Setting, shot: Shot) -> None:
-        canvas = Canvas(setting, _HEIGHT)
+    def __init__(self, setting: Setting, shot: Shot, size: tuple[int, int] | None = None) -> None:
+        canvas = Canvas(setting.covering(shot), _SIDE, size)
         canvas.show(shot)
         self.figure = canvas.figure
 
@@ -197,7 +215,7 @@ class Picture:
         """
         require_writable_path("picture", pathlib.Path(path), *STILLS)
         with Lock(pathlib.Path(path)):
-            save_figure(self.figure, pathlib.Path(path))
+            save_figure(self.figure, pathlib.Path(path), dpi=self.figure.dpi)
 
     def _repr_png_(self) -> bytes:
         png = io.BytesIO()
@@ -210,4 +228,5 @@ class Still(DrawnOutput):
 
     def record(self, frame: Frame) -> None:
         """Write the picture of a frame."""
-        save_figure(Picture(self._painter.setting, self._painter.shot(frame)).figure, self._path)
+        figure = Picture(self._painter.setting, self._painter.shot(frame), self._size).figure
+        save_figure(figure, self._path, dpi=figure.dpi)

@@ -16,8 +16,10 @@ from warpgrains.described import documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.bodies import Bodies
+from warpgrains.scene.box import Box
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.document import read_text
+from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked_settings, frozen
 from warpgrains.scene.geometry import distance, left_of, overlapping_pairs, pair_gaps
 from warpgrains.scene.gravity import TurningGravity
@@ -288,6 +290,11 @@ class Scene(SceneFields, Shown):
     def annulus(self) -> Annulus:
         """The annulus that contains the grains."""
         return Annulus(self.radius_in, self.radius_out, self.wall)
+
+    @cached_property
+    def extent(self) -> Box:
+        """The box about the grains at the start and the walls that they can touch [m]: pictures show it."""
+        return extent_of(self)
 
     @property
     def area(self) -> float:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
 from warpgrains.drawing.kinds import DRAWN_AS, FILM, FILMS, KINDS, RECORDING, STILL, Kind
+from warpgrains.drawing.views import frame_of, size_of
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link
 from warpgrains.scene import checks
@@ -51,6 +52,16 @@ def _output(field: str, name: Any) -> str:
 def _region(field: str, text: Any) -> str:
     """Return the text of a region, which is a table."""
     table_of(field, text)
+    return str(text)
+
+
+def _frame(field: str, text: Any) -> str:
+    frame_of(field, text)
+    return str(text)
+
+
+def _size(field: str, text: Any) -> str:
+    size_of(field, text)
     return str(text)
 
 
@@ -104,6 +115,19 @@ class RunOptions:
         "FORM",
         flag="--as",
         default="points",
+        needs="record",
+    )
+    size: str | None = _option(
+        "Width and height of a film or a picture [pixels]; without it, they follow from the frame.",
+        _size,
+        "WIDTHxHEIGHT",
+        needs="record",
+    )
+    frame: str | None = _option(
+        "Rectangle to show [m], also by the camera of a USD file; without it, the grains and the walls that"
+        " they can touch.",
+        _frame,
+        "X0,Y0,X1,Y1",
         needs="record",
     )
     checkpoint: str | None = _option(
@@ -166,6 +190,11 @@ class RunOptions:
         return None if self.record is None else KINDS[Path(self.record).suffix]
 
     @property
+    def pixels(self) -> tuple[int, int] | None:
+        """Width and height of a film or a picture [pixels], if given."""
+        return None if self.size is None else size_of("size", self.size)
+
+    @property
     def rate(self) -> float:
         """Requested frames per second of simulated time [1/s], limited by what the file can store."""
         film = FILMS.get(Path(self.record or "").suffix)
@@ -176,6 +205,8 @@ class RunOptions:
         for name in kind.lacks:
             if getattr(self, name) != getattr(type(self), name):
                 raise InputError(f"{name} has no effect on a {kind.name}, '{self.record}'")
+        if self.pixels is not None and kind is FILM:
+            size_of("size", self.size, is_film=True)
         if self.checkpoint is not None and not kind.continues:
             raise InputError(
                 f"'{self.record}' cannot be continued from a checkpoint: record a .usdc file, then plot it"

@@ -151,14 +151,14 @@ class OpenRun(CountedRun):
             require_drawing(f"'{path}'", options.shows is FILM)
             from warpgrains.pictures.shots import Painter
 
-            painter = Painter(scene, options.color_by, options.forces)
+            painter = Painter(scene, options.color_by, options.forces, frame=options.frame)
             if self.times is None:
                 from warpgrains.pictures.still import Still
 
-                return Still(path, painter)
+                return Still(path, painter, options.pixels)
             from warpgrains.pictures.film import Film
 
-            return Film(path, self.times.rate, painter)
+            return Film(path, self.times.rate, painter, options.pixels)
         from warpgrains.frame_log import is_complete
         from warpgrains.usd.recorder import Recorder
 
@@ -171,6 +171,7 @@ class OpenRun(CountedRun):
             color_by=options.color_by,
             forces=options.forces,
             draw_as=options.draw_as,
+            frame=options.frame,
             resume_at=self.statistics.frames if self._is_resumed else None,
         )
 

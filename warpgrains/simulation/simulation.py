@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Self
 
 from warpgrains.described import documented
 from warpgrains.drawing.kinds import require_drawing
+from warpgrains.drawing.views import size_of
 from warpgrains.errors import InputError, requiring
 from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from warpgrains.view.page import Page
 
 
-_WRITTEN = ("record", "fps", "color_by", "forces", "draw_as", "checkpoint", "every")
+_WRITTEN = ("record", "fps", "color_by", "forces", "draw_as", "size", "frame", "checkpoint", "every")
 
 
 class Simulation(Stepper):
@@ -86,6 +87,8 @@ class Simulation(Stepper):
         color_by: str = RunOptions.color_by,
         forces: bool = RunOptions.forces,
         draw_as: str = RunOptions.draw_as,
+        size: str | None = None,
+        frame: str | None = None,
         checkpoint: str | Path | None = None,
         every: int = RunOptions.every,
         observer: Observer | None = None,
@@ -137,6 +140,8 @@ class Simulation(Stepper):
             color_by=color_by,
             forces=forces,
             draw_as=draw_as,
+            size=size,
+            frame=frame,
             checkpoint=None if checkpoint is None else checks.path("checkpoint", checkpoint),
             every=every,
             until=until if isinstance(until, str) else None,
@@ -173,8 +178,14 @@ class Simulation(Stepper):
 
         return Page(Live(self), port).start()
 
-    @documented([OPTIONS["color_by"], OPTIONS["forces"]])
-    def plot(self, color_by: str = RunOptions.color_by, forces: bool = RunOptions.forces) -> Picture:
+    @documented([OPTIONS[name] for name in ("color_by", "forces", "size", "frame")])
+    def plot(
+        self,
+        color_by: str = RunOptions.color_by,
+        forces: bool = RunOptions.forces,
+        size: str | None = None,
+        frame: str | None = None,
+    ) -> Picture:
         """Return a picture of the present state. Notebooks show it.
 
         Parameters
@@ -184,13 +195,14 @@ class Simulation(Stepper):
         Raises
         ------
         InputError
-            The coloring is unknown, or Matplotlib is not installed.
+            The coloring is unknown, the size or the frame is invalid, or Matplotlib is not installed.
         """
         require_drawing("plot")
         from warpgrains.pictures.still import Picture
 
-        painter = Painter(self.scene, color_by, forces)
-        return Picture(painter.setting, painter.shot_of(self))
+        painter = Painter(self.scene, color_by, forces, frame=frame)
+        pixels = None if size is None else size_of("size", size)
+        return Picture(painter.setting, painter.shot_of(self), pixels)
 
     def save(self, path: str | Path) -> None:
         """Save the exact state and the scene to a checkpoint, an .npz file, atomically.

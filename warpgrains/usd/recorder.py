@@ -14,6 +14,7 @@ from warpgrains.drawing.colors import GrainColors
 from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.kinds import DRAWN_AS, RECORDINGS
 from warpgrains.drawing.shapes import disc, sphere
+from warpgrains.drawing.views import view_of
 from warpgrains.errors import InputError
 from warpgrains.frame_log import LOG_SUFFIX, FrameLog, is_complete, log_of
 from warpgrains.scene import checks
@@ -83,6 +84,7 @@ class Recorder:
         color_by: str = "speed",
         forces: bool = False,
         draw_as: str = "points",
+        frame: str | None = None,
         resume_at: int | None = None,
     ) -> None:
         _require_float32(scene)
@@ -97,7 +99,7 @@ class Recorder:
         if scale is not None:
             self._drawings.append(ForceChains(scene, scale, grains.height * float(scene.radius.max())))
         data = described(scene, times.first_step, draw_as, colors.scale, scale)
-        static = static_layer(scene, times.rate, self._drawings, data)
+        static = static_layer(scene, times.rate, self._drawings, data, view_of(scene, frame))
         self._frames = FrameLog(self.log, static.ExportToString())
         self._is_needed = resume_at is not None
         self._lock = lock_output(self.path)

@@ -13,9 +13,10 @@ import warpgrains
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import linear, mark_color
 from warpgrains.drawing.frames import Frame
-from warpgrains.drawing.shapes import Shape, drawn_walls
+from warpgrains.drawing.shapes import Shape
 from warpgrains.errors import InputError
 from warpgrains.frame_log import Arrays
+from warpgrains.scene.box import Box
 from warpgrains.usd.metadata import RECORDED_BY
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ MATERIAL = Sdf.Path("/World/Looks/DisplayColor")
 CAMERA = Sdf.Path("/World/main_cam")
 """Name by which usdview and usdrecord select the camera."""
 
-_MARGIN = 1.05  # half-width of the picture, in half-widths of the scene
 _FOCAL_LENGTH = 50.0
 _APERTURE = 24.0
 _SKY = 0.4  # fraction of the light from the sky; also the brightness of the background, if shown
@@ -47,11 +47,12 @@ class Drawing(Protocol):
 
 
 def static_layer(
-    scene: Scene, rate: float, drawings: Iterable[Drawing], data: Mapping[str, Any]
+    scene: Scene, rate: float, drawings: Iterable[Drawing], data: Mapping[str, Any], view: Box
 ) -> Sdf.Layer:
     """Return an anonymous layer with the content that is the same in all frames.
 
-    `rate` is in frames per second [1/s]; `data` are its custom data, see `metadata.described`.
+    `rate` is in frames per second [1/s]; `data` are its custom data, see `metadata.described`; the camera
+    shows the view [m].
     """
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
@@ -70,7 +71,7 @@ def static_layer(
     }
     _define_material(stage)
     _define_lights(stage)
-    _define_camera(stage, _MARGIN * max(wall.reach for wall in drawn_walls(scene).values()))
+    _define_camera(stage, view)
     for drawing in drawings:
         drawing.define(stage)
     return layer
@@ -138,15 +139,15 @@ def _define_lights(stage: Usd.Stage) -> None:
     light.CreateNormalizeAttr(True)
 
 
-def _define_camera(stage: Usd.Stage, shown: float) -> None:
+def _define_camera(stage: Usd.Stage, view: Box) -> None:
     """Define a perspective camera on the z axis, because Blender misreads orthographic apertures.
 
     The aperture is square, but higher than wide in the last bits. Therefore Blender fits it to the height of
-    pictures, and square and wide pictures show the whole scene.
+    pictures, and square and wide pictures show the whole view.
     """
-    distance = shown * 2.0 * _FOCAL_LENGTH / _APERTURE
+    distance = view.half * 2.0 * _FOCAL_LENGTH / _APERTURE
     camera = UsdGeom.Camera.Define(stage, CAMERA)
-    camera.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, distance))
+    camera.AddTranslateOp().Set(Gf.Vec3d(*view.center, distance))
     camera.CreateProjectionAttr(UsdGeom.Tokens.perspective)
     camera.CreateFocalLengthAttr(_FOCAL_LENGTH)
     camera.CreateHorizontalApertureAttr(_APERTURE)

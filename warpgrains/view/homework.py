@@ -9,6 +9,7 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.shapes import drawn_walls
+from warpgrains.drawing.views import view_of
 from warpgrains.grade.probes import start_of
 from warpgrains.grade.sandbox import Answer, Child, EndedError
 from warpgrains.pictures.shots import Setting, Shot
@@ -41,7 +42,7 @@ class Homework:
 
     def __init__(self, scene: Scene, start: Callable[[], tuple[Child, Child]], name: str) -> None:
         self._scene, self._start, self.name = scene, start, name
-        self.setting = Setting(scene.radius, drawn_walls(scene), None, None)
+        self.setting = Setting(scene.radius, drawn_walls(scene), view_of(scene), None, None)
         self._children: tuple[Child, ...] = ()
         self.restart()
 

@@ -13,7 +13,7 @@ from warpgrains.scene.band import Band
 _SEGMENTS = 48  # of a circle
 _FIELD_OF_VIEW = 0.5  # radians
 _CHAINS, _MARKS = "/chains", "/marks"
-_MARK_HEIGHT, _CHAIN_HEIGHT = 0.005, 0.01  # above the grains, in the radius of the outermost wall
+_MARK_HEIGHT, _CHAIN_HEIGHT = 0.005, 0.01  # above the grains, in half of the longer side of the view
 
 
 class Stage:
@@ -22,8 +22,9 @@ class Stage:
     def __init__(self, server: viser.ViserServer, setting: Setting) -> None:
         self._scene = server.scene
         self._scene.set_up_direction("+y")
-        server.initial_camera.position = (0.0, 0.0, 1.1 * setting.reach / np.tan(_FIELD_OF_VIEW / 2.0))
-        server.initial_camera.look_at = (0.0, 0.0, 0.0)
+        center, half = setting.view.center, setting.view.half
+        server.initial_camera.position = (*center, 1.1 * half / np.tan(_FIELD_OF_VIEW / 2.0))
+        server.initial_camera.look_at = (*center, 0.0)
         server.initial_camera.up = (0.0, 1.0, 0.0)
         server.initial_camera.fov = _FIELD_OF_VIEW
         self._scene.configure_default_lights(False)
@@ -31,7 +32,7 @@ class Stage:
         self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors unchanged
         for name, wall in setting.walls.items():
             self._add_wall(name, wall)
-        self._radius, self._reach = setting.radius, setting.reach
+        self._radius, self._reach = setting.radius, half
         angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
         self._grains = self._add_instances("/grains", np.stack([np.cos(angle), np.sin(angle)], axis=1))
         self._marks: viser.BatchedMeshHandle | None = None

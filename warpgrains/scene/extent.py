@@ -1,0 +1,92 @@
+"""The part of a scene that grains can touch, which pictures show."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.scene.band import ring
+from warpgrains.scene.box import Box
+from warpgrains.scene.walls import INNER, OUTER
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+
+_CELLS = 16384  # of the grid on which the space of the grains is explored
+_TIMES = 17  # at which a wall that moves is placed
+
+
+def box_of_discs(position: FloatArray, radius: FloatArray) -> Box:
+    """Return the smallest box that contains discs with centers [m], shape (n, 2), and radii [m]."""
+    return Box.around(np.concatenate([position - radius[:, np.newaxis], position + radius[:, np.newaxis]]))
+
+
+def extent_of(scene: Scene) -> Box:
+    """Return the smallest box that contains the grains at the start, and the walls that they can touch.
+
+    A grain cannot touch a wall that others keep it from, and, if no wall moves and gravity is constant, one
+    that is higher than its speed carries it.
+    """
+    borders = enumerate(scene.annulus.borders)
+    lines = {number: ring(border, 0.0).first for number, border in borders if border.radius > 0.0}
+    for number, wall in enumerate(scene.walls, INNER + 1):
+        times = np.linspace(0.0, scene.duration, _TIMES) if wall.moves else np.zeros(1)
+        lines[number] = np.concatenate([wall.drawn_at(time, 0.0).first for time in times])
+    box = box_of_discs(scene.position, scene.radius)
+    touched = _touched(scene, box, lines) if scene.walls else lines
+    for number in touched:
+        box = box.covering(Box.around(np.clip(lines[number], -scene.radius_out, scene.radius_out)))
+    return box
+
+
+def _touched(scene: Scene, box: Box, lines: dict[int, FloatArray]) -> list[int]:
+    """Return the numbers of the walls that grains can touch, from cells that their centers can reach."""
+    for number, line in lines.items():
+        box = box if number == OUTER else box.covering(Box.around(line))
+    largest, step = float(scene.radius.max()), np.sqrt(box.width * box.height / _CELLS)
+    left, bottom, right, top = box.grown(largest + 2.0 * step)
+    x, y = np.arange(left, right, step), np.arange(bottom, top, step)
+    cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    mobile = [number for number in lines if number > INNER and scene.walls[number - INNER - 1].is_mobile]
+    with np.errstate(invalid="ignore", divide="ignore"):  # of normals, at the centers of circles
+        point = np.zeros(len(cells))
+        gaps = {k: scene.side(k, cells, point).gap for k in lines if k not in mobile}
+    # a step from one cell to the next crosses no wall that is further than half of it from both
+    is_free = np.min([*gaps.values()], axis=0) >= max(scene.smallest_radius - step, 0.71 * step)
+    if (up := _direction_up(scene, bool(mobile))) is not None:
+        rise = (scene.velocity**2).sum(axis=1) / (2.0 * np.hypot(*scene.gravity_at(0.0)))
+        is_free &= cells @ up <= (scene.position @ up + rise).max() + step
+    shape = len(y), len(x)
+    column, row = np.rint((scene.position - (left, bottom)) / step).astype(int).T
+    reached = _flooded(is_free.reshape(shape), row, column)
+    if not reached.any():
+        return list(lines)
+    leaves = reached[[0, -1]].any() or reached[:, [0, -1]].any()
+    near = {k: bool((gap[reached.ravel()] <= largest + 1.5 * step).any()) for k, gap in gaps.items()}
+    return [k for k in lines if k in mobile or near[k] or (k == OUTER and leaves)]
+
+
+def _direction_up(scene: Scene, is_lifted: bool) -> FloatArray | None:
+    """Return the unit vector against gravity; None if grains can be lifted any height."""
+    gravity = np.array(scene.gravity_at(0.0))
+    is_lifted = is_lifted or scene.gravity_rate != 0.0 or not gravity.any() or scene.pressure is not None
+    is_lifted = is_lifted or any(scene.surface_speed(number) for number in (OUTER, INNER))
+    return None if is_lifted else -gravity / np.hypot(*gravity)
+
+
+def _flooded(is_free: BoolArray, row: FloatArray, column: FloatArray) -> BoolArray:
+    """Return the free cells that are connected with the given ones."""
+    reached = np.zeros_like(is_free)
+    reached[row, column] = is_free[row, column]
+    while True:
+        grown = reached.copy()
+        grown[1:] |= reached[:-1]
+        grown[:-1] |= reached[1:]
+        grown[:, 1:] |= reached[:, :-1]
+        grown[:, :-1] |= reached[:, 1:]
+        grown &= is_free
+        if (grown == reached).all():
+            return reached
+        reached = grown
