@@ -17,7 +17,6 @@ from warpgrains.drawing.views import frame_of, size_of
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link
 from warpgrains.scene import checks
-from warpgrains.scene.region import table_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -51,6 +50,8 @@ def _output(field: str, name: Any) -> str:
 
 def _region(field: str, text: Any) -> str:
     """Return the text of a region, which is a table."""
+    from warpgrains.scene.region import table_of  # NumPy, which --help does not need
+
     table_of(field, text)
     return str(text)
 
