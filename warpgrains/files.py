@@ -55,11 +55,16 @@ def make_folder(folder: Path) -> None:
 def require_writable_path(kind: str, path: Path, *suffixes: str) -> None:
     """Raise InputError unless a file can be created at `path`, with one of the suffixes if any are given."""
     path = resolve_link(path)
-    if suffixes and path.suffix not in suffixes:
+    if suffixes and suffix_of(path) not in suffixes:
         raise InputError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
     if path.is_dir():
         raise InputError(f"{kind} '{path}' is a folder")
     require_writable_folder(path.parent)
+
+
+def suffix_of(path: str | os.PathLike[str]) -> str:
+    """Return the suffix of a file's name in lower case, such as ".csv"."""
+    return Path(path).suffix.lower()
 
 
 def resolve_link(path: Path) -> Path:

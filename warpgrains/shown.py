@@ -3,6 +3,11 @@
 from html import escape
 
 
+def number_of(number: int, noun: str) -> str:
+    """Return a number of things, such as "1 frame" or "2 frames"."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 class Shown:
     """Base class of objects that are shown by a few named values."""
 

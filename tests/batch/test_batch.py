@@ -128,7 +128,10 @@ def test_gravity_chosen_by_the_states(monkeypatch: pytest.MonkeyPatch, memory: f
     for k in range(40):
         center = batch.position().mean(axis=1)
         gravity = None if k > 30 else np.stack([-9.81 * center[:, 1], 9.81 * center[:, 0]], axis=1)
-        batch.run(1, gravity=gravity) if k % 2 else batch.step(gravity)
+        if k > 20 and gravity is not None:
+            gravity[:] = gravity[0]  # one for all, as a vector
+        given = gravity[0] if gravity is not None and k > 20 else gravity
+        batch.run(1, gravity=given) if k % 2 else batch.step(given)
         for number, (scene, one) in enumerate(zip(scenes, alone, strict=True)):
             one.change(gravity=scene.gravity if gravity is None else tuple(gravity[number]))
             one.step()

@@ -37,6 +37,27 @@ def test_shown_in_a_line_with_units():
     assert repr(wg.Batch([start, start])) == "Batch(2 scenes of annulus, grains 30 in all)"
 
 
+def test_one_is_no_plural():
+    one = wg.Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0)
+    assert repr(one).startswith("Scene(scene of 1 grain, ")
+    assert repr(wg.Batch([one])) == "Batch(1 scene of scene, grains 1 in all)"
+
+
+def test_results_of_a_batch_are_shown_in_lines():
+    """Ten at most, those of the first and of the last scenes."""
+    batch = wg.Batch([wg.Scene.load("annulus").replace(drag=0.01 * k) for k in range(12)])
+    results = batch.run(steps=1)
+    lines = repr(results).split("\n")
+    assert lines == [
+        f"[{results[0]!r},",
+        *(f" {results[k]!r}," for k in range(1, 5)),
+        " ... 2 more ...,",
+        *(f" {results[k]!r}," for k in range(7, 11)),
+        f" {results[11]!r}]",
+    ]
+    assert repr(wg.Batch(["annulus"] * 2).run(steps=1)).count("\n") == 1
+
+
 def test_former_names_remain():
     assert wg.SceneError is wg.InputError
     start = wg.Scene.load("annulus")

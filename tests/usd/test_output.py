@@ -39,7 +39,7 @@ def test_stage_of_someone_else_is_not_replaced(tmp_path):
         recover(log_of(tmp_path / "run.usdc"))
 
 
-@pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
+@pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz", ".USDC", ".Usdz"])
 def test_recording_is_replaced(tmp_path, suffix):
     path = record(tmp_path / f"run{suffix}", make_frames(2))
     before = path.read_bytes()

@@ -21,6 +21,7 @@ from warpgrains.pictures.still import DOTS_PER_INCH, FrameArtists, add_color_bar
 from warpgrains.scene import checks
 from warpgrains.scene.energy import kinetic_energy
 from warpgrains.scene.gravity import upwards
+from warpgrains.shown import number_of
 from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
 
 _FRAMES_IN_A_ROW = 5
@@ -91,7 +92,8 @@ def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
         number = checks.whole_number("frame", frame, least=-checks.LARGEST_WHOLE_NUMBER)
         if not -count <= number < count:
             raise InputError(
-                f"frame {frame} does not exist: the recording has {count} frames, 0 to {count - 1}"
+                f"frame {frame} does not exist: the recording has {number_of(count, 'frame')}, 0 to"
+                f" {count - 1}"
             )
     return [frame % count for frame in frames]
 

@@ -17,7 +17,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.compatibility import require_valid_positions
 from warpgrains.scene.scene import Scene
-from warpgrains.shown import Shown
+from warpgrains.shown import Shown, number_of
 from warpgrains.tables import dataset, library
 from warpgrains.usd.reader import RecordingReader
 
@@ -66,7 +66,7 @@ class Recording(Shown):
     def summary(self) -> dict[str, str]:
         """Return the fields of the one-line summary by name."""
         return {
-            self.path.name: f"of {len(self.radius)} grains",
+            self.path.name: f"of {number_of(len(self.radius), 'grain')}",
             "frames": f"{len(self)}",
             "time": f"{self.time[-1]:g} s",
             "forces": "recorded" if self.has_forces else "not recorded",
@@ -147,7 +147,7 @@ class Recording(Shown):
         """
         checks.whole_number("frame", k, least=-checks.LARGEST_WHOLE_NUMBER)
         if not -len(self) <= k < len(self):
-            raise InputError(f"frame {k} does not exist: '{self.path}' has {len(self)} frames")
+            raise InputError(f"frame {k} does not exist: '{self.path}' has {number_of(len(self), 'frame')}")
         if contacts and not self.has_forces:
             raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
         k %= len(self)

@@ -77,6 +77,9 @@ class Series:
         mean: bool = False,
     ) -> None:
         wanted = measure.split(",") if isinstance(measure, str) else measure
+        if not isinstance(wanted, Iterable):
+            given = checks.shown(measure)
+            raise InputError(f"measure is {given}: it must be names of quantities, such as 'kinetic_energy'")
         self.names = names_of(name.strip() for name in wanted)
         self._interval = checks.whole_number("every", every)
         self.region, self._is_mean = region, checks.boolean("mean", mean)

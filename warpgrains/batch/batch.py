@@ -15,7 +15,7 @@ from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
-from warpgrains.shown import Shown
+from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.options import steps_of
 from warpgrains.simulation.until import CountedRun, Question, criterion
 from warpgrains.solver.advance import OnProgress
@@ -26,10 +26,14 @@ from warpgrains.turns import ExclusiveUse
 from warpgrains.warp_start import find_device
 
 T = TypeVar("T")
+SHOWN = 10  # results
 
 
 class Results(Sequence[T]):
-    """Results of the scenes of a batch, each made when it is read: a list that cannot be changed."""
+    """Results of the scenes of a batch, each made when it is read: a list that cannot be changed.
+
+    It is shown with one line for each result, but for those in the middle of more than ten.
+    """
 
     def __init__(self, count: int, make: Callable[[int], T]):
         self._numbers, self._make = range(count), make
@@ -49,7 +53,10 @@ class Results(Sequence[T]):
         return isinstance(other, Sequence) and list(self) == list(other)
 
     def __repr__(self) -> str:
-        return repr(list(self))
+        lines = list(map(repr, self if len(self) <= SHOWN else [*self[: SHOWN // 2], *self[-(SHOWN // 2) :]]))
+        if len(self) > SHOWN:
+            lines.insert(SHOWN // 2, f"... {len(self) - SHOWN} more ...")
+        return "[" + ",\n ".join(lines) + "]"
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,7 +156,7 @@ class Batch(Shown):
         names = sorted({scene.name for scene in self.scenes})
         grains = sum(scene.n for scene in self.scenes)
         shown = ", ".join([*names[:3], "..."] if len(names) > 3 else names)
-        return {f"{len(self)} scenes": f"of {shown}", "grains": f"{grains} in all"}
+        return {number_of(len(self), "scene"): f"of {shown}", "grains": f"{grains} in all"}
 
     def __len__(self) -> int:
         return len(self.scenes)
@@ -201,8 +208,8 @@ class Batch(Shown):
             receives a scene of the batch, with the attributes `scene`, `steps`, `time`, `position`,
             `velocity` and the method `state` of a `Simulation`.
         gravity : array_like, optional
-            Acceleration of gravity of every scene in these steps [m/s2], shape (scenes, 2); by default that
-            of the scenes.
+            Acceleration of gravity of every scene in these steps [m/s2], shape (scenes, 2), or one for all,
+            shape (2,); by default that of the scenes.
 
         Returns
         -------
@@ -257,7 +264,8 @@ class Batch(Shown):
         return sets
 
     def _checked_gravity(self, gravity: ArrayLike) -> FloatArray:
-        given = checks.vectors("gravity", gravity, "scene")
+        one = np.ndim(gravity) == 1
+        given = checks.vectors("gravity", [gravity] * len(self) if one else gravity, "scene")
         if len(given) != len(self):
             raise InputError(f"gravity has {len(given)} rows: it must have {len(self)}, one for each scene")
         if self._turning:

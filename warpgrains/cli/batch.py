@@ -12,6 +12,7 @@ from warpgrains.console import in_columns, progress_bar, stdout_to_stderr
 from warpgrains.errors import InputError, OutputError, requiring
 from warpgrains.scene import checks
 from warpgrains.scene.region import table_of
+from warpgrains.shown import number_of
 from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import name_and_bounds
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, RunSettings
@@ -74,8 +75,8 @@ def run(arguments: Namespace) -> bool:
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
         "failed": f"{len(failed)}{_first(failed)}",
         "not finished": f"{len(missing)}{' (continue with --resume)' if missing else ''}{_first(missing)}",
-        "not converged": f"{len(own & outcomes.unconverged)} runs, in one step or more",
-        **({} if outcomes.unmet is None else {"not at rest": f"{len(own & outcomes.unmet)} runs"}),
+        "not converged": f"{number_of(len(own & outcomes.unconverged), 'run')}, in one step or more",
+        **({} if outcomes.unmet is None else {"not at rest": number_of(len(own & outcomes.unmet), "run")}),
         "time": f"{seconds:.2f} s, {len(done) / seconds:.2f} runs/s",
         **({"results": str(results)} if outcomes.finished else {}),
         **(

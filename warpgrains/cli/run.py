@@ -24,6 +24,7 @@ from warpgrains.frame_log import log_of
 from warpgrains.kernels.access import CHECKED
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
+from warpgrains.shown import number_of
 from warpgrains.simulation.checkpoint import lock_checkpoint, read_checkpoint
 from warpgrains.simulation.options import FLAGS, RunOptions, require_needed, steps_of
 from warpgrains.simulation.run import OpenRun, carry_out
@@ -206,10 +207,10 @@ def summary_lines(results: dict[str, Any]) -> str:
     start = results["overlaps_at_start"]
     largest = f", up to {start['largest']:.2e} m" if start["largest"] else ""
     rows = {
-        "scene": f"{results['scene']}, {results['grains']} grains",
+        "scene": f"{results['scene']}, {number_of(results['grains'], 'grain')}",
         "steps": f"{results['steps']}{_ended(results)}",
         "iterations": f"mean {results['iterations_mean']:.1f}, max {results['iterations_max']}",
-        "not converged": f"{results['unconverged']} steps{_without_solution(results)}",
+        "not converged": f"{number_of(results['unconverged'], 'step')}{_without_solution(results)}",
         "worst residual": f"{results['residual']:.2e} m/s ({results['gap_error']:.2e} smallest radii a step)",
         "worst overlap": f"{results['overlap']:.2e} m ({results['overlap_in_radii']:.2e} smallest radii)",
         "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall{largest}",
@@ -230,7 +231,7 @@ def _output(results: dict[str, Any]) -> str:
     if "frames" not in results:
         return str(results["output"])
     frames = results["frames"]
-    return f"{results['output']}, {frames} frame{'s' * (frames != 1)}, {results['fps']:.6g} a second"
+    return f"{results['output']}, {number_of(frames, 'frame')}, {results['fps']:.6g} a second"
 
 
 def _without_solution(results: dict[str, Any]) -> str:

@@ -17,6 +17,7 @@ from warpgrains.errors import InputError
 from warpgrains.files import require_writable_path, table_text, write_atomically
 from warpgrains.locks import lock_own
 from warpgrains.scene.scene import Scene
+from warpgrains.shown import number_of
 from warpgrains.solver.statistics import StepReport
 from warpgrains.warp_start import start_warp
 
@@ -62,7 +63,7 @@ def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[s
     simulation.compile()
     rows: list[dict[str, Any]] = []
     with _keys_at_once():
-        print(f"{scene.name}, {scene.n} grains, {steps} steps   {_KEYS}")
+        print(f"{scene.name}, {number_of(scene.n, 'grain')}, {number_of(steps, 'step')}   {_KEYS}")
         print(_line(_COLUMNS), flush=True)
         for _ in _pressed(steps, 0.0 if arguments.full_speed else scene.dt):
             report = simulation.step(history=arguments.history is not None)

@@ -11,9 +11,10 @@ from warpgrains.cli.sandboxed import run_sandboxed
 from warpgrains.console import in_columns, stdout_to_stderr
 from warpgrains.drawing.kinds import FILMS, require_drawing
 from warpgrains.errors import InputError, requiring
-from warpgrains.files import require_writable_path
+from warpgrains.files import require_writable_path, suffix_of
 from warpgrains.scene.document import shipped_scenes
 from warpgrains.scene.scene import Scene
+from warpgrains.shown import number_of
 from warpgrains.warp_start import start_warp
 
 if TYPE_CHECKING:
@@ -34,28 +35,28 @@ def recover(arguments: Namespace) -> bool:
     from warpgrains.usd.recorder import recover
 
     path, frames = recover(arguments.log)
-    print(f"{path}: {frames} frames")
+    print(f"{path}: {number_of(frames, 'frame')}")
     return False
 
 
 def plot(arguments: Namespace) -> bool:
     """Draw a recording or a history."""
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
-    is_film = Path(output).suffix in FILMS
+    is_film = suffix_of(output) in FILMS
     require_drawing("plot", is_film)
-    if Path(arguments.file).suffix == ".csv":
+    if suffix_of(arguments.file) == ".csv":
         if arguments.frames is not None or not arguments.curves or arguments.size or arguments.frame:
             raise InputError("--frames, --no-curves, --size and --frame have no effect on a history")
         from warpgrains.analysis.plots import plot_history
 
-        print(f"{output}: {len(plot_history(arguments.file, output))} steps")
+        print(f"{output}: {number_of(len(plot_history(arguments.file, output)), 'step')}")
         return False
     shown = {"output": output, "size": arguments.size, "frame": arguments.frame}
     if is_film:
         if arguments.frames is not None or not arguments.curves:
             raise InputError("--frames and --no-curves have no effect on a film")
         numbers = run_sandboxed("pictures.film.draw_film", arguments.file, None, **shown)
-        print(f"{output}: {len(numbers)} frames")
+        print(f"{output}: {number_of(len(numbers), 'frame')}")
         return False
     given = {"frames": arguments.frames, "curves": arguments.curves, **shown}
     numbers = run_sandboxed("analysis.plots.plot", arguments.file, len(arguments.frames or ()), **given)
@@ -67,7 +68,7 @@ def export(arguments: Namespace) -> bool:
     """Export a recording for ParaView."""
     output = arguments.output or str(Path(arguments.file).with_suffix(".pvd"))
     frames = run_sandboxed("analysis.vtk.export", arguments.file, output=output)
-    print(f"{output}: {frames} frames")
+    print(f"{output}: {number_of(frames, 'frame')}")
     return False
 
 

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 
 from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError, requiring
+from warpgrains.files import suffix_of
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.sandbox import Processes
 from warpgrains.reference.reference import MOST_GRAINS
@@ -27,7 +28,7 @@ def view(arguments: Namespace) -> bool:
     from warpgrains.view.page import KEYS, Page
 
     port = checks.whole_number("--port", arguments.port, most=65535)
-    is_recorded = Path(arguments.what).suffix in RECORDINGS
+    is_recorded = suffix_of(arguments.what) in RECORDINGS
     if is_recorded and arguments.homework is not None:
         raise InputError("--homework needs a scene, not a recording")
     player: Player

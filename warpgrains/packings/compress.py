@@ -14,7 +14,7 @@ from warpgrains.analysis.snapshot import Snapshot, snapshot
 from warpgrains.errors import InputError
 from warpgrains.scene.scene import SceneLike, as_scene
 from warpgrains.scene.walls import OUTER
-from warpgrains.shown import Shown
+from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.statistics import Summary
 
@@ -73,14 +73,14 @@ class Packing(Shown):
         given = self.simulation.scene.pressure
         bulk = f", {self.bulk_fraction:.4f} away from walls" if np.isfinite(self.bulk_fraction) else ""
         return {
-            "scene": f"{self.simulation.scene.name}, {self.simulation.scene.n} grains",
+            "scene": f"{self.simulation.scene.name}, {number_of(self.simulation.scene.n, 'grain')}",
             "steps": f"{self.run.steps}, {'at' if self.at_rest else 'not at'} rest",
             "outer radius": f"{self.radius:.6g} m",
             "packing fraction": f"{self.fraction:.4f}{bulk}",
             "contacts": f"{self.contacts:.3f} a grain, without {self.rattlers} rattlers",
             "pressure": f"{self.pressure:.6g} N/m of contacts, {given:g} N/m given",
             "forces": f"mean {self.mean_force:.3e} N, largest {self.largest_force:.3e} N",
-            "not converged": f"{self.run.unconverged} steps",
+            "not converged": number_of(self.run.unconverged, "step"),
             "worst overlap": f"{self.run.overlap:.2e} m",
         }
 
@@ -111,8 +111,8 @@ def compress(
     Raises
     ------
     InputError
-        There is no pressure, it is not positive, the scene has segments or arcs, or another argument is
-        invalid. The method "exact" is refused.
+        There is no pressure, it is not positive, nothing holds it, the scene has segments or arcs, or another
+        argument is invalid. The method "exact" is refused.
 
     Examples
     --------
@@ -130,6 +130,8 @@ def compress(
     scene = scene.replace(pressure=pressure, gravity=(0.0, 0.0), wall="tangent")
     if scene.pressure is None or scene.pressure <= 0.0:
         raise InputError(f"pressure is {scene.pressure} N/m: it must be positive to compress grains")
+    if scene.n == 1 and scene.radius_in == 0.0 and not scene.walls:
+        raise InputError("compress: the scene has one grain, which cannot hold a circle around it")
     simulation, tests = Simulation(scene), deque([False], maxlen=HELD)
 
     def has_rested(now: Simulation) -> bool:

@@ -12,14 +12,14 @@ from warpgrains.analysis.energy import contact_forces
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.console import progress_bar
 from warpgrains.errors import InputError, SimulationError
-from warpgrains.files import require_writable_path, table_text, write_atomically
+from warpgrains.files import require_writable_path, suffix_of, table_text, write_atomically
 from warpgrains.packings.compress import carrying_contacts
 from warpgrains.packings.settling import TESTED, Settling
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State
-from warpgrains.shown import Shown
+from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.simulation.stepper import continued
 from warpgrains.solver.service import exact_solver
@@ -69,7 +69,7 @@ class Rest(Shown):
         """Return the lines that describe the packing, by name."""
         scene = self.simulation.scene
         return {
-            "scene": f"{scene.name}, {scene.n} grains",
+            "scene": f"{scene.name}, {number_of(scene.n, 'grain')}",
             "steps": f"{self.steps}, at rest",
             "iterations": f"{self.iterations}",
             "kinetic energy": f"{self.energy:.1e} m g d a grain",
@@ -94,7 +94,7 @@ class Rest(Shown):
         """
         path = Path(checks.path("path", path))
         require_writable_path("packing", path, ".npz", ".csv")
-        if path.suffix == ".npz":
+        if suffix_of(path) == ".npz":
             self.simulation.save(path)
             return
         scene = self.simulation.scene

@@ -21,7 +21,7 @@ from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.kinds import FILMS, SLOWEST, FilmFormat
 from warpgrains.drawing.views import size_of
 from warpgrains.errors import InputError
-from warpgrains.files import draft_folder, draft_of, draft_path, require_writable_path
+from warpgrains.files import draft_folder, draft_of, draft_path, require_writable_path, suffix_of
 from warpgrains.locks import Lock
 from warpgrains.pictures.shots import DrawnOutput, Painter, Setting, Shot, setting_of, shot_of
 from warpgrains.pictures.still import Canvas
@@ -51,7 +51,7 @@ class Encoding:
         self._complaints = TemporaryFile()  # noqa: SIM115  # open until the process ends
         program = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error"]
         self._process = subprocess.Popen(
-            [*program, *arguments, "-f", _FORMATS[output.suffix].container, f"file:{output}"],
+            [*program, *arguments, "-f", _FORMATS[suffix_of(output)].container, f"file:{output}"],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=self._complaints,
@@ -105,7 +105,7 @@ class Encoding:
 
 def encoding_of_frames(output: Path, shape: tuple[int, ...], rate: float) -> Encoding:
     """Return an encoding of frames of shape (height, width, 3); `rate` is in frames per second [1/s]."""
-    codec, colors, *options = _FORMATS[output.suffix].encoding
+    codec, colors, *options = _FORMATS[suffix_of(output)].encoding
     height, width = shape[:2]
     frames = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"]
     # codecs require even widths and heights
@@ -137,9 +137,9 @@ class FilmWriter:
         self, path: Path, setting: Setting, rate: float, size: tuple[int, int] | None = None
     ) -> None:
         self._path, self._rate = path, rate
-        self._canvas = Canvas(setting, FILMS[path.suffix].side, size)
+        self._canvas = Canvas(setting, FILMS[suffix_of(path)].side, size)
         self._held = ExitStack()
-        has_palette = not FILMS[path.suffix].encoding
+        has_palette = not FILMS[suffix_of(path)].encoding
         self._encoded = draft_path(path) / "film.mkv" if has_palette else path
         self._encoder: Encoding | None = None
 
@@ -192,7 +192,7 @@ def draw_film(
     pixels = None if size is None else size_of("size", size, is_film=True)
     reader = RecordingReader(recording)
     require_rate(reader.times.rate)
-    frames = range(0, len(reader), max(1, ceil(reader.times.rate / FILMS[output.suffix].fastest)))
+    frames = range(0, len(reader), max(1, ceil(reader.times.rate / FILMS[suffix_of(output)].fastest)))
     with (
         Lock(output),
         draft_of(output) as draft,

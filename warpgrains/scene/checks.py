@@ -21,6 +21,14 @@ if TYPE_CHECKING:
 
 LARGEST_WHOLE_NUMBER = 2**31 - 1  # the kernels count in 32 bits
 LONGEST_SHOWN = 100  # characters of a value in a message
+ABSENT = {
+    "restitution": "grains do not bounce",
+    "rolling_friction": "discs roll without resistance; spin_drag slows rotation",
+    "rolling_resistance": "discs roll without resistance; spin_drag slows rotation",
+    "stiffness": "grains are rigid",
+    "damping": "grains are rigid; drag slows their motion",
+}
+"""Names of other programs, and why the model lacks them."""
 MOST_THREADS = 1024  # more than any machine has cores; each thread costs a stack and a start
 
 
@@ -84,8 +92,8 @@ def text(field: str, value: Any) -> str:
 
 def unicode_text(field: str, value: Any) -> str:
     """Return `value` if it is a str that any file can hold."""
-    text(field, value)
-    if any(letter == "\0" or "\ud800" <= letter <= "\udfff" for letter in value):
+    encoded = text(field, value).encode(errors="replace")
+    if b"\0" in encoded or encoded.decode() != value:
         raise InputError(f"{field} is {shown(value)}: it must be Unicode text without NUL")
     return value
 
@@ -130,6 +138,8 @@ def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
 
 def unknown(what: str, name: Any, known: Iterable[str]) -> InputError:
     """Return the error for an unknown name, with the most similar known name if there is one."""
+    if isinstance(name, str) and name in ABSENT:
+        return InputError(f"unknown {what} {name!r}: there is none, because {ABSENT[name]}")
     known = sorted(known)
     nearest = get_close_matches(str(name), known, n=1)
     hint = f"did you mean {nearest[0]!r}? Known" if nearest else "known"
@@ -165,7 +175,7 @@ def require_finite(field: str, array: FloatArray, of: str = "grain") -> None:
         raise InputError(f"{first_bad(field, array, bad, of)}: it must be finite")
 
 
-def per_grain(field: str, value: Any, n: int) -> FloatArray:
+def per_grain(field: str, value: Any, n: int, of: str = "grain") -> FloatArray:
     """Return a read-only array of finite numbers, shape (n,), from n numbers or from one for all grains."""
     import numpy as np
 
@@ -174,20 +184,20 @@ def per_grain(field: str, value: Any, n: int) -> FloatArray:
         array = np.full(n, number(field, array[()]))
     if array.shape != (n,):
         raise InputError(
-            f"{field} has shape {array.shape}: there are {n} grains, it must be one number or ({n},)"
+            f"{field} has shape {array.shape}: there are {n} {of}s, it must be one number or ({n},)"
         )
-    require_finite(field, array)
+    require_finite(field, array, of)
     return frozen(array)
 
 
-def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
+def positive_per_grain(field: str, value: Any, n: int, of: str = "grain") -> FloatArray:
     """Return a read-only array of positive numbers, shape (n,), from n numbers or from one for all grains."""
     array = _floats(field, value)
     if array.ndim == 0:
         positive(field, array[()])
-    array = per_grain(field, array, n)
+    array = per_grain(field, array, n, of)
     if (array <= 0.0).any():
-        raise InputError(f"{first_bad(field, array, array <= 0.0)}: it must be greater than 0")
+        raise InputError(f"{first_bad(field, array, array <= 0.0, of)}: it must be greater than 0")
     return array
 
 

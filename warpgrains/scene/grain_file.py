@@ -15,7 +15,7 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
-from warpgrains.files import open_regular
+from warpgrains.files import open_regular, suffix_of
 from warpgrains.scene import checks
 
 FIELDS = ("position", "velocity", "radius", "mass", "spin")
@@ -66,10 +66,10 @@ def _read(folder: Path, name: Any) -> dict[str, FloatArray]:
         raise InputError(f"grains.file is {name!r}: it must be the name of a file")
     path = folder / name
     readers = {".npz": _read_npz, ".csv": _read_csv}
-    if path.suffix not in readers:
+    if suffix_of(path) not in readers:
         raise InputError(f"grains.file is {name!r}: it must end in .npz or .csv")
     try:
-        grains = readers[path.suffix](path)
+        grains = readers[suffix_of(path)](path)
     except InputError as error:
         raise InputError(f"grains.file {name!r}: {error}") from None
     except Exception as error:  # readers of untrusted files raise exceptions of any type

@@ -120,7 +120,7 @@ def _values(given: dict[str, Any], generator: np.random.Generator) -> tuple[Draw
     values = given.get("values")
     if not isinstance(values, list | tuple) or len(values) == 0:
         raise InputError(f"grains.radius.values is {values!r}: it must be a list of radii")
-    radii = checks.positive_per_grain("grains.radius.values", values, len(values))
+    radii = checks.positive_per_grain("grains.radius.values", values, len(values), "value")
     fractions = given.get("fractions", [1.0] * len(radii))
-    share = checks.positive_per_grain("grains.radius.fractions", fractions, len(radii))
+    share = checks.positive_per_grain("grains.radius.fractions", fractions, len(radii), "value")
     return lambda count: generator.choice(radii, count, p=share / share.sum()), float(radii.max())

@@ -15,7 +15,7 @@ from warpgrains.described import described, described_fields
 from warpgrains.drawing.kinds import DRAWN_AS, FILM, FILMS, KINDS, RECORDING, STILL, Kind
 from warpgrains.drawing.views import frame_of, size_of
 from warpgrains.errors import InputError
-from warpgrains.files import resolve_link
+from warpgrains.files import resolve_link, suffix_of
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def _file(field: str, name: Any) -> str:
 def _output(field: str, name: Any) -> str:
     """Return the name of an output, whose suffix is one of `KINDS`."""
     name = _file(field, name)
-    if Path(name).suffix not in KINDS:
+    if suffix_of(name) not in KINDS:
         raise InputError(f"output '{name}' must end in {', '.join(KINDS)}")
     return name
 
@@ -188,7 +188,7 @@ class RunOptions:
     @property
     def shows(self) -> Kind | None:
         """Kind of output that `record` is by its suffix; None without it."""
-        return None if self.record is None else KINDS[Path(self.record).suffix]
+        return None if self.record is None else KINDS[suffix_of(self.record)]
 
     @property
     def pixels(self) -> tuple[int, int] | None:
@@ -198,7 +198,7 @@ class RunOptions:
     @property
     def rate(self) -> float:
         """Requested frames per second of simulated time [1/s], limited by what the file can store."""
-        film = FILMS.get(Path(self.record or "").suffix)
+        film = FILMS.get(suffix_of(self.record or ""))
         return self.fps if film is None else min(self.fps, film.fastest)
 
     def _require_effect(self, kind: Kind) -> None:

@@ -6,7 +6,7 @@ from operator import add, or_
 from typing import Any, NamedTuple, Self
 
 from warpgrains.arrays import FloatArray
-from warpgrains.shown import Shown
+from warpgrains.shown import Shown, number_of
 from warpgrains.tables import Tabular
 
 NAMED = 10
@@ -164,7 +164,7 @@ class Summary(Shown, Tabular, FormerNames):
         told = {
             "steps": f"{self.steps}",
             "iterations": f"{self.iterations_mean:.1f} a step, {self.iterations_max} at most",
-            "not converged": f"{self.unconverged} steps",
+            "not converged": number_of(self.unconverged, "step"),
             "residual": f"{self.residual:.2e} m/s",
             "overlap": f"{self.overlap:.2e} m",
             "time": f"{self.seconds:.2f} s",

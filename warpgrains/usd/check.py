@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
+from warpgrains.shown import number_of
 from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
 from warpgrains.usd.grains import (
     ANGLE,
@@ -61,7 +62,8 @@ def report_on_recording(path: str | Path) -> list[str]:
         if problems := _problems(stage):
             return problems
         position = position_of(stage.GetPrimAtPath(GRAINS))
-        return [f"OK: {position.GetNumTimeSamples()} frames, {len(_values(position))} grains"]
+        frames, grains = position.GetNumTimeSamples(), len(_values(position))
+        return [f"OK: {number_of(frames, 'frame')}, {number_of(grains, 'grain')}"]
 
 
 def _problems(stage: Usd.Stage) -> list[str]:

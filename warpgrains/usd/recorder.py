@@ -16,6 +16,7 @@ from warpgrains.drawing.kinds import DRAWN_AS, RECORDINGS
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.drawing.views import view_of
 from warpgrains.errors import InputError
+from warpgrains.files import suffix_of
 from warpgrains.frame_log import LOG_SUFFIX, FrameLog, is_complete, log_of
 from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
@@ -231,7 +232,7 @@ def recover(log: str | Path) -> tuple[Path, int]:
     """
     log = Path(checks.path("log", log))
     target = log.parent / log.stem
-    if log.suffix != LOG_SUFFIX or target.suffix not in RECORDINGS or not log.is_file():
+    if log.suffix != LOG_SUFFIX or suffix_of(target) not in RECORDINGS or not log.is_file():
         raise InputError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
     with lock_output(target):
         return target, write_recording(log, target)

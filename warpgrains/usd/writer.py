@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pxr import Sdf, Tf, UsdUtils, Work
 
 from warpgrains.errors import InputError
-from warpgrains.files import draft_folder, draft_of, publish, resolve_link
+from warpgrains.files import draft_folder, draft_of, publish, resolve_link, suffix_of
 from warpgrains.frame_log import FrameLog, LogReader, kind_of
 from warpgrains.usd.grains import GRAINS
 from warpgrains.usd.metadata import RECORDED_BY
@@ -53,7 +53,7 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
         binary, draft = folder / f"{target.stem}.usdc", folder / target.name
         with _reporting_os_errors(target), _freeing_in_this_thread():
             written = _write_binary(reader, constants, binary, frames)
-            if target.suffix == ".usdz":
+            if suffix_of(target) == ".usdz":
                 os.utime(binary, (_PACKED, _PACKED))
                 UsdUtils.CreateNewUsdzPackage(str(binary), str(draft))
             elif draft != binary:  # USD knows the format by the ending
