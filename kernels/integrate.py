@@ -5,7 +5,7 @@ import warp as wp
 from . import law
 from .access import at, put
 from .driven import acceleration_of_wall, begin_driven_walls, end_driven_walls
-from .record import Scene, grain_count, rotates
+from .record import Scene, grain_count, rotates, time_after
 from .walls import place_walls
 
 f64 = wp.float64
@@ -15,8 +15,8 @@ f64 = wp.float64
 def begin_step(s: Scene):
     """Turn gravity, and place the walls that move."""
     if s.turning.rate != f64(0.0):
-        s.gravity = law.turned_gravity(s.turning.start, s.turning.rate, f64(s.steps) * s.dt)
-    place_walls(s.walls, f64(s.steps) * s.dt, f64(s.steps + wp.int64(1)) * s.dt)
+        s.gravity = law.turned_gravity(s.turning.start, s.turning.rate, time_after(s, s.steps))
+    place_walls(s.walls, time_after(s, s.steps), time_after(s, s.steps + wp.int64(1)))
     begin_driven_walls(s)
 
 

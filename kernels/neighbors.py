@@ -9,7 +9,7 @@ import warp as wp
 from .access import add, at, checked, lowest_bit, put
 from .cells import AT_ONCE, bucket_of, cell_of, prefix_sum
 from .contact_list import has_wall, was_active
-from .record import WITHOUT_ROOM, Phase, Scene, grain_count, is_driven
+from .record import WITHOUT_ROOM, Phase, Scene, grain_count, is_driven, time_after
 from .types import CellGrid
 from .walls import are_mobile, is_near_wall, next_near, wall_body_count, wall_path
 
@@ -142,7 +142,7 @@ def find_walls(s: Scene, i: int):
     path = lifetime * wp.length(at(s.verlet.reference_velocity, i))
     own = at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
-    now = f64(s.steps + wp.int64(1)) * s.dt  # walls are where they are at the end of the step
+    now = time_after(s, s.steps + wp.int64(1))  # walls are where they are at the end of the step
     was_at_wall = has_wall(s.workspace.old, i)
     skipping = not (are_mobile(s.walls) or was_at_wall)
     b = int(0)

@@ -205,6 +205,7 @@ class SceneRecord:
     step: StepState
     statistics: StepSums
     violation: Violation
+    start_time: f64  # [s]
     steps: wp.int64  # since the start
     to_search: wp.int32  # iterations until a proof that grains cannot fit is worth a search
     stopping: StoppingCriterion
@@ -229,6 +230,12 @@ Scene = wp.ref[SceneRecord]
 def grain_count(s: Scene) -> int:
     """Return the number of grains."""
     return s.grains.radius.shape[0]
+
+
+@wp.func
+def time_after(s: Scene, steps: wp.int64) -> f64:
+    """Return the time after a number of steps [s]."""
+    return s.start_time + f64(steps) * s.dt
 
 
 @wp.func

@@ -59,7 +59,9 @@ def stirred(n: int = 140, seed: int = 1, walls: tuple[Obstacle, ...] = WALLS, **
 
 
 @pytest.mark.parametrize(
-    "friction", [{}, TURNING, {**ROUGH, "radius_in": 0.05}], ids=["smooth", "rough, turning", "two"]
+    "friction",
+    [{}, TURNING, {**TURNING, "time": 0.37}, {**ROUGH, "radius_in": 0.05}],
+    ids=["smooth", "rough, turning", "later", "two"],
 )
 @pytest.mark.parametrize(("scheme", "order"), [("text", "sequential"), ("leapfrog", "color")])
 def test_bits_of_the_reference(c_library: CDLL, scheme: str, order: str, friction: dict[str, Any]) -> None:
@@ -183,7 +185,7 @@ def test_no_overlap_exceeds_dt_eta_in_many_scenes(first: int) -> None:
 
 @pytest.mark.parametrize("order", ["sequential", "color"])
 def test_runs_that_are_continued_have_the_same_bits(tmp_path: Path, order: str) -> None:
-    scene = stirred(order=order, **TURNING)
+    scene = stirred(order=order, time=-0.2, **TURNING)
     whole, other = Simulation(scene), Simulation(scene)
     whole.advance(90)
     other.advance(31)
@@ -211,16 +213,93 @@ def test_a_change_of_walls_needs_another_list(c_library: CDLL) -> None:
 
 @pytest.mark.parametrize("fields", [{"walls": (STONE,)}, {"gravity": {"rotate": 1.0}}])
 def test_a_change_of_dt_moves_no_wall_and_turns_no_gravity(fields: dict[str, Any]) -> None:
-    """Both are where the time puts them, which is steps times dt."""
+    """Both are where the time puts them, which goes on: t_0 + 20 dt is rounded three times, below 1 s."""
     simulation = Simulation(stirred(20, **{"walls": (), "gravity": (0.0, -9.81), **fields}))
-    simulation.change(dt=0.01)  # at time 0
-    simulation.advance(2)
-    before = contents(simulation.state())
-    with pytest.raises(InputError, match=r"dt would move the time from 0\.02 s to 0\.002 s"):
-        simulation.change(dt=0.001)
-    assert (contents(simulation.state()), simulation.time) == (before, 0.02)
-    simulation.change(walls=(), gravity=(0.0, -9.81), dt=0.001)
-    assert simulation.time == 0.002
+    simulation.advance(20)
+    for dt in (1e-3, 0.01):
+        simulation.change(dt=dt)
+        assert simulation.time == pytest.approx(0.1, rel=0, abs=3 * np.finfo(float).eps)
+    simulation.step()
+    assert simulation.time == pytest.approx(0.11, rel=0, abs=4 * np.finfo(float).eps)
+
+
+@pytest.mark.parametrize(
+    "wall", [*ROUGH_WALLS, Arc((0.3, 0.1), 0.2, 0.0, 1.0, angular_velocity=2.0, pivot=(1, 1))]
+)
+def test_a_wall_given_as_it_is_at_a_time_moves_on_alike(wall: Obstacle) -> None:
+    """Before, during and after its motion. Numbers of order 1 are rounded some ten times."""
+    position = np.random.default_rng(2).uniform(-0.9, 0.9, (40, 2))
+    radius, wall = np.full(40, 0.05), wall.starting(0.05)
+    for given in (0.0, 0.3, 0.9):
+        for later in (given, given + 0.2, 1.5):
+            expected, found = (
+                wall.side_at(later, position, radius),
+                wall.at(given).side_at(later, position, radius),
+            )
+            for one, other in zip(expected, found, strict=True):
+                assert np.abs(one - other).max() < 64 * np.finfo(float).eps / 0.05
+
+
+def test_a_scene_of_the_present_goes_on(tmp_path: Path) -> None:
+    """A grain that a blade lifts and gravity that turns pulls: the steps after it are those of one run.
+
+    Walls are where they are, with their speeds of later times, and the clock goes on. Contacts begin without
+    corrections, which a tolerance of 0 makes good; numbers of order 1 are rounded in every step. Speeds
+    follow from gaps / dt, and spins from speeds / 0.1.
+    """
+    lift = Segment(
+        (-1.0, -0.5), (1.0, -0.5), velocity=(0.1, 0.5), angular_velocity=0.2, from_time=0.1, to_time=0.6
+    )
+    fields: dict[str, Any] = {"scheme": "text", "tolerance": 0.0, "max_iterations": 10}
+    whole = alone((0.0, -0.39), lift, gravity={"rotate": 0.3}, friction=0.3, **fields)
+    whole.advance(300)
+    scene = whole.present_scene
+    assert (scene.time, scene.walls[0].from_time) == (whole.time, whole.time)
+    assert np.allclose(scene.walls[0].side(whole.position, scene.radius).gap, 0.0, atol=1e-9)
+    assert scene.text == whole.scene.text
+    anew = Simulation(scene.replace(name="anew"))
+    for _ in range(400):
+        whole.step()
+        anew.step()
+    assert anew.time == pytest.approx(0.7, rel=0, abs=1e-15)
+    assert np.abs(anew.position - whole.position).max() < 700 * np.finfo(float).eps
+    assert np.abs(anew.spin - whole.spin).max() < 700 * np.finfo(float).eps / (1e-3 * 0.1)
+    anew.run(steps=5, record=tmp_path / "run.usdc", fps=1000.0)
+    assert Recording(tmp_path / "run.usdc").frame(0, contacts=False).time == pytest.approx(
+        0.7, rel=0, abs=1e-15
+    )
+
+
+def test_walls_that_are_new_begin_to_move_now() -> None:
+    """The others move on from their times; a scene that starts at a time has both kinds, too."""
+    simulation = Simulation(stirred(20, walls=(STONE,)))
+    simulation.advance(20)
+    new = Segment((-0.9, 0.0), (-0.8, 0.0), velocity=(0.0, 0.1))
+    simulation.change(walls=[*simulation.scene.walls, new])
+    simulation.advance(10)
+    stone, segment = simulation.present_scene.walls
+    assert np.allclose(stone.middle, STONE.starting(0.0).at(simulation.time).middle, rtol=0, atol=1e-15)
+    assert np.allclose(segment.middle, (-0.85, 0.005), rtol=0, atol=1e-15)
+    later = stirred(20, walls=(replace(STONE, from_time=0.1), new), time=0.3)
+    assert [wall.from_time for wall in later.walls] == [0.1, 0.3]
+
+
+def test_grains_are_laid_out_and_checked_where_walls_are_at_the_start() -> None:
+    scene = Scene.load("collapse", ["time.time=100.0"])
+    gate = scene.walls[-1]
+    at_start = gate.at(100.0)
+    assert at_start != gate
+    overlaps = scene.count_overlaps()
+    assert overlaps == (0, 0)
+    with pytest.raises(InputError, match=r"grain 0 is \(0.0, 0.5\): its center is inside walls\[0\]"):
+        Scene(
+            position=[(0.0, 0.5)],
+            radius=0.1,
+            mass=1.0,
+            radius_out=1.0,
+            walls=[Disc((0.0, 0.0), 0.2, velocity=(0.0, 0.5), from_time=0.0)],
+            time=1.0,
+        )
 
 
 def test_grains_that_a_piston_crushes_are_named() -> None:

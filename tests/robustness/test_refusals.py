@@ -17,7 +17,7 @@ from same_bits import contents
 from sample_scenes import SCENE_FILE
 from sweeps import write
 
-from warpgrains import Arc, Batch, Disc, InputError, Scene, Segment, Simulation, analysis
+from warpgrains import Arc, Batch, Disc, InputError, Scene, Segment, Simulation, analysis, compress
 from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.state import first_state
 from warpgrains.scene.walls import Annulus
@@ -103,7 +103,20 @@ def with_row(array, row, value):
     return changed
 
 
-CALLABLE = (Annulus, Arc, Batch, Disc, Scene, Segment, Simulation, Sweep, SweepPlot, axis_values, recover)
+CALLABLE = (
+    Annulus,
+    Arc,
+    Batch,
+    Disc,
+    Scene,
+    Segment,
+    Simulation,
+    Sweep,
+    SweepPlot,
+    axis_values,
+    recover,
+    compress,
+)
 HERE = (ring, circle, pressed, scene_file, grain_file, sweep_file, plot_table, with_row, replace, made, huge)
 NAMES = {
     **{one.__name__: one for one in (*CALLABLE, *HERE)},

@@ -20,8 +20,8 @@ FIELDS = {
     name: names.split()
     for name, names in {
         "Scene": "position velocity radius mass spin radius_in radius_out wall pressure wall_mass"
-        " angular_velocity_out angular_velocity_in walls gravity drag spin_drag friction wall_friction dt"
-        " duration scheme tolerance max_iterations order method stop on_unconverged name text",
+        " angular_velocity_out angular_velocity_in walls gravity drag spin_drag friction wall_friction"
+        " time dt duration scheme tolerance max_iterations order method stop on_unconverged name text",
         "State": "steps position velocity corrections lists staggered spin angle driven"
         " last_staggered to_search last_scene",
         "Corrections": "pair pair_correction wall wall_correction pair_friction wall_friction",

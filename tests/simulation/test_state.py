@@ -234,9 +234,9 @@ def test_failed_step_names_the_grain() -> None:
         Simulation(scene).step()
 
 
-@pytest.mark.parametrize("name", ["position", "velocity", "radius", "mass"])
+@pytest.mark.parametrize("name", ["position", "velocity", "radius", "mass", "spin", "time"])
 def test_grains_cannot_be_changed(name: str) -> None:
     """The list of contacts and the state hold for the grains as they are."""
     simulation = Simulation("annulus")
-    with pytest.raises(InputError, match=f"^change: {name} concerns the grains"):
+    with pytest.raises(InputError, match=f"^change: {name} is that of the start"):
         simulation.change(**{name: 0.06})

@@ -151,7 +151,7 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     if now.steps == 0:
         return EnergyBalance(0.0, 0.0, 0.0)
     scene = now.start_scene
-    mass, start = scene.mass[:, np.newaxis], (now.steps - 1) * scene.dt
+    mass, start = scene.mass[:, np.newaxis], scene.time_after(now.steps - 1)
     normal_force = _sums(now, now.loads.force, now.loads.normal)
     free = now.velocity - scene.dt * contact_forces(now) / scene.contact_mass[:, np.newaxis]
     kick = kick_of(scene, free, now.velocity, staggered=now.start_staggered, time=start)

@@ -116,7 +116,7 @@ class Snapshot:
     @property
     def end(self) -> float:
         """Time of the end of the last step [s], at which its walls that move are taken."""
-        return self.steps * self.start_scene.dt
+        return self.start_scene.time_after(self.steps)
 
     @property
     def grains(self) -> StackedGrains:
@@ -206,7 +206,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     return Snapshot(
         scene=scene,
         steps=state.steps,
-        time=state.steps * scene.dt,
+        time=scene.time_after(state.steps),
         position=state.position,
         velocity=state.velocity,
         start=start,

@@ -79,9 +79,11 @@ class FrameTimes:
     """Frames per second of simulated time [1/s], at most one per step."""
     first_step: int = 0
     """Time steps before the run."""
+    start: float = 0.0
+    """Time at the start of the simulation [s]."""
 
     @classmethod
-    def of(cls, dt: float, wanted: float, first_step: int = 0) -> FrameTimes:
+    def of(cls, dt: float, wanted: float, first_step: int = 0, start: float = 0.0) -> FrameTimes:
         """Return frame times with the requested rate [1/s], or one frame per step if steps are longer.
 
         Raises
@@ -91,7 +93,7 @@ class FrameTimes:
         """
         if not 0 < wanted < float("inf"):
             raise InputError(f"frames per second is {wanted}: it must be greater than 0")
-        return cls(dt, min(float(wanted), float(1 / _as_written(dt))), first_step)
+        return cls(dt, min(float(wanted), float(1 / _as_written(dt))), first_step, start)
 
     def step(self, k: int) -> int:
         """Return the step of the run in which frame k lies, or at whose end it is."""
@@ -107,7 +109,7 @@ class FrameTimes:
 
     def time(self, k: int) -> float:
         """Return the simulated time of frame k [s]."""
-        return self.simulated_step(k) * self.dt - self._left(k)
+        return self.start + self.simulated_step(k) * self.dt - self._left(k)
 
     def elapsed(self, k: int) -> float:
         """Return the time from frame 0 to frame k [s]."""

@@ -9,7 +9,7 @@ from warpgrains.scene.geometry import distance
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import first_state
-from warpgrains.shown import Shown
+from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.simulation.stepper import continued
 from warpgrains.solver.statistics import named
@@ -43,7 +43,7 @@ class Separation(Shown):
     def summary(self) -> dict[str, str]:
         """Return the lines that describe the separation, by name."""
         return {
-            "scene": f"{self.scene.name}, {self.scene.n} grains",
+            "scene": f"{self.scene.name}, {number_of(self.scene.n, 'grain')}",
             "largest shift": f"{self.shift:.2e} m",
             "worst overlap": f"{self.overlap:.2e} m",
             "steps": f"{self.steps}",
@@ -60,7 +60,7 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
     Parameters
     ----------
     scene : Scene, path or str
-        Velocities, spins and all settings remain as they are. Walls are where they are at time 0.
+        Velocities, spins and all settings remain as they are. Walls are where they are at the start.
     overlap : float, optional
         Largest overlap to leave [m]; by default what steps of the scene leave, dt times the tolerance, or
         1e-9 smallest radii if that is larger.
@@ -88,7 +88,7 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
         mass=(scene.radius / scene.smallest_radius) ** 2,
         radius_in=scene.radius_in,
         radius_out=scene.radius_out,
-        walls=tuple(map(_at_rest, scene.walls)),
+        walls=tuple(_at_rest(wall.at(scene.time)) for wall in scene.walls),
         gravity=(0.0, 0.0),
         dt=1.0,
         tolerance=overlap,

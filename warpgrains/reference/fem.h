@@ -21,7 +21,7 @@ typedef struct {
     double *speedWalls;             /* the same of each wall; with friction, wall 0 may be the inner circle */
     double *frictionWalls;          /* and the friction of each */
     int rough, moving, steps;       /* whether contacts have friction, and a wall inside moves; steps so far, */
-    double turning;                 /* if one does or gravity turns: at this angular velocity, from gravity at time 0 */
+    double turning, start;          /* if one does or gravity turns: at this angular velocity, from gravity at time 0; time at step 0 */
     double *motions;                /* of each: pivot, velocity, angular velocity, first and last time */
     double *w, *angle, *u;          /* with friction: spin, angle and rim speed r w of each grain, */
     double *dtContacts, *dtBoundary, *dtWalls; /* and tangential corrections, as the normal ones */

@@ -26,7 +26,7 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->nWalls = theGrains->moving = theGrains->steps = 0;
     theGrains->walls = theGrains->dvWalls = theGrains->motions = NULL;
     theGrains->friction = theGrains->wallFriction = 0.0;
-    theGrains->turning = 0.0;
+    theGrains->turning = theGrains->start = 0.0;
     theGrains->rough = theGrains->driven = 0;
     theGrains->x = malloc(n * sizeof(double));
     theGrains->y = malloc(n * sizeof(double));
@@ -247,8 +247,8 @@ static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
         const double *along = &g->drives[5 * (k + 1) + 3], way = g->places[k + 1];
         gap = wallGap(&g->walls[SHAPE * k], g->x[i] - way * along[0], g->y[i] - way * along[1], g->r[i], &nx, &ny);
     } else if (g->moving)
-        gap = movingWallGap(&g->walls[SHAPE * k], &g->motions[7 * k], g->steps * dt, (g->steps + 1) * dt, g->x[i], g->y[i],
-                            g->r[i], &nx, &ny, &speed);
+        gap = movingWallGap(&g->walls[SHAPE * k], &g->motions[7 * k], g->start + g->steps * dt,
+                            g->start + (g->steps + 1) * dt, g->x[i], g->y[i], g->r[i], &nx, &ny, &speed);
     else
         gap = wallGap(&g->walls[SHAPE * k], g->x[i], g->y[i], g->r[i], &nx, &ny);
     double *dtw = hasFriction(g) ? &g->dtWalls[i * g->nWalls + k] : NULL;
@@ -312,7 +312,7 @@ static double freeVelocity(const femGrains *g, double v, double gravity, double 
 
 /* Gravity at the beginning of a step (eq. 31). */
 static void turnedGravity(const femGrains *g, double dt, double *gx, double *gy) {
-    double x = g->gravity[0], y = g->gravity[1], angle = g->turning * (g->steps * dt);
+    double x = g->gravity[0], y = g->gravity[1], angle = g->turning * (g->start + g->steps * dt);
     double c = cos(angle), s = sin(angle);
     *gx = c * x - s * y;
     *gy = s * x + c * y;

@@ -41,7 +41,7 @@ class Grains(ctypes.Structure):
         *((name, ctypes.c_double) for name in ("friction", "wallFriction", "spinDrag", "turningOut")),
         *((name, _Doubles) for name in ("speedWalls", "frictionWalls")),
         *((name, ctypes.c_int) for name in ("rough", "moving", "steps")),
-        ("turning", ctypes.c_double),
+        *((name, ctypes.c_double) for name in ("turning", "start")),
         *((name, _Doubles) for name in ("motions", *_ROTATING)),
         ("driven", ctypes.c_int),
         *((name, _Doubles) for name in _DRIVEN),
@@ -98,7 +98,7 @@ class Reference:
         self._arrays["frictionWalls"], self._arrays["speedWalls"] = bodies.surfaces[1:].T.copy()
         self._arrays["motions"] = np.array([np.hstack(wall.motion) for wall in walls]).ravel()
         self._grains.rough, self._grains.moving = scene.has_friction, scene.has_moving_walls
-        self._grains.turning = scene.gravity_rate
+        self._grains.turning, self._grains.start = scene.gravity_rate, scene.time
         rotating = (
             scene.spin_at_start.copy(),
             *np.zeros((2, n)),
@@ -146,7 +146,7 @@ class Reference:
         inside it, shape (m, 2). With friction, wall 0 is the inner circle, if there is one.
         """
         scene, arrays = self._scene, self._arrays
-        time = self._grains.steps * scene.dt
+        time = scene.time_after(self._grains.steps)
         free = free_velocity(scene, self.velocity, bool(self._grains.staggered), time)
         arrays["vx"][:], arrays["vy"][:] = free.T
         arrays["u"][:] = scene.radius * free_spin(scene, self.spin, bool(self._grains.staggered))

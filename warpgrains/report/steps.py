@@ -96,7 +96,7 @@ def follow_history(scene: Scene, longest: int) -> History:
 def measure_steps(scene: Scene, snapshot: HistoryStep, budget: Budget) -> Iterator[StepRow]:
     """Solve the step after a snapshot in every configuration, with increasing numbers of iterations."""
     state = snapshot.state
-    end = (state.steps + 1) * scene.dt
+    end = scene.time_after(state.steps + 1)
     problem = StepProblem(scene, state.position, state.velocity, state.staggered, time=end)
     accurate = Simulation(scene.replace(**EXACT, stop="default", tolerance=CONVERGED))
     accurate.restore(snapshot.state)
@@ -109,7 +109,7 @@ def measure_steps(scene: Scene, snapshot: HistoryStep, budget: Budget) -> Iterat
             yield StepRow(
                 scene=scene.name,
                 moment=snapshot.name,
-                time=snapshot.state.steps * scene.dt,
+                time=scene.time_after(snapshot.state.steps),
                 grains=scene.n,
                 contacts=snapshot.contacts,
                 **configuration._asdict(),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
@@ -15,27 +16,34 @@ from warpgrains.scene.walls import INNER, OUTER
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
+MOST_STEPS = 1e12  # start time, in steps
 MOST_RADII = 1e12  # radius of the outer wall, in smallest grain radii; beyond it doubles cannot resolve a gap
 
 
 def require_valid_positions(scene: Scene) -> None:
     """Raise InputError unless grains lie between the walls, do not coincide, and have resolvable gaps."""
-    _require_size(scene)
+    require_size(scene)
     scene.annulus.require_inside(scene.position, scene.radius)
-    for k, wall in enumerate(scene.walls):
-        covered = wall.covers(scene.position)
-        if covered.any():
-            grain = checks.first_bad("position", scene.position, covered)
-            raise InputError(f"{grain}: its center is inside walls[{k}], {wall}")
-    for number in scene.wall_numbers:
-        undefined = scene.is_without_normal(number, scene.position, scene.radius)
-        if undefined.any():
-            grain = checks.first_bad("position", scene.position, undefined)
-            raise InputError(f"{grain}: it touches wall {number}, which has no normal there")
+    require_clear(scene, scene.wall_numbers, scene.position, scene.time)
     require_distinct("position", scene.position)
 
 
-def _require_size(scene: Scene) -> None:
+def require_clear(scene: Scene, numbers: list[int], position: FloatArray, time: float) -> None:
+    """Raise InputError if a grain is in one of these walls at a time [s], or touches it without a normal."""
+    for number in numbers:
+        k = number - INNER - 1
+        covered = scene.walls[k].at(time).covers(position) if k >= 0 else np.zeros(0, bool)
+        if covered.any():
+            grain = checks.first_bad("position", position, covered)
+            raise InputError(f"{grain}: its center is inside walls[{k}], {scene.walls[k]}")
+    for number in numbers:
+        undefined = scene.is_without_normal(number, position, scene.radius, time=time)
+        if undefined.any():
+            grain = checks.first_bad("position", position, undefined)
+            raise InputError(f"{grain}: it touches wall {number}, which has no normal there")
+
+
+def require_size(scene: Scene) -> None:
     """Raise InputError unless doubles resolve gaps of this size and hold the square of it."""
     smallest = scene.smallest_radius
     if scene.radius_out / MOST_RADII >= smallest:
@@ -50,6 +58,7 @@ def _require_size(scene: Scene) -> None:
 def require_compatible_settings(scene: Scene) -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
     _require_short_step(scene)
+    _require_resolved_time(scene)
     _require_slow_walls(scene)
     _require_slow_gravity(scene)
     _require_friction(scene)
@@ -74,6 +83,15 @@ def _require_driven(scene: Scene) -> None:
             raise InputError(f"walls[{k}] has a force and friction: set friction = 0 for this wall")
     if scene.wall == "round":
         raise InputError(f"{which} is given and wall is 'round': use 'tangent'")
+
+
+def _require_resolved_time(scene: Scene) -> None:
+    """Raise InputError unless doubles resolve time steps at the start."""
+    if abs(scene.time) >= MOST_STEPS * scene.dt:
+        raise InputError(
+            f"time is {scene.time} s: it must be less than {MOST_STEPS:g} steps of {scene.dt} s, because"
+            " float64 times could not resolve them"
+        )
 
 
 def _require_slow_walls(scene: Scene) -> None:

@@ -157,6 +157,12 @@ class SceneFields:
         _optional(checks.not_negative),
         default=None,
     )
+    time: float = _key(
+        "Time at the start [s], which concerns walls that move and gravity that turns.",
+        "time",
+        checks.number,
+        default=0.0,
+    )
     dt: float = _key("Time step [s].", "time", checks.positive, default=0.01)
     duration: float = _key("Simulated time of a whole run [s].", "time", checks.positive, default=1.0)
     scheme: str = _key(

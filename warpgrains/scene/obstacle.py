@@ -1,9 +1,9 @@
 """Walls inside the annulus: what all kinds have in common. A kind is a file such as disc.py."""
 
-from dataclasses import MISSING, Field, dataclass
+from dataclasses import MISSING, Field, dataclass, replace
 from functools import cached_property
 from math import inf
-from typing import Any, ClassVar, NamedTuple, TypeVar, dataclass_transform
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
@@ -55,7 +55,11 @@ class Obstacle:
     pivot: tuple[float, float] | None = described(
         "Point about which the wall turns, which moves with it [m]; by default its middle.", default=None
     )
-    from_time: float = described("Time at which the wall begins to move [s].", default=0.0)
+    from_time: float | None = described(
+        "Time at which the wall begins to move from the place that is given [s]; by default the start of the"
+        " scene or, in `Simulation.change`, the present.",
+        default=None,
+    )
     to_time: float | None = described(
         "Time at which the wall stops [s]; by default it moves until the end.", default=None
     )
@@ -68,15 +72,16 @@ class Obstacle:
         self._check(
             velocity=checks.vector(f"velocity {whose}", self.velocity),
             angular_velocity=checks.number(f"angular_velocity {whose}", self.angular_velocity),
-            from_time=checks.not_negative(f"from_time {whose}", self.from_time),
         )
         if self.pivot is not None:
             self._check(pivot=checks.vector(f"pivot {whose}", self.pivot))
         if self.friction is not None:
             self._check(friction=checks.not_negative(f"friction {whose}", self.friction))
+        if self.from_time is not None:
+            self._check(from_time=checks.number(f"from_time {whose}", self.from_time))
         if self.to_time is not None:
             self._check(to_time=checks.number(f"to_time {whose}", self.to_time))
-            if self.to_time <= self.from_time:
+            if self.from_time is not None and self.to_time <= self.from_time:
                 raise InputError(
                     f"to_time {whose} is {self.to_time} s: it must be later than from_time,"
                     f" {self.from_time} s"
@@ -145,7 +150,24 @@ class Obstacle:
         """The motion of the wall."""
         pivot = self.middle if self.pivot is None else self.pivot
         to_time = inf if self.to_time is None else self.to_time
-        return Motion(pivot, self.velocity, self.angular_velocity, self.from_time, to_time)
+        return Motion(pivot, self.velocity, self.angular_velocity, self.from_time or 0.0, to_time)
+
+    def starting(self, time: float) -> Self:
+        """Return the wall with its `from_time`: by default a time [s]."""
+        return replace(self, from_time=time) if self.moves and self.from_time is None else self
+
+    def at(self, time: float) -> Self:
+        """Return the wall as given where it is at a time [s], from which it moves on."""
+        if not self.moves or time <= self.motion.from_time:
+            return self
+        pose = self.pose(time)
+        given = [name for name in ("center", "start", "end", "pivot") if getattr(self, name, None)]
+        places = pose.place(np.array([getattr(self, name) for name in given])).tolist()
+        moved: dict[str, Any] = dict(zip(given, places, strict=True))
+        angles = ("from_angle", "to_angle")
+        moved |= {name: getattr(self, name) + pose.angle for name in angles if hasattr(self, name)}
+        rest = {"velocity": (0.0, 0.0), "angular_velocity": 0.0, "from_time": None, "to_time": None}
+        return replace(self, **moved, **({"from_time": time} if time < self.motion.to_time else rest))
 
     @property
     def speed(self) -> float:

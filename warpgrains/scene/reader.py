@@ -79,7 +79,9 @@ def document_fields(document: Table, folder: Path) -> Table:
         raise InputError("section [grains] is missing")
     annulus = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
     annulus.require_size()
-    return fields | _grains(document["grains"], annulus, fields["walls"], folder)
+    time = checks.number("time", fields.get("time", 0.0))
+    obstacles = tuple(wall.starting(time).at(time) for wall in fields["walls"])
+    return fields | _grains(document["grains"], annulus, obstacles, folder)
 
 
 def section_fields(document: Table) -> Table:

@@ -1,7 +1,7 @@
 """`Scene`, the immutable and checked description of a simulation."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
@@ -26,7 +26,7 @@ from warpgrains.scene.gravity import TurningGravity
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
 from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
-from warpgrains.shown import Shown
+from warpgrains.shown import Shown, number_of
 
 
 class Overlaps(NamedTuple):
@@ -75,11 +75,12 @@ class Scene(SceneFields, Shown):
         """Check all but the places of the grains, and keep the fields in the form of a scene."""
         vars(self).update(checked_grains(self))
         vars(self).update(checked_settings(self))
+        vars(self)["walls"] = tuple(wall.starting(self.time) for wall in self.walls)
         require_compatible_settings(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         own = {name: getattr(self, name) for name in FIELDS}
-        return partial(type(self), **own), ()  # copies are checked and read-only
+        return partial(type(self).of_later_state, **own), ()  # copies are checked and read-only
 
     @classmethod
     def load(cls, name_or_path: str | os.PathLike[str], overrides: str | Iterable[str] = ()) -> Self:
@@ -127,16 +128,14 @@ class Scene(SceneFields, Shown):
         """
         for name in changes:
             checks.one_of("field of a scene", name, FIELDS)
-        if self.text and changes:
-            changes = {"text": f"{self.text}\n# changed afterwards: {', '.join(changes)}", **changes}
-        return replace(self, **changes)
+        return replace(self, **{"text": self.text_after(changes), **changes})
 
     def summary(self) -> dict[str, str]:
         """Return the line that describes the scene, by name."""
         inner = f"{self.radius_in:g} to " if self.radius_in > 0.0 else ""
         turning = f", turning at {self.gravity_rate:g} rad/s" if self.gravity_rate else ""
         return {
-            self.name: f"of {self.n} grains",
+            self.name: f"of {number_of(self.n, 'grain')}",
             "radius": f"{_range(self.radius)} m",
             "mass": f"{_range(self.mass)} kg",
             "walls": f"{inner}{self.radius_out:g} m",
@@ -147,14 +146,16 @@ class Scene(SceneFields, Shown):
         }
 
     def with_settings(self, **settings: Any) -> Self:
-        """Return a copy of the scene with other settings, which are checked.
+        """Return a copy of the scene with other fields than those of grains, which are checked.
 
-        Grains and walls are not checked again.
+        Whether the grains fit between the walls is not checked.
         """
-        scene = object.__new__(type(self))
         found = {"typical_radius": self.typical_radius, "has_equal_masses": self.has_equal_masses}
-        vars(scene).update(vars(self) | found | settings)
-        vars(scene).update(checked_settings(scene, settings))
+        scene = self.unchecked(**found, **settings)
+        vars(scene).update(checked_settings(scene, settings.keys() - Annulus._fields))
+        if not settings.keys().isdisjoint(Annulus._fields):
+            vars(scene).update(Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict())
+        vars(scene)["walls"] = tuple(wall.starting(scene.time) for wall in scene.walls)
         require_compatible_settings(scene)
         return scene
 
@@ -183,6 +184,10 @@ class Scene(SceneFields, Shown):
     def has_equal_masses(self) -> bool:
         """True if all grains have the same mass."""
         return bool((self.mass == self.mass[0]).all())
+
+    def time_after(self, steps: int) -> float:
+        """Return the time after a number of steps [s]."""
+        return self.time + steps * self.dt
 
     @property
     def gravity_rate(self) -> float:
@@ -231,9 +236,27 @@ class Scene(SceneFields, Shown):
             return self
         ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
         walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
+        return self.unchecked(radius_out=float(coordinates[OUTER]), walls=walls)
+
+    def starting_at(self, time: float, **grains: FloatArray | None) -> Self:
+        """Return a scene of the grains and walls as they are at a later time [s], at which it starts."""
+        return self.unchecked(
+            **grains,
+            time=time,
+            walls=tuple(wall.at(time) for wall in self.walls),
+            text=self.text_after(("time", "walls", *grains)),
+        )
+
+    def unchecked(self, **fields: Any) -> Self:
+        """Return a copy of the scene with other fields, which are valid."""
         scene = object.__new__(type(self))
-        vars(scene).update(vars(self) | {"radius_out": float(coordinates[OUTER]), "walls": walls})
+        vars(scene).update(vars(self) | fields)
         return scene
+
+    def text_after(self, changed: Collection[str]) -> str:
+        """Return the text of the scene with a line that lists changed fields, if it has a text."""
+        line = f"\n# changed afterwards: {', '.join(changed)}"
+        return self.text + line if self.text and any(changed) and not self.text.endswith(line) else self.text
 
     def surface_speed(self, wall: int) -> float:
         """Return the speed of a circle's surface along the tangent of contacts [m/s] (MODEL.md, eq. 23)."""
@@ -384,7 +407,7 @@ class Scene(SceneFields, Shown):
         """Count the initial overlaps between grains and with the walls, and find the largest."""
         where = self.position, self.radius
         gaps = [pair_gaps(*where, i, j) for i, j in overlapping_pairs(*where)]
-        at_walls = np.min([self.side(k, *where).gap for k in self.wall_numbers], axis=0)
+        at_walls = np.min([self.side(k, *where, time=self.time).gap for k in self.wall_numbers], axis=0)
         gaps.append(at_walls[at_walls < -self.annulus.rounding])
         pairs = sum(map(len, gaps[:-1]))
         return Overlaps(pairs, len(gaps[-1]), -float(np.concatenate(gaps).min(initial=0.0)))

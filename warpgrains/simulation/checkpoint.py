@@ -186,9 +186,9 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
         own = {entry.removeprefix(prefix): arrays[entry] for entry in arrays if entry.startswith(prefix)}
         return header[name] | own
 
-    scene = Scene(**part("scene"))
+    scene = Scene.of_later_state(**part("scene"))
     lists = VerletList(**part("lists")) if "lists" in header else None
-    last = Scene(**part("last_scene")) if "last_scene" in header else None
+    last = Scene.of_later_state(**part("last_scene")) if "last_scene" in header else None
     corrections = Corrections(**part("corrections"))
     state = State(corrections=corrections, lists=lists, last_scene=last, **part("state"))
     require_state(state, scene)

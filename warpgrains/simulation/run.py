@@ -97,7 +97,7 @@ class OpenRun(CountedRun):
         self.output: Output | None = None
         self.times: FrameTimes | None = None
         if options.shows is not None and options.shows.has_frames:
-            self.times = FrameTimes.of(scene.dt, options.rate, first_step)
+            self.times = FrameTimes.of(scene.dt, options.rate, first_step, scene.time)
         if is_resumed and self.missing_frames:
             after, due = f"after {statistics.steps} steps", statistics.frames + self.missing_frames
             raise InputError(f"the checkpoint counts {statistics.frames} frames {after}: there are {due}")

@@ -7,17 +7,14 @@ from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 from warnings import warn
 
-import numpy as np
-
 from warpgrains.analysis.energy import TOLERANCES
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import InputError, SimulationError
+from warpgrains.errors import SimulationError
 from warpgrains.scene import checks
-from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
-from warpgrains.scene.state import Corrections, State, first_state, require_state
-from warpgrains.scene.walls import INNER, OUTER
-from warpgrains.shown import Shown
+from warpgrains.scene.state import State, first_state, require_state
+from warpgrains.shown import Shown, number_of
+from warpgrains.simulation.changes import change_of
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.last_steps import LastSteps
@@ -29,7 +26,6 @@ from warpgrains.warp_start import find_device
 
 Begun = TypeVar("Begun", bound="Stepper")
 LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody is warned
-GRAIN_FIELDS = {"position", "velocity", "radius", "mass"}  # not spin, which changes with friction
 
 
 class StepStart(NamedTuple):
@@ -86,7 +82,7 @@ class Stepper(PresentState, Shown):
     def summary(self) -> dict[str, str]:
         """Return the line that describes the simulation, by name."""
         return {
-            self.scene.name: f"of {self.scene.n} grains",
+            self.scene.name: f"of {number_of(self.scene.n, 'grain')}",
             "steps": f"{self.steps}",
             "time": f"{self.time:g} s",
         }
@@ -162,41 +158,29 @@ class Stepper(PresentState, Shown):
     def change(self, **fields: Any) -> None:
         """Change some fields of the scene, such as drag=0.1, and continue from the present state.
 
-        Contacts and forces remain those of the last step until the next one; but those with walls that change
-        are dropped at once, and tangential forces and spins if friction is turned off.
+        Contacts and forces remain those of the last step until the next one; but those with walls that are
+        elsewhere afterwards are dropped at once, and tangential forces and spins if friction is turned off.
 
-        Time is the number of steps times `dt`. A change of `dt` therefore changes the time of the present
-        state, which walls that move and gravity that turns would follow at once.
+        Time goes on: after a change of `dt`, the `time` of the scene is when such steps would have begun. New
+        walls without `from_time` begin to move now. A driven wall continues if it has the same ends as in
+        `scene`, and the outer one without `radius_out`; else it begins at rest where it is given.
 
         Raises
         ------
         InputError
-            A value is invalid, a change concerns the grains, or `dt` changes after the start while a wall
-            moves or gravity turns.
+            A value is invalid, a field is one of the start, such as `position`, or a new wall is where a
+            grain is.
         """
-        for name in sorted(GRAIN_FIELDS & fields.keys()):
-            raise InputError(f"change: {name} concerns the grains: make a scene of the present positions")
         with self._use.changing():
-            state = self.state()
-            scene = self.scene.replace(**fields)
-            if scene.has_driven_walls != self.scene.has_driven_walls:
-                raise InputError(
-                    "change: a pressure or a force can be changed, but not given to a wall or taken away;"
-                    " make a scene of the present positions"
-                )
-            now, then = self.time, self.steps * scene.dt
-            if now != then and (scene.has_moving_walls or scene.gravity_rate):
-                raise InputError(
-                    f"change: dt would move the time from {now:g} s to {then:g} s, and with it moving walls"
-                    " and turning gravity; make a scene of the present positions"
-                )
-            if not _has_walls_of(scene, self.scene):
-                corrections = _at_unchanged_walls(state.corrections, scene, self.scene)
-                state = replace(state, lists=None, corrections=corrections)  # lists hold for other walls
+            change = change_of(self.scene, fields, self.steps, self.position, self.driven)
+            if change.is_local and self._engine.change(self._index, change.scene, change.keeps_list):
+                self.scene = change.scene
+                return
+            state = change.state_after(self.state())
             if state.last_scene is None:
                 state = replace(state, last_scene=self.scene)
-            require_state(state, scene)
-            self._begin(scene, state)
+            require_state(state, change.scene)
+            self._begin(change.scene, state)
 
     def last_start(self) -> StepStart:
         """Return positions, velocities and spins at the start of the last step.
@@ -232,33 +216,6 @@ class Stepper(PresentState, Shown):
         require_state(state, self.scene)
         with self._use.changing():
             self._engine.load(0, state)
-
-
-def _has_walls_of(scene: Scene, other: Scene) -> bool:
-    """Return whether the walls of two scenes are the same bodies in the same places at all times."""
-    one, two = ((of.annulus, of.bodies.two_circles, of.walls) for of in (scene, other))
-    return one == two and (scene.dt == other.dt or not scene.has_moving_walls)
-
-
-def _at_unchanged_walls(corrections: Corrections, scene: Scene, before: Scene) -> Corrections:
-    """Return the corrections without those of contacts with walls that are other bodies than before."""
-    same = [number for number in scene.wall_numbers if _wall(scene, number) == _wall(before, number)]
-    kept = np.isin(corrections.wall[:, 1], same)
-    dvt = corrections.wall_friction
-    return replace(
-        corrections,
-        wall=corrections.wall[kept],
-        wall_correction=corrections.wall_correction[kept],
-        wall_friction=None if dvt is None else dvt[kept],
-    )
-
-
-def _wall(scene: Scene, number: int) -> float | Obstacle | None:
-    """Return the radius of a circle, or a wall inside; None if there is none of this number."""
-    inside = number - INNER - 1
-    if inside >= 0:
-        return scene.walls[inside] if inside < len(scene.walls) else None
-    return scene.radius_out if number == OUTER else scene.radius_in
 
 
 def continued(

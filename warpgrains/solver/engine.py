@@ -79,7 +79,8 @@ class Engine:
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, team: int = 1):
-        self.scenes, self._device, self._team = scenes, device, team
+        self.scenes = scenes = list(scenes)  # its parts share it
+        self._device, self._team = device, team
         self._records = SceneRecords(scenes, team, device)
         self._memory = [SceneMemory(self._records, k, scene) for k, scene in enumerate(scenes)]
         self._service = Service(scenes, self._records, self._memory)
@@ -93,7 +94,6 @@ class Engine:
         self.left, self._outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self.seconds, self._cancel = self._queue.seconds.numpy(), self._queue.cancel.numpy()
         self._grains = np.array([scene.n for scene in scenes])
-        self._most = float(sum(scene.n * scene.max_iterations for scene in scenes))
         self.is_brief, self._is_gravity_given = True, False
         self._tasks: list[Callable[[], None]] = []
         host, service = self._records.host, self._service
@@ -126,6 +126,20 @@ class Engine:
     def load(self, k: int, state: State) -> None:
         """Load a state, from which scene k continues."""
         self._memory[k].load(state)
+
+    def change(self, k: int, scene: Scene, keeps_list: bool) -> bool:
+        """Give scene k other parameters; return False if they need another engine.
+
+        Its grains, their masses at contacts, and the places of walls must be the same. Without `keeps_list`,
+        the next step makes another list.
+        """
+        same_kind = kind_of(scene) == kind_of(self.scenes[k])
+        if scene.method == "exact" or not (same_kind and self._records.sizes.fits(k, scene)):
+            return False
+        self.scenes[k] = scene
+        self._records.write_parameters()
+        self._memory[k].change(scene, keeps_list)
+        return True
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k."""
@@ -184,7 +198,8 @@ class Engine:
     def submit(self, steps: Sequence[int]) -> None:
         """Set the number of steps to do for each scene, and reset the statistics."""
         self.left[:] = steps
-        self.is_brief = self._most * max(steps) < BRIEF
+        iterations = self._records.host["stopping"]["max_iterations"]
+        self.is_brief = float(self._grains @ iterations) * max(steps) < BRIEF
         self._outcome[:] = SOLVED
         self.seconds[:] = 0.0
         self._sums.fill(self._no_steps)

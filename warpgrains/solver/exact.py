@@ -115,7 +115,7 @@ class FrozenContacts:
         grain = np.concatenate([listed[own, 0] for _, own in sides])
         wall = np.stack([grain, np.repeat(scene.wall_numbers, [own.sum() for _, own in sides])], axis=1)
         self._sign = bodies.sign(wall[:, 1])
-        time = (memory.steps + 1) * scene.dt
+        time = scene.time_after(memory.steps + 1)
         self._constraints = StepConstraints.at(scene, memory.array("grains.position"), pair, wall, time)
         self.problem = projection_of(self._constraints, memory.array("grains.free_velocity"))
 

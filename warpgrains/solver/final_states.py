@@ -110,7 +110,7 @@ class FinalStates(NamedTuple):
         position, velocity, contact_mass, *spin = (records.stacked(f"grains.{name}", which) for name in names)
         corrections = records.wall_corrections(which)
         wall_force = force_of(contact_mass[..., None], corrections, dt[:, None, None])
-        times = (host["steps"][which] * dt).tolist()
+        times = (host["start_time"][which] + host["steps"][which] * dt).tolist()
         spins = spin[0] if spin else np.zeros(contact_mass.shape)
         grains = StackedGrains.of(scenes, times, position, velocity, spins, wall_force)
         return cls(grains, dt, done)

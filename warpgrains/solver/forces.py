@@ -99,7 +99,7 @@ def contacts_of(scene: Scene, state: State) -> tuple[PairContacts, WallContacts]
     """Return the contacts between grains and with walls that carry a correction after the last step."""
     start, last = start_of_step(scene, state)
     pairs = pair_contacts(last, start, state.corrections)
-    return pairs, wall_contacts(last, start, state.corrections, state.steps * last.dt)
+    return pairs, wall_contacts(last, start, state.corrections, last.time_after(state.steps))
 
 
 def force_of(mass: FloatArray, correction: FloatArray, dt: float | FloatArray) -> FloatArray:

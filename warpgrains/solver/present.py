@@ -31,7 +31,7 @@ class PresentState:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return self.steps * self.scene.dt
+        return self.scene.time_after(self.steps)
 
     @property
     def position(self) -> FloatArray:
@@ -68,8 +68,14 @@ class PresentState:
 
     @property
     def present_scene(self) -> Scene:
-        """The scene with walls that forces drive where they are; without such walls `scene` itself."""
-        return self._engine.scene_at(self._index)
+        """A scene that starts from the present state: its grains, its time, and its walls where they are.
+
+        A simulation of it starts anew: without corrections, driven walls at rest, and in the leapfrog scheme
+        with velocities that it takes for those of the present.
+        """
+        spin = self.spin if self.scene.has_friction else None
+        scene = self._engine.scene_at(self._index)
+        return scene.starting_at(self.time, position=self.position, velocity=self.velocity, spin=spin)
 
     def contacts(self) -> PairContacts:
         """Return the contacts between grains that carry a correction after the last step."""

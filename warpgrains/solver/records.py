@@ -58,7 +58,8 @@ class SceneRecords:
         self._place(np.arange(len(scenes)), self.sizes)
         if device.is_cpu:
             self._memory = self._block(0).host.base
-        self._write_parameters()
+        self.write_grains()
+        self.write_parameters()
 
     def _place(self, which: Counts, sizes: Sizes) -> None:
         """Allocate memory blocks for scenes, and write the addresses of their arrays to the records."""
@@ -97,9 +98,10 @@ class SceneRecords:
         where = f"index {found['index']} of {' or '.join(names)}"
         return f"{stage} uses {where}, which has length {found['length']}"
 
-    def _write_parameters(self) -> None:
-        """Write all fields of the records that are not arrays."""
+    def write_parameters(self) -> None:
+        """Write all fields of the records that are not arrays, and the arrays of walls."""
         host, scenes, sizes = self.host, self._scenes, self.sizes
+        host["start_time"] = [scene.time for scene in scenes]
         for name in ("drag", "spin_drag", "friction", "dt"):
             host[name] = [getattr(scene, name) for scene in scenes]
         self.set_gravity()
@@ -122,8 +124,6 @@ class SceneRecords:
             host["stopping"][name] = [getattr(scene, name) for scene in scenes]
         host["grid"]["inverse_size"] = [1.0 / tuning.cell_size(scene) for scene in scenes]
         host["grid"]["width"] = grid_width(sizes.grains)
-        for name in ("radius", "mass", "contact_mass", *(("rim_mass",) if sizes.friction else ())):
-            self._write_grains(name, name)
         for k, scene in enumerate(scenes):
             bodies = scene.bodies
             if sizes.walls[k] > 1:
@@ -146,15 +146,20 @@ class SceneRecords:
         self.host["gravity"] = [scene.gravity for scene in self._scenes] if gravity is None else gravity
         self.host["tuning"]["acceleration"] = np.hypot(*self.host["gravity"].T)
 
-    def _write_grains(self, name: str, field: str) -> None:
-        """Write a field of all scenes to an array of their grains."""
+    def write_grains(self) -> None:
+        """Write radii and masses of the grains of all scenes."""
+        for name in ("radius", "mass", "contact_mass", *(("rim_mass",) if self.sizes.friction else ())):
+            self._write_grains(name)
+
+    def _write_grains(self, name: str) -> None:
+        """Write a field of all scenes to the array of their grains."""
         whole = self.together(f"grains.{name}")
         if whole is not None and not self.sizes.driven.any():
-            values = np.concatenate([getattr(scene, field) for scene in self._scenes])
+            values = np.concatenate([getattr(scene, name) for scene in self._scenes])
             whole[:] = values.reshape(whole.shape)
             return
         for k, scene in enumerate(self._scenes):
-            self.array(k, f"grains.{name}")[: scene.n] = getattr(scene, field)
+            self.array(k, f"grains.{name}")[: scene.n] = getattr(scene, name)
 
     def array(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return an array of scene k, a view that is valid until its list grows."""

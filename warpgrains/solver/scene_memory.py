@@ -168,6 +168,16 @@ class SceneMemory:
         record["steps"] = state.steps
         self._loaded_steps, self._last_scene = state.steps, state.last_scene
 
+    def change(self, scene: Scene, keeps_list: bool) -> None:
+        """Continue with another scene, whose parameters have been written."""
+        if self.has_stepped or self._last_scene is None:
+            self._last_scene = self._scene
+        self._scene, self._bodies, self._loaded_steps = scene, scene.bodies, self.steps
+        if scene.has_driven_walls:
+            self.record["walls"]["annulus"]["radius_out"] = self.coordinates("position")[OUTER]
+        if not keeps_list:
+            self._forget_list()
+
     def _load_driven(self, driven: FloatArray) -> None:
         """Write coordinates [m] and speeds [m/s] of the walls, shape (walls, 2)."""
         n = self._scene.n

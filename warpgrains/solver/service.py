@@ -94,7 +94,7 @@ class Service:
         """Store the reason why the open step of scene k failed."""
         scene, done = self._scenes[k], self._memory[k].steps
         why = self.errors.get(k) or SimulationError(_reason(scene, self._memory[k], outcome))
-        self.errors[k] = type(why)(f"step {done + 1}, from t = {done * scene.dt} s: {why}")
+        self.errors[k] = type(why)(f"step {done + 1}, from t = {scene.time_after(done)} s: {why}")
 
 
 def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
@@ -124,7 +124,7 @@ def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
 def _wall_without_normal(scene: Scene, memory: SceneMemory, grain: int, path: float) -> str | None:
     """Return where a grain is if a wall within its path [m] has no normal there; else None."""
     position, radius = memory.grains("position")[grain : grain + 1], scene.radius[grain : grain + 1]
-    time = (memory.steps + 1) * scene.dt
+    time = scene.time_after(memory.steps + 1)
     for number in scene.wall_numbers:
         if scene.is_without_normal(number, position, radius, path, time).any():
             place = tuple(position[0].tolist())
@@ -165,5 +165,5 @@ def _find_proof(
     if scene.has_driven_walls:
         return None  # walls yield: the proof is about walls that do not
     where, how = memory.array(f"grains.{position}"), memory.array(f"grains.{velocity}")
-    time = (memory.steps + ahead) * scene.dt
+    time = scene.time_after(memory.steps + ahead)
     return find_infeasibility_proof(scene, where, how, memory.corrections(), time)

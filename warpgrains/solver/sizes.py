@@ -92,6 +92,16 @@ class Sizes:
             partials,
         )
 
+    def fits(self, k: int, scene: Scene) -> bool:
+        """Return whether the arrays of scene k fit another scene of its grains and kind."""
+        return bool(
+            self.walls[k] == len(scene.bodies)
+            and self.mobile[k] >= any(wall.is_mobile for wall in scene.walls)
+            and self.driven[k] == scene.has_driven_walls
+            and self.limited[k] == has_limits(scene)
+            and self.weighted[k] != has_equal_shares(scene)
+        )
+
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)

@@ -104,8 +104,9 @@ class RecordingReader:
         self._count = len(codes)
         self.parameters, first_step, self.scale, self.chain_scale = Metadata.read(data)
         rate = float(self._stage.GetTimeCodesPerSecond())
-        self.times = FrameTimes.of(checks.positive("dt", self.parameters["dt"]), rate, first_step)
-        checks.not_negative("time of the last frame", self.times.time(self._count - 1))
+        start = checks.number("time", self.parameters.get("time", 0.0))
+        self.times = FrameTimes.of(checks.positive("dt", self.parameters["dt"]), rate, first_step, start)
+        checks.number("time of the last frame", self.times.time(self._count - 1))
         self.mass, self.radius = (numbers(prim.GetAttribute(name)) for name in OF_GRAINS.values())
         self.walls = read_walls(self._stage)
 
@@ -124,7 +125,7 @@ class RecordingReader:
 
     @_guarded
     def scene(self) -> Scene:
-        """Return the scene with the grains of the first frame, which may be where a wall was at time 0."""
+        """Return the scene with the grains of the first frame, which may be where a wall was at the start."""
         return Scene.of_later_state(
             position=self.position(0),
             velocity=self.velocity(0),

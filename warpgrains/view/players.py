@@ -83,7 +83,11 @@ class Live:
 
     def restart(self) -> None:
         """Return to the start of the scene."""
-        self._simulation.restore(first_state(self._simulation.scene))
+        scene = self._simulation.scene
+        state = first_state(scene)
+        if scene.has_friction:  # the scene may have lost its spins meanwhile
+            state = replace(state, spin=self._first.spin_at_start)
+        self._simulation.restore(state)
         self._forget()
 
     def change(self, **fields: object) -> None:
@@ -102,7 +106,6 @@ class Live:
             friction=friction,
             angular_velocity_out=out if at_walls > 0.0 else 0.0,
             angular_velocity_in=inside if at_walls > 0.0 else 0.0,
-            spin=first.spin if rotates else None,
             spin_drag=first.spin_drag if rotates else 0.0,
         )
 

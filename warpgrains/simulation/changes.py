@@ -1,0 +1,160 @@
+"""Changes of a scene while its simulation goes on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import InputError
+from warpgrains.scene import checks
+from warpgrains.scene.compatibility import require_clear, require_size
+from warpgrains.scene.fields import FIELDS
+from warpgrains.scene.obstacle import Obstacle
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import Corrections, State, first_state
+from warpgrains.scene.wall_kinds import checked_walls
+from warpgrains.scene.walls import INNER, OUTER
+
+OF_START = {"position", "velocity", "radius", "mass", "spin", "time"}
+OF_LISTS = {"dt", "scheme", "order", "method", "wall", "drag", "spin_drag"}
+"""Fields by which contacts are listed, sorted and solved; shares of corrections depend on both drags."""
+
+
+class Change(NamedTuple):
+    """A changed scene, and what becomes of its walls and contacts."""
+
+    scene: Scene
+    staying: list[int]
+    """Walls that are where they were; contacts with the other ones are dropped."""
+    keeps_list: bool
+    """Whether all stay and move as before, so that the list of contacts holds."""
+    driven: FloatArray | None
+    """Coordinates and speeds of the walls, see `State.driven`."""
+    is_local: bool
+    """Whether only parameters change, but for the list."""
+
+    def state_after(self, state: State) -> State:
+        """Return the state from which the simulation continues."""
+        if self.keeps_list:
+            return replace(state, driven=self.driven)
+        corrections = _at_walls(state.corrections, self.staying)
+        return replace(state, driven=self.driven, lists=None, corrections=corrections)
+
+
+def change_of(
+    before: Scene, fields: dict[str, Any], steps: int, position: FloatArray, driven: FloatArray | None
+) -> Change:
+    """Return the change of some fields of a scene after `steps` steps.
+
+    `position` and `driven` are those of the present state.
+
+    Raises
+    ------
+    InputError
+        A value is invalid, a field is one of the start, or a new wall is where a grain is.
+    """
+    now = before.time_after(steps)
+    scene = _changed(before, fields, steps)
+    if driven is not None and scene.wall_numbers != before.wall_numbers:
+        raise InputError(
+            "change: no wall can be added or removed while a force drives one; make a scene by"
+            " `present_scene.replace(walls=...)`"
+        )
+    if scene.has_driven_walls != before.has_driven_walls:
+        raise InputError(
+            "change: a pressure or a force can be changed, but not given to a wall or taken away; make a"
+            " scene by `present_scene.replace`"
+        )
+    places = None if driven is None else _driven(scene, before, driven, "radius_out" in fields)
+    was, put = _in_place(before, driven), _in_place(scene, places)
+    staying = [number for number in put.wall_numbers if _stays(number, was, put, now)]
+    if driven is not None and places is not None:  # contacts of the last step are at walls as driven then
+        jumped = np.array(put.wall_numbers)[(driven != places).any(axis=1)]
+        staying = [number for number in staying if number not in jumped]
+    _require_room(put, staying, position, now)
+    all_stay = staying == was.wall_numbers == put.wall_numbers
+    keeps_list = all_stay and all(map(_move_alike, scene.walls, before.walls))
+    keeps_list = keeps_list and scene.bodies.two_circles == before.bodies.two_circles
+    if scene.dt != before.dt and scene.has_moving_walls:
+        keeps_list = False
+    return Change(scene, staying, keeps_list, places, all_stay and OF_LISTS.isdisjoint(fields))
+
+
+def _changed(before: Scene, fields: dict[str, Any], steps: int) -> Scene:
+    """Return the scene with other fields, whose time goes on and whose walls begin to move now."""
+    for name in fields:
+        checks.one_of("field of a scene", name, FIELDS)
+        if name in OF_START:
+            raise InputError(
+                f"change: {name} is that of the start; make a scene by `present_scene.replace({name}=...)`"
+            )
+    given, now = {"text": before.text_after(fields), **fields}, before.time_after(steps)
+    if "walls" in fields:
+        given["walls"] = [wall.starting(now) for wall in checked_walls("walls", fields["walls"])]
+    dt = checks.positive("dt", fields.get("dt", before.dt))
+    if dt != before.dt:
+        given["time"] = now - steps * dt
+    scene = before.unchecked(spin=None).with_settings(**given)  # grains have other spins by now
+    return scene.unchecked(spin=before.spin) if scene.has_friction else scene
+
+
+def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -> FloatArray | None:
+    """Return coordinates and speeds of the walls: as before where the shape is, else those of a start."""
+    places = first_state(scene).driven
+    for number, row, was in zip(scene.wall_numbers, [] if places is None else places, driven, strict=True):
+        one, other = _wall(before, number), _wall(scene, number)
+        if isinstance(one, Obstacle) and isinstance(other, Obstacle):
+            continues = other.drive is not None and one.shape == other.shape
+        else:
+            continues = not (number == OUTER and is_resized)
+        if continues:
+            row[:] = was
+    return places
+
+
+def _in_place(scene: Scene, driven: FloatArray | None) -> Scene:
+    return scene if driven is None else scene.with_walls_at(driven[:, 0])
+
+
+def _stays(number: int, was: Scene, put: Scene, now: float) -> bool:
+    """Return whether a wall is at the same place now [s] in two scenes."""
+    if number not in was.wall_numbers:
+        return False
+    one, other = _wall(was, number), _wall(put, number)
+    if isinstance(one, Obstacle) and isinstance(other, Obstacle):
+        return one is other or one.at(now).shape == other.at(now).shape
+    return one == other
+
+
+def _wall(scene: Scene, number: int) -> float | Obstacle:
+    """Return the radius of a circle, or a wall inside."""
+    circles = (scene.radius_out, scene.radius_in)
+    return circles[number] if number <= INNER else scene.walls[number - INNER - 1]
+
+
+def _move_alike(wall: Obstacle, other: Obstacle) -> bool:
+    return wall is other or (wall.motion == other.motion and wall.shape == other.shape)
+
+
+def _require_room(scene: Scene, staying: list[int], position: FloatArray, now: float) -> None:
+    """Raise InputError unless all grains are outside of the walls that are new or elsewhere."""
+    moved = [number for number in scene.wall_numbers if number not in staying]
+    if any(number <= INNER for number in moved):
+        require_size(scene)
+        scene.annulus.require_inside(position, scene.radius)
+    require_clear(scene, moved, position, now)
+
+
+def _at_walls(corrections: Corrections, numbers: list[int]) -> Corrections:
+    """Return the corrections without those of contacts with other walls."""
+    kept = np.isin(corrections.wall[:, 1], numbers)
+    dvt = corrections.wall_friction
+    return replace(
+        corrections,
+        wall=corrections.wall[kept],
+        wall_correction=corrections.wall_correction[kept],
+        wall_friction=None if dvt is None else dvt[kept],
+    )
