@@ -149,7 +149,7 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
     assert Recording(tmp_path / "run.usdc").scene.walls == scene.walls
     simulation.save(tmp_path / "state.npz")
     assert Simulation.load(tmp_path / "state.npz").scene.walls == scene.walls
-    assert report_on_recording(tmp_path / "run.usdc") == ["OK: 13 frames, 1 grains"]
+    assert report_on_recording(tmp_path / "run.usdc") == ["OK: 13 frames, 1 grain"]
     assert export(tmp_path / "run.usdc", tmp_path / "run.pvd") == 13
 
 

@@ -85,6 +85,27 @@ class TestRuns:
             assert getattr(found, name) == getattr(expected, name)
         assert "run 2 of a sweep over polydisperse: grains.seed = 2" in found.text
 
+    def test_walls_and_named_axes(self, tmp_path):
+        """An opening between two walls is one axis, and a wall's friction another."""
+        text = """scene = "hopper"
+            set.walls.0.to = ["-0.5 $opening", -0.1]
+            set.walls.1.to = ["$opening", "-$opening"]
+            set.physics.drag = "$opening"
+            axes.opening = [0.25, 0.5]
+            axes.walls.0.friction = [0.0, 0.9]"""
+        sweep = load(tmp_path, text)
+        assert sweep.axes == ("opening", "walls.0.friction")
+        run = sweep.runs[3]
+        assert run.labels() == {"run": "3", "scene": "hopper", "opening": "0.5", "walls.0.friction": "0.9"}
+        (tmp_path / "scene.toml").write_text(run.text("grains"))
+        found = Scene.load(tmp_path / "scene.toml")
+        overrides = ["walls.0.to=[-0.25, -0.1]", "walls.1.to=[0.5, -0.5]", "walls.0.friction=0.9"]
+        expected = Scene.load("hopper", [*overrides, "physics.drag=0.5"])
+        assert (found.walls, found.drag) == (expected.walls, expected.drag)
+        assert found.walls[0].end == (-0.25, -0.1)
+        assert np.array_equal(found.position, expected.position)
+        assert Scene.load("hopper").walls[1] != found.walls[1]
+
     def test_folder_of_scenes(self, tmp_path):
         scenes = tmp_path / "scenes"
         scenes.mkdir()

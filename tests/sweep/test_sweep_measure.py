@@ -50,6 +50,25 @@ def test_same_results_with_folders(measured, followed):
     assert results(measured) == results(followed)
 
 
+def test_openings_of_a_hopper(tmp_path):
+    """Short runs share scenes with the same grains: those of another opening are other ones."""
+    text = """scene = "hopper"
+        set.walls.0.to = ["-0.5 $opening", -0.1]
+        set.walls.1.to = ["0.5 $opening", -0.1]
+        set.grains.count = 40
+        set.time.duration = 0.6
+        axes.opening = [0.05, 0.8]
+        axes.contact.friction = [0.2, 0.4]"""
+    assert batch(write(tmp_path, text), "-o", tmp_path / "out", "--measure", "energy") == 0
+    for row in table(tmp_path / "out" / "results.csv"):
+        half = 0.5 * float(row["opening"])
+        walls = [f"walls.0.to=[{-half}, -0.1]", f"walls.1.to=[{half}, -0.1]"]
+        others = ["grains.count=40", "time.duration=0.6", f"contact.friction={row['contact.friction']}"]
+        simulation = Simulation(Scene.load("hopper", [*walls, *others]))
+        simulation.run()
+        assert row["potential_energy"] == repr(analysis.potential_energy(simulation))
+
+
 @pytest.mark.parametrize("number", [0, 5])
 def test_series_is_that_of_the_run_alone(tmp_path, followed, number):
     folder = followed / "runs" / f"{number:05}"

@@ -85,11 +85,10 @@ def read_parameters(text: str) -> dict[str, Any]:
     return walls | {name: value for table in document.values() for name, value in table.items()}
 
 
-def override_key(document: Table, override: str) -> None:
-    """Set the key of "section.key=value" in a document; a bare word is taken as a string."""
+def overridden(document: Table, override: str) -> Table:
+    """Return a document with the key of "section.key=value" set; a bare word is taken as a string."""
     target, equals, value = override.partition("=")
-    section, dot, key = target.strip().partition(".")
-    if not (equals and dot and key):
+    if not equals or not all(target.strip().partition(".")):
         raise InputError(f"override {override!r}: it must be section.key=value, such as physics.drag=0.1")
     try:
         parsed = tomllib.loads(f"value = {value}")
@@ -98,10 +97,38 @@ def override_key(document: Table, override: str) -> None:
         parsed = {"value": value.strip()} if value.strip().replace("-", "_").isidentifier() else {}
     if parsed.keys() != {"value"}:
         raise InputError(f"override {override!r}: {value!r} is not a TOML value")
-    table = document.setdefault(section, {})
+    try:
+        return with_key(document, target.strip(), parsed["value"])
+    except InputError as error:
+        raise InputError(f"override {override!r}: {error}") from None
+
+
+def with_key(document: Table, key: str, value: Any) -> Table:
+    """Return a document with another value of a key, such as "physics.drag" or "walls.0.friction".
+
+    Raises
+    ------
+    InputError
+        The section is none, or there is no such wall.
+    """
+    section, _, name = key.partition(".")
+    table = document.get(section, {})
+    if section == "walls":
+        number, own = wall_key(name)
+        if not isinstance(table, list) or not number < len(table) or not isinstance(table[number], dict):
+            raise InputError(f"{key}: there is no wall {number} in [[walls]], of which the first is walls.0")
+        return {**document, section: [*table[:number], {**table[number], own: value}, *table[number + 1 :]]}
     if not isinstance(table, dict):
-        raise InputError(f"override {override!r}: {section} is a {type(table).__name__}, no section of keys")
-    table[key] = parsed["value"]
+        raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")
+    return {**document, section: {**table, name: value}}
+
+
+def wall_key(name: str) -> tuple[int, str]:
+    """Return the number of a wall and its key from a text such as "0.friction"."""
+    number, _, key = name.partition(".")
+    if not (number.isascii() and number.isdigit() and key):
+        raise InputError(f"walls.{name}: it must be walls.NUMBER.KEY, such as walls.0.friction")
+    return int(number), key
 
 
 def _exists(path: Path) -> bool:

@@ -13,12 +13,12 @@ import numpy as np
 
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.document import Table, override_key, parse_toml
+from warpgrains.scene.document import Table, overridden, parse_toml, wall_key
 from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.grain_file import is_file_of_radii, read_grains, read_radii
 from warpgrains.scene.layouts import LAYOUTS, Placement
 from warpgrains.scene.obstacle import Obstacle
-from warpgrains.scene.wall_kinds import checked_walls
+from warpgrains.scene.wall_kinds import WALL_KINDS, checked_walls
 from warpgrains.scene.walls import Annulus
 
 SOURCES = {
@@ -40,7 +40,7 @@ def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
     """Return the fields of a scene from its text. File names in it are relative to the folder of `path`."""
     document = parse_toml(text, path)
     for override in overrides:
-        override_key(document, override)
+        document = overridden(document, override)
         text += f"\n# --set {' '.join(override.split())}"
     texts = {"name": path.stem, "text": text}  # file names need not be UTF-8
     readable = {field: value.encode(errors="replace").decode() for field, value in texts.items()}
@@ -50,7 +50,8 @@ def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
 def require_key(section: str, key: str) -> None:
     """Raise InputError unless scene files may have this key in this section."""
     if section == "walls":
-        raise InputError(f"walls.{key}: walls are a list, whose keys cannot be set one by one")
+        of_walls = set().union(*(kind.keys() for kind in WALL_KINDS.values()))
+        return _refuse_unknown_keys(section, {wall_key(key)[1]: None}, ("kind", *of_walls))
     _require_section(section)
     of_layouts = {name for layout in LAYOUTS.values() for name in keyword_parameters(layout)}
     known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))

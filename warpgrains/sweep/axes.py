@@ -45,8 +45,8 @@ def axis_values(name: str, axis: Any) -> AxisValues:
 
 
 def _generated(name: str, axis: dict[str, Any]) -> AxisValues:
-    kind = checks.only_one(f"axes.{name}", axis, _KINDS)
-    generate, known = _KINDS[kind]
+    kind = checks.only_one(f"axes.{name}", axis, KINDS)
+    generate, known = KINDS[kind]
     for key in axis:
         if key not in known:
             raise checks.unknown(f"key in axes.{name}", key, known)
@@ -78,7 +78,7 @@ def _seeds(field: str, axis: dict[str, Any]) -> AxisValues:
     return list(range(checks.whole_number(f"{field}.seeds", axis["seeds"], most=MOST_VALUES)))
 
 
-_KINDS: dict[str, tuple[Callable[[str, dict[str, Any]], AxisValues], tuple[str, ...]]] = {
+KINDS: dict[str, tuple[Callable[[str, dict[str, Any]], AxisValues], tuple[str, ...]]] = {
     "range": (_range, ("range", "count")),
     "log_range": (_log_range, ("log_range", "count")),
     "seeds": (_seeds, ("seeds",)),

@@ -133,9 +133,9 @@ class ShortRunner:
         """Return the scene of a run, derived from a cached one with the same grains and walls, if any."""
         settings: dict[str, Any] = {}
         of_grains = []
-        for name, value in run.values.items():
+        for name, value in run.changes().items():
             section, _, key = name.partition(".")
-            if section in ("domain", "grains"):
+            if section in ("domain", "grains", "walls"):
                 of_grains.append(value)
             else:
                 settings[key] = value

@@ -9,20 +9,24 @@ section  keys                meaning
                              "zip": the first values of all axes, then the second ones, ...
 set      section.key         a value that replaces the base scene's in all runs
 axes     section.key         a list of values, one of which each run has, see `axes`
+..       or: a name, NAME    values that are inserted for "$NAME", "-$NAME", "0.5 $NAME" in [set]
 ======== =================== ======================================================================
 
-The keys are those of scene files: ``physics.drag = [0.1, 0.5]`` in ``[axes]`` is an axis of two values.
+The keys are those of scene files: ``physics.drag = [0.1, 0.5]`` in ``[axes]`` is an axis of two values. The
+keys of the first of ``[[walls]]`` are ``walls.0.friction`` and so on.
 """
 
 import hashlib
 import itertools
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
+from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.errors import InputError
 from warpgrains.files import Row, read_regular
 from warpgrains.scene import checks
@@ -35,14 +39,19 @@ from warpgrains.scene.document import (
     shipped_text,
     toml_text,
     toml_value,
+    with_key,
 )
 from warpgrains.scene.grain_file import is_file_of_radii, read_radii
 from warpgrains.scene.reader import require_key
+from warpgrains.sweep.axes import KINDS as AXIS_KINDS
 from warpgrains.sweep.axes import MOST_VALUES, axis_values
+from warpgrains.sweep.results import COLUMNS
 
 KEYS = ("scene", "folder", "combine", "set", "axes")
 COMBINATIONS = ("grid", "zip")
 GRAINS = "grains"  # folder of the copies of files of grains, in that of the sweep
+
+_INSERTED = re.compile(r"(-?(?:\d+(?:\.\d+)? *)?)\$(\w+)")  # a factor, and the name of an axis
 
 KeyValues = dict[str, Any]
 """Values by key, such as "physics.drag"."""
@@ -66,6 +75,8 @@ class BaseScene:
     """Sections of the scene file, with the values that the sweep sets for all runs."""
     grain_files: dict[str, GrainFile]
     """Files of grains by the names that the sweep and the scene use."""
+    formulas: KeyValues
+    """Values of `sections`, by key, into which those of named axes are inserted."""
 
     @property
     def text(self) -> str:
@@ -102,9 +113,14 @@ class Run:
         cells = {key: _cell(value) for key, value in self.values.items()}
         return {"run": str(self.number), "scene": self.base.name, **cells}
 
+    def changes(self) -> KeyValues:
+        """Return the values by which the run differs from its base scene, by key."""
+        inserted = {key: _inserted(value, self.values) for key, value in self.base.formulas.items()}
+        return {key: value for key, value in self.values.items() if "." in key} | inserted
+
     def sections(self, copies: str) -> Table:
         """Return the sections of the run's scene file, see `BaseScene.with_values`."""
-        return self.base.with_values(self.values, copies)
+        return self.base.with_values(self.changes(), copies)
 
     def text(self, copies: str) -> str:
         """Return the text of the run's scene file, see `sections`."""
@@ -146,6 +162,7 @@ class Sweep:
         for key in fixed.keys() & axes.keys():
             raise InputError(f"{key} is in [set] and in [axes]: it must be in one of them")
         lists = {key: axis_values(key, axis) for key, axis in axes.items()}
+        _require_uses(fixed, [key for key in lists if "." not in key])
         for value in lists.get("grains.radius", []):
             if is_file_of_radii(value):
                 raise InputError(f"grains.radius of an axis is {value!r}: files of radii belong into scenes")
@@ -169,10 +186,60 @@ def _by_key(document: Table, name: str) -> KeyValues:
     """Return the entries of a section of a sweep by "section.key". Each must be a key of scene files."""
     found: KeyValues = {}
     for section, table in _table(name, document.get(name, {})).items():
+        if name == "axes" and _is_named(section, table):
+            found[section] = table
+            continue
         for key, value in _table(f"{name}.{section}", table).items():
-            require_key(section, key)
-            found[f"{section}.{key}"] = value
+            own = value if section == "walls" and isinstance(value, dict) else {"": value}
+            for last, each in own.items():
+                full = f"{key}.{last}".rstrip(".")
+                require_key(section, full)
+                found[f"{section}.{full}"] = each
     return found
+
+
+def _is_named(name: str, axis: Any) -> bool:
+    """Return whether an entry of [axes] is an axis with a name of its own, instead of a section of keys."""
+    is_axis = isinstance(axis, list) or (isinstance(axis, dict) and not axis.keys().isdisjoint(AXIS_KINDS))
+    if not (is_axis and re.fullmatch(r"\w+", name)):
+        return False
+    if name in ("run", "scene", *COLUMNS, *QUANTITIES):
+        raise InputError(f"axes.{name}: results have a column of this name; choose another one")
+    return True
+
+
+def _require_uses(fixed: KeyValues, named: list[str]) -> None:
+    """Raise InputError unless [set] uses all named axes, and no others."""
+    used = {name: key for key, value in fixed.items() for name in _names_in(value)}
+    for name in used.keys() - named:
+        raise InputError(f"{used[name]} in [set] is {fixed[used[name]]!r}: [axes] has no {name}")
+    for name in named:
+        if name not in used:
+            raise InputError(f"axes.{name}: no value in [set] contains '${name}'")
+
+
+def _names_in(value: Any) -> set[str]:
+    """Return the names of the axes that are inserted into a value."""
+    if isinstance(value, str):
+        return {found[2]} if (found := _INSERTED.fullmatch(value)) else set()
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return set().union(*map(_names_in, parts))
+
+
+def _inserted(value: Any, values: KeyValues) -> Any:
+    """Return a value of [set] with those of named axes inserted."""
+    match value:
+        case str() if found := _INSERTED.fullmatch(value):
+            factor, name = found.groups()
+            if not factor:
+                return values[name]
+            own = checks.number(f"axes.{name}", values[name])
+            return own * float(factor.replace(" ", "") if factor.strip(" -") else factor + "1")
+        case dict():
+            return {key: _inserted(own, values) for key, own in value.items()}
+        case list():
+            return [_inserted(own, values) for own in value]
+    return value
 
 
 def _require_toml_values(key: str, values: list[Any]) -> None:
@@ -217,7 +284,8 @@ def _bases(
             grains["radius"] = radii
         file = grains.get("file")
         files = lists.get("grains.file", [] if file is None else [file])
-        yield BaseScene(name, sections, {file: _grain_file(where, file) for file in files})
+        formulas = {key: value for key, value in fixed.items() if _names_in(value)}
+        yield BaseScene(name, sections, {file: _grain_file(where, file) for file in files}, formulas)
 
 
 def _base_documents(document: Table, folder: Path) -> Iterator[tuple[str, Table, Path]]:
@@ -250,7 +318,6 @@ def _grain_file(folder: Path, name: Any) -> GrainFile:
 def _with_values(sections: Table, values: KeyValues) -> Table:
     """Return a copy of the sections of a scene with some values replaced."""
     changed = {name: dict(table) if isinstance(table, dict) else table for name, table in sections.items()}
-    for name, value in values.items():
-        section, _, key = name.partition(".")
-        _table(section, changed.setdefault(section, {}))[key] = value
+    for key, value in values.items():
+        changed = with_key(changed, key, value)
     return changed
