@@ -105,16 +105,16 @@ class Recording(Shown):
 
     @cached_property
     def scene(self) -> Scene:
-        """Scene of the run, with the grains at their positions in the first frame.
-
-        Walls that move are where they are at time 0, also if the first frame is later.
+        """Scene of the run from its first frame, with its time, and grains and walls where they are then.
 
         Raises
         ------
         InputError
-            The first frame is a later one, in which a grain is where a wall was at time 0.
+            In the first frame, the center of a grain is in a wall.
         """
-        scene = self._recorded_scene
+        scene, time = self._recorded_scene, self._reader.times.time(0)
+        if time != scene.time:
+            scene = scene.with_walls_at(self._reader.places(0)).starting_at(time)
         try:
             require_valid_positions(scene)
         except InputError as error:

@@ -124,7 +124,10 @@ class Homework:
         share = np.where(difference > _LEAST, 0.25 + 0.75 * share, 0.0)[:, np.newaxis]
         position = self._states[0][: 2 * n].reshape(2, n).T
         return Shot(
-            self._time_steps * self._scene.dt, position, (1.0 - share) * _EQUAL + share * _DIFFERENT, None
+            self._scene.time_after(self._time_steps),
+            position,
+            (1.0 - share) * _EQUAL + share * _DIFFERENT,
+            None,
         )
 
     def readout(self) -> dict[str, str]:
