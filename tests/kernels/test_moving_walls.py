@@ -366,7 +366,7 @@ def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
 
 
 def test_a_recording_in_which_a_grain_is_where_a_wall_was(tmp_path: Path) -> None:
-    """Its frames can be read, but no simulation can start there, with the wall back at its first place."""
+    """Its scene begins with the first frame: with the wall where it is by then."""
     scene = Scene(
         position=[(0.0, 0.5)],
         radius=0.1,

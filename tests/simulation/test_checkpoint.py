@@ -27,13 +27,13 @@ FIELDS = {
         "Corrections": "pair pair_correction wall wall_correction pair_friction wall_friction",
         "VerletList": "pair wall skin recent_deviation reference_position reference_velocity"
         " frame_shift base_skin frame_skin elapsed lifetime",
-        "RunOptions": "steps record fps color_by forces draw_as checkpoint every until measure series"
+        "RunOptions": "steps record fps color_by forces draw_as size frame checkpoint every until measure series"
         " measure_every region mean",
         "RunStatistics": "steps frames iterations iterations_max unconverged infeasible infeasible_grains"
         " residual gap_error overlap rebuilds restarts step_seconds other_seconds held met means",
     }.items()
 }
-"""Fields of version 12. Whoever changes them must increase `VERSION`."""
+"""Fields of version 13. Whoever changes them must increase `VERSION`."""
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ class TestRoundTrip:
 class TestFile:
     def test_layout_of_this_version(self, saved):
         """A file that another version could not read needs another number."""
-        assert VERSION == 12
+        assert VERSION == 13
         assert {kind.__name__: [own.name for own in fields(kind)] for kind in STORED} == FIELDS
         with np.load(saved, allow_pickle=False) as archive:
             header = json.loads(archive["header"].tobytes())

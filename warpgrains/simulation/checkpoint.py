@@ -29,7 +29,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 12
+VERSION = 13
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]
