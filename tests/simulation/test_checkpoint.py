@@ -27,8 +27,8 @@ FIELDS = {
         "Corrections": "pair pair_correction wall wall_correction pair_friction wall_friction",
         "VerletList": "pair wall skin recent_deviation reference_position reference_velocity"
         " frame_shift base_skin frame_skin elapsed lifetime",
-        "RunOptions": "steps record fps color_by forces draw_as size frame checkpoint every until measure series"
-        " measure_every region mean",
+        "RunOptions": "steps record fps color_by forces draw_as size frame checkpoint every until"
+        " measure series measure_every region mean",
         "RunStatistics": "steps frames iterations iterations_max unconverged infeasible infeasible_grains"
         " residual gap_error overlap rebuilds restarts step_seconds other_seconds held met means",
     }.items()
