@@ -70,6 +70,14 @@ def test_container_is_found_from_the_ends_of_segments(walls, area, mouth):
     assert found.region.contains(np.array(CORNER) @ turn).all()
 
 
+def test_a_ring_about_the_grains_is_their_container():
+    """Its area, its lowest point, and the cell of the only grain."""
+    now = of([(0.2, 0.1)], [Disc((0.2, 0.1), 0.3, inside=True)], radius=0.1)
+    assert analysis.packing_fraction(now) == pytest.approx(1.0 / 9.0, rel=64 * EPS)
+    assert analysis.pile_height(now) == pytest.approx(0.4, rel=64 * EPS)
+    assert analysis.cell_areas(now) == pytest.approx(pi * 0.09, rel=1e-9)
+
+
 def test_an_open_container_without_gravity_is_unknown():
     assert not of(CORNER, chain(*U), gravity=(0.0, 0.0)).container.is_known
 

@@ -175,14 +175,12 @@ def _expected(
 ) -> FloatArray:
     """Return the expected number of pairs of kinds in bins for random centers, by the midpoint rule."""
     middle, k = 0.5 * (edges[1:] + edges[:-1]), len(of_kind)
-    inside = np.zeros((k, len(middle)))
-    for part in region.parts:
-        clearance = part.clearance(position)
-        for b, r in enumerate(middle):
-            share = (clearance > 0.0).astype(np.float64)
-            cut = np.flatnonzero(np.abs(clearance) <= r)
-            share[cut] = part.angles(position[cut], np.full(len(cut), r)) / (2.0 * np.pi)
-            inside[:, b] += [share[own].sum() for own in of_kind]
+    inside, clearance = np.empty((k, len(middle))), region.clearance(position)
+    for b, r in enumerate(middle):
+        share = (clearance > 0.0).astype(np.float64)
+        cut = np.flatnonzero(np.abs(clearance) <= r)
+        share[cut] = region.angles(position[cut], np.full(len(cut), r)) / (2.0 * np.pi)
+        inside[:, b] = [share[own].sum() for own in of_kind]
     others = np.tile([float(own.sum()) for own in of_kind], (k, 1)) - np.eye(k)
     half = 0.5 * others[..., np.newaxis] / region.area * 2.0 * np.pi * middle * np.diff(edges)
     ways = half * inside[:, np.newaxis]  # from a grain of kind a to another one of kind b

@@ -17,7 +17,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import NoAreaError
 from warpgrains.scene.gravity import upwards
-from warpgrains.scene.outline import Part, clip
+from warpgrains.scene.outline import Part, clip, uncovered
 from warpgrains.scene.region import Region, Side
 from warpgrains.scene.segment import Segment
 
@@ -81,7 +81,8 @@ def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
     inner = ends[[side is None for side in sides]]
     if not region.parts or any(_cuts(region.parts[0], own, rounding) for own in inner):
         return unknown
-    free = _uncovered(region.parts[0], ends, rounding, 2.0 * scene.smallest_radius)
+    (part,), width = region.parts, 2.0 * scene.smallest_radius
+    free = np.concatenate([uncovered(edge, ends, rounding, width, part.circles) for edge in part.edges])
     if not len(free):
         return Container(region)
     gravity = scene.gravity_at(time)
@@ -107,27 +108,3 @@ def _cuts(part: Part, line: FloatArray, rounding: float) -> bool:
             normal = np.array([along[1], -along[0]]) / size
             line = clip(line, normal, corner @ normal - rounding)
     return len(line) > 1
-
-
-def _uncovered(part: Part, ends: FloatArray, rounding: float, gap: float) -> FloatArray:
-    """Return the ends of the gaps of at least this width [m] in the border of a polygon [m], shape (k, 2)."""
-    found = [np.empty((0, 2))]
-    for start, way in zip(part.corner, part.along, strict=True):
-        length = np.hypot(*way)
-        along = way / length if length else way
-        across = np.array([-along[1], along[0]])
-        on_edge = ends[(np.abs((ends - start) @ across) <= rounding).all(axis=1)]
-        covered = np.sort((on_edge - start) @ along, axis=1).tolist()
-        for *center, radius, keeps_inside in part.circles:
-            to = np.array(center) - start
-            half = np.sqrt(max(radius**2 - (to @ across) ** 2, 0.0))
-            low, high = to @ along - half, to @ along + half
-            covered += [[-np.inf, low], [high, np.inf]] if keeps_inside else [[low, high]]
-        reached = -0.5 * gap
-        for begin, end in [*sorted(covered), [np.inf, np.inf]]:
-            begin = min(begin, length + 0.5 * gap)
-            if begin - reached >= gap:
-                free = np.clip([reached, begin], 0.0, length)
-                found.append(start + free[:, np.newaxis] * along)
-            reached = max(reached, end)
-    return np.concatenate(found)

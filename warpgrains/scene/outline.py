@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.scene.geometry import Circle
 
 AT_ONCE = 4096  # discs whose areas are computed together
@@ -42,17 +42,14 @@ class Part(NamedTuple):
             found &= circle._replace(radius=grown).contains(points)
         return found
 
+    @property
+    def edges(self) -> FloatArray:
+        """Ends of the edges [m], shape (k, 2, 2)."""
+        return np.stack([self.corner, np.roll(self.corner, -1, axis=0)], axis=1)
+
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return a lower bound of the distance of points from the border [m], < 0 outside, shape (n,)."""
-        nearest, reach = np.full(len(points), np.inf), np.abs(self.corner).max()
-        for start, along in zip(self.corner, self.along, strict=True):
-            to, size = points - start, along @ along
-            share = np.clip(to @ along / size, 0.0, 1.0) if size > 0.0 else np.zeros(len(points))
-            nearest = np.minimum(nearest, np.hypot(*(to - share[:, np.newaxis] * along).T))
-        for x, y, radius, _ in self.circles:
-            nearest = np.minimum(nearest, np.abs(np.hypot(*(points - (x, y)).T) - radius))
-        nearest = np.maximum(nearest * (1.0 - 1e-9) - 1e-12 * reach, 0.0)
-        return np.where(self.contains(points), nearest, -nearest)
+        return clearance(self.edges, self.circles, points, self.contains(points))
 
     def outermost(self, direction: FloatArray) -> FloatArray:
         """Return points, those farthest along and against a direction among them [m], shape (m, 2).
@@ -74,17 +71,23 @@ class Part(NamedTuple):
 
     def areas(self, center: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the areas of discs inside the part [m2], shape (n,)."""
-        clearance = self.clearance(center)
-        area = np.where(clearance > 0.0, np.pi * radius**2, 0.0)
-        cut = np.flatnonzero(np.abs(clearance) < radius)
+        area, (within, cut) = np.zeros(len(radius)), self._within_and_cut(center, radius)
+        area[within] = np.pi * radius[within] ** 2
         for start in range(0, len(cut), AT_ONCE):
             some = cut[start : start + AT_ONCE]
             area[some] = self.cut_areas(center[some], radius[some])
         return area
 
+    def _within_and_cut(self, center: FloatArray, radius: FloatArray) -> tuple[IndexArray, IndexArray]:
+        """Return the discs with their centers inside, and those that the border may cut."""
+        low, high, reach = self.corner.min(axis=0), self.corner.max(axis=0), radius[:, np.newaxis]
+        near = np.flatnonzero(((center + reach > low) & (center - reach < high)).all(axis=1))
+        apart = self.clearance(center[near])
+        return near[apart > 0.0], near[np.abs(apart) <= radius[near]]
+
     def cut_areas(self, center: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the areas of discs inside the part [m2], whether or not its border cuts them, shape (n,)."""
-        area = 0.5 * radius**2 * self.angles(center, radius)
+        area = 0.5 * radius**2 * self._cut_angles(center, radius)
         start = self.corner - center[:, np.newaxis]
         inside = [_roots(start, self.along, radius[:, np.newaxis])]
         inside += [np.broadcast_to(self._fractions(circle), start.shape) for circle in self.circles]
@@ -103,6 +106,12 @@ class Part(NamedTuple):
 
     def angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the angle of the circle of each disc that lies in the part [rad], shape (n,)."""
+        angle, (within, cut) = np.zeros(len(radius)), self._within_and_cut(center, radius)
+        angle[within] = 2.0 * np.pi
+        angle[cut] = self._cut_angles(center[cut], radius[cut])
+        return angle
+
+    def _cut_angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
         start = self.corner - center[:, np.newaxis]
         t = _roots(start, self.along, radius[:, np.newaxis])
         met = start[:, :, np.newaxis] + t[..., np.newaxis] * self.along[:, np.newaxis]
@@ -147,6 +156,54 @@ class Part(NamedTuple):
     def _fractions(self, circle: Circle) -> FloatArray:
         """Return where lines along edges meet a circle, as fractions of the edges, (k, 2); NaN if nowhere."""
         return _roots(self.corner - circle[:2], self.along, np.array(circle.radius))
+
+
+def clearance(
+    lines: FloatArray, circles: tuple[Circle, ...], points: FloatArray, inside: BoolArray
+) -> FloatArray:
+    """Return a lower bound of the distance of points from lines and circles [m], < 0 outside, shape (n,).
+
+    `lines` holds the ends of lines, shape (k, 2, 2), and `inside` which points count as inside.
+    """
+    nearest = np.full(len(points), np.inf)
+    for start, end in lines:
+        to, along = points - start, end - start
+        size = along @ along
+        share = np.clip(to @ along / size, 0.0, 1.0) if size > 0.0 else np.zeros(len(points))
+        nearest = np.minimum(nearest, np.hypot(*(to - share[:, np.newaxis] * along).T))
+    for x, y, radius, _ in circles:
+        nearest = np.minimum(nearest, np.abs(np.hypot(*(points - (x, y)).T) - radius))
+    nearest = np.maximum(nearest * (1.0 - 1e-9) - 1e-12 * np.abs(lines).max(), 0.0)
+    return np.where(inside, nearest, -nearest)
+
+
+def uncovered(
+    line: FloatArray, others: FloatArray, rounding: float, gap: float = 0.0, circles: tuple[Circle, ...] = ()
+) -> FloatArray:
+    """Return the pieces of a line that neither others on it nor what is beyond circles cover, (m, 2, 2).
+
+    Lines are given by their ends [m], shapes (2, 2) and (k, 2, 2). Pieces narrower than `gap` [m] do not
+    count.
+    """
+    start, length = line[0], np.hypot(*(line[1] - line[0]))
+    if length == 0.0:
+        return np.empty((0, 2, 2))
+    along = (line[1] - start) / length
+    across = np.array([-along[1], along[0]])
+    on_line = others[(np.abs((others - start) @ across) <= rounding).all(axis=1)]
+    covered = np.sort((on_line - start) @ along, axis=1).tolist()
+    for *center, radius, keeps_inside in circles:
+        to = np.array(center) - start
+        half = np.sqrt(max(radius**2 - (to @ across) ** 2, 0.0))
+        low, high = to @ along - half, to @ along + half
+        covered += [[-np.inf, low], [high, np.inf]] if keeps_inside else [[low, high]]
+    free, reached = [], -0.5 * gap
+    for begin, end in [*sorted(covered), [np.inf, np.inf]]:
+        begin = min(begin, length + 0.5 * gap)
+        if begin - reached > max(gap, rounding):
+            free.append(np.clip([reached, begin], 0.0, length))
+        reached = max(reached, end)
+    return start + np.reshape(free, (-1, 2, 1)) * along
 
 
 def clip(corner: FloatArray, normal: FloatArray, level: float) -> FloatArray:

@@ -19,7 +19,7 @@ from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import Circle, area_in_disc
-from warpgrains.scene.outline import Part, clip
+from warpgrains.scene.outline import Part, clearance, clip, uncovered
 from warpgrains.scene.walls import Annulus
 
 KEYS = ("x", "y", "distance")
@@ -96,6 +96,30 @@ class Region:
         for part in self.parts:
             area += part.areas(position, radius)
         return area
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """Return a lower bound of the distance of points from the border [m], < 0 outside, shape (n,)."""
+        inside = self.contains(points)
+        return clearance(self._border, self.parts[0].circles, points, inside)
+
+    @cached_property
+    def _border(self) -> FloatArray:
+        """Edges of the polygons but for those that two of them share [m], shape (k, 2, 2)."""
+        edges, rounding = [part.edges for part in self.parts], 1e-12 * self.ring.radius_out
+        if len(edges) == 1:
+            return edges[0]
+        found = []
+        for k, own in enumerate(edges):
+            others = np.concatenate(edges[:k] + edges[k + 1 :])
+            found += [uncovered(edge, others, rounding) for edge in own]
+        return np.concatenate(found)
+
+    def angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
+        """Return the angle of the circle of each disc that lies in the region [rad], shape (n,)."""
+        angle = np.zeros(len(radius))
+        for part in self.parts:
+            angle += part.angles(center, radius)
+        return angle
 
     def cut(self, *sides: Side) -> Region:
         """Return the part in half planes."""
