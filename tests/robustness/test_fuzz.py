@@ -1,6 +1,7 @@
 """Mutated input of every kind: one line or a right result, never anything else. More of it with -m slow."""
 
 import json
+from argparse import Namespace
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -8,13 +9,18 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from changed_bytes import mutations, odd_texts
+from changed_bytes import mutations, odd_texts, reworded_texts
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from recordings import make_frames, record
 from same_bits import contents
+from test_foreign_recordings import FOREIGN
 from trimmed import trimmed
 
 from warpgrains import InputError, Scene, Simulation
+from warpgrains.analysis.plots import plot
+from warpgrains.cli.check import check
+from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.files import read_table, table_text
 from warpgrains.scene.reader import scene_fields
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -57,7 +63,7 @@ def require_one_line(refusal):
     assert "\n" not in str(refusal), str(refusal)
 
 
-def fuzzed(check, examples):
+def fuzzed(check, examples, few=200):
     """Return two tests of a check that takes one example: a short one, and a long one behind `slow`."""
 
     def test(count, many):
@@ -65,7 +71,7 @@ def fuzzed(check, examples):
         settings(max_examples=count, derandomize=not many, **quiet)(given(examples)(check))()
 
     cases = [
-        pytest.param(200, False, id="few"),
+        pytest.param(few, False, id="few"),
         pytest.param(trimmed(10_000), True, id="many", marks=pytest.mark.slow),
     ]
     return pytest.mark.parametrize(("count", "many"), cases)(test)
@@ -181,3 +187,47 @@ def check_result(content):
 
 
 test_results = fuzzed(check_result, mutations(ROW))
+
+
+@cache
+def recordings():
+    """Return suffix and content of recordings of every kind."""
+    with TemporaryDirectory() as folder:
+        drawings = [(".usdc", "discs"), (".usdz", "discs"), (".usda", "points"), (".usdc", "spheres")]
+        paths = [Path(folder, f"{draw_as}{suffix}") for suffix, draw_as in drawings]
+        for path in paths:
+            drawn = {"forces": True, "color_by": "pressure"} if path.suffix == ".usdc" else {}
+            record(path, make_frames(2), draw_as=path.stem, **drawn)
+        return [(path.suffix, path.read_bytes()) for path in paths]
+
+
+@st.composite
+def usd_files(draw):
+    """Return the suffix and the content of a file that is damaged or foreign."""
+    foreign = [(".usda", text.encode()) for text in FOREIGN.values()]
+    suffix, content = draw(st.sampled_from(recordings()) | st.sampled_from(foreign))
+    if suffix == ".usda" and draw(st.integers(0, 3)):
+        return suffix, draw(reworded_texts(content.decode()))
+    return draw(st.sampled_from([suffix] * 9 + [*RECORDINGS])), draw(mutations(content))
+
+
+def check_recording(example):
+    """`check` first, in a child: what crashes it would also crash the drawing."""
+    suffix, content = example
+    with TemporaryDirectory() as folder:
+        path, picture = Path(folder, f"run{suffix}"), Path(folder, "run.png")
+        path.write_bytes(content)
+        try:
+            check(Namespace(file=str(path)))
+            plot(path, picture)
+            picture.unlink()
+        except InputError as refusal:
+            require_one_line(refusal)
+            if "its reader" not in str(refusal):
+                with pytest.raises(InputError):
+                    plot(path, picture)
+        assert list(Path(folder).iterdir()) == [path]
+        assert path.read_bytes() == content
+
+
+test_recordings = fuzzed(check_recording, st.deferred(usd_files), few=10)

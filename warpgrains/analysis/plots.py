@@ -69,8 +69,7 @@ def plot(
     ------
     InputError
         The file cannot be read, is no recording or lacks a frame, the size or the frame is invalid, or the
-        picture cannot be written. It is an `OutputError` if another process writes it. Only the command
-        ``warpgrains plot`` is safe against files that crash USD or never end.
+        picture cannot be written. It is an `OutputError` if another process writes it.
     """
     output = Path(output)
     require_writable_path("picture", output, *STILLS)

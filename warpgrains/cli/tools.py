@@ -1,4 +1,4 @@
-"""Commands for recordings (`check`, `recover`, `plot`, `export`), `compress` and `pack`, and the `report`."""
+"""Commands for recordings (`recover`, `plot`, `export`), `compress` and `pack`, and the `report`."""
 
 import json
 import warnings
@@ -7,7 +7,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from warpgrains.cli.sandboxed import run_sandboxed
 from warpgrains.console import in_columns, stdout_to_stderr
 from warpgrains.drawing.kinds import FILMS, require_drawing
 from warpgrains.errors import InputError, requiring
@@ -20,14 +19,6 @@ from warpgrains.warp_start import start_warp
 if TYPE_CHECKING:
     from warpgrains.packings.compress import Packing
     from warpgrains.packings.pack import Rest
-
-
-def check(arguments: Namespace) -> bool:
-    """Print each problem of a recording on one line, or its size if it has none."""
-    lines = run_sandboxed("usd.check.report_on_recording", arguments.file)
-    for line in lines:
-        print(f"{arguments.file}: {line}")
-    return not lines[0].startswith("OK: ")
 
 
 def recover(arguments: Namespace) -> bool:
@@ -55,20 +46,23 @@ def plot(arguments: Namespace) -> bool:
     if is_film:
         if arguments.frames is not None or not arguments.curves:
             raise InputError("--frames and --no-curves have no effect on a film")
-        numbers = run_sandboxed("pictures.film.draw_film", arguments.file, None, **shown)
-        print(f"{output}: {number_of(len(numbers), 'frame')}")
+        from warpgrains.pictures.film import draw_film
+
+        print(f"{output}: {number_of(len(draw_film(arguments.file, **shown)), 'frame')}")
         return False
-    given = {"frames": arguments.frames, "curves": arguments.curves, **shown}
-    numbers = run_sandboxed("analysis.plots.plot", arguments.file, len(arguments.frames or ()), **given)
+    from warpgrains.analysis.plots import plot
+
+    numbers = plot(arguments.file, frames=arguments.frames, curves=arguments.curves, **shown)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
     return False
 
 
 def export(arguments: Namespace) -> bool:
     """Export a recording for ParaView."""
+    from warpgrains.analysis.vtk import export
+
     output = arguments.output or str(Path(arguments.file).with_suffix(".pvd"))
-    frames = run_sandboxed("analysis.vtk.export", arguments.file, output=output)
-    print(f"{output}: {number_of(frames, 'frame')}")
+    print(f"{output}: {number_of(export(arguments.file, output), 'frame')}")
     return False
 
 

@@ -1,13 +1,11 @@
 """Reader of recordings, for pictures and curves."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import wraps
 from pathlib import Path
-from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains
@@ -30,21 +28,6 @@ from warpgrains.usd.grains import (
 from warpgrains.usd.metadata import RECORDED_BY, Metadata
 from warpgrains.usd.stage import numbers, values_of
 from warpgrains.usd.walls import PLACES, WALLS, read_walls
-
-Given = ParamSpec("Given")
-Found = TypeVar("Found")
-Read = Callable[Concatenate["RecordingReader", Given], Found]
-
-
-def _guarded(read: Read[Given, Found]) -> Read[Given, Found]:
-    """Let a method of the reader raise InputError, which names the file, where the content is damaged."""
-
-    @wraps(read)
-    def guarded(self: "RecordingReader", *given: Given.args, **named: Given.kwargs) -> Found:
-        with refusing_untrusted_content(self.path):
-            return read(self, *given, **named)
-
-    return guarded
 
 
 class RecordingReader:
@@ -82,9 +65,9 @@ class RecordingReader:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._open()
+        with refusing_untrusted_content(path):
+            self._open()
 
-    @_guarded
     def _open(self) -> None:
         path = self.path
         self._stage = open_recording(path)
@@ -107,23 +90,29 @@ class RecordingReader:
         start = checks.number("time", self.parameters.get("time", 0.0))
         self.times = FrameTimes.of(checks.positive("dt", self.parameters["dt"]), rate, first_step, start)
         checks.number("time of the last frame", self.times.time(self._count - 1))
-        self.mass, self.radius = (numbers(prim.GetAttribute(name)) for name in OF_GRAINS.values())
+        n = len(numbers(self._position))
+        self.mass, self.radius = (
+            checks.positive_per_grain(name, numbers(prim.GetAttribute(attribute)), n)
+            for name, attribute in OF_GRAINS.items()
+        )
         self.walls = read_walls(self._stage)
 
     def __len__(self) -> int:
         return self._count
 
-    @_guarded
+    def _numbers(self, attribute: Usd.Attribute, frame: int, *columns: int) -> FloatArray:
+        """Return the values of the grains in a frame, shape (n, *columns)."""
+        with refusing_untrusted_content(self.path):
+            return numbers(attribute, frame, (len(self.radius), *columns))
+
     def position(self, frame: int) -> FloatArray:
         """Return the centers of the grains [m], shape (n, 2)."""
-        return numbers(self._position, frame)[:, :2]
+        return self._numbers(self._position, frame, 3)[:, :2]
 
-    @_guarded
     def velocity(self, frame: int) -> FloatArray:
         """Return the velocities of the grains [m/s], shape (n, 2)."""
-        return numbers(self._prim.GetAttribute(VELOCITIES), frame)[:, :2]
+        return self._numbers(self._prim.GetAttribute(VELOCITIES), frame, 3)[:, :2]
 
-    @_guarded
     def scene(self) -> Scene:
         """Return the scene with the grains of the first frame, which may be where a wall was at the start."""
         return Scene.of_later_state(
@@ -135,55 +124,49 @@ class RecordingReader:
             **self.parameters,
         )
 
-    @_guarded
     def moved_walls(self, frame: int) -> dict[str, Band]:
         """Return the mobile walls as drawn in a frame, by name."""
-        return read_walls(self._stage, frame, only_mobile=True)
+        with refusing_untrusted_content(self.path):
+            return read_walls(self._stage, frame, only_mobile=True)
 
-    @_guarded
     def places(self, frame: int) -> FloatArray | None:
         """Return the coordinates of walls [m], shape (walls,); None where no force drives a wall."""
-        places = self._stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
-        return numbers(places, frame) if places else None
+        with refusing_untrusted_content(self.path):
+            places = self._stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
+            return numbers(places, frame) if places else None
 
     @property
     def has_rotation(self) -> bool:
         """True if spin and angle of the grains were recorded, as in every scene with friction."""
         return all(self._prim.HasAttribute(f"primvars:{name}") for name in ROTATION)
 
-    @_guarded
     def rotation(self, frame: int) -> tuple[FloatArray, FloatArray]:
         """Return spin [rad/s] and angle [rad] of the grains, shape (n,) each; 0 without friction."""
         if not self.has_rotation:
             return np.zeros(len(self.radius)), np.zeros(len(self.radius))
         spin, angle = (self._prim.GetAttribute(f"primvars:{name}") for name in ROTATION)
-        return numbers(spin, frame), numbers(angle, frame)
+        return self._numbers(spin, frame), self._numbers(angle, frame)
 
-    @_guarded
     def numbers(self, frame: int) -> dict[str, FloatArray]:
         """Return what is recorded as a number a grain, such as the pressure, by name, shape (n,) each."""
-        found = {name: numbers(own, frame) for name, own in numbers_of(self._prim).items()}
-        for name, value in found.items():
-            if value.shape != self.radius.shape:
-                raise ValueError(f"{name} has shape {value.shape}, not {self.radius.shape}")
-        return found
+        return {name: self._numbers(own, frame) for name, own in numbers_of(self._prim).items()}
 
-    @_guarded
     def color(self, frame: int) -> FloatArray:
         """Return the colors of the grains as screens need them (sRGB), shape (n, 3)."""
-        table = encoded(numbers(self._prim.GetAttribute("primvars:displayColor")))
-        indices = values_of(self._prim.GetAttribute(COLOR_INDICES), frame)
-        return np.tile(table[0], (len(self.radius), 1)) if indices is None else table[indices]
+        with refusing_untrusted_content(self.path):
+            table = encoded(numbers(self._prim.GetAttribute("primvars:displayColor")))
+            indices = values_of(self._prim.GetAttribute(COLOR_INDICES), frame)
+            return np.tile(table[0], (len(self.radius), 1)) if indices is None else table[indices]
 
-    @_guarded
     def chains(self, frame: int) -> Chains:
         """Return the force chains of a frame."""
-        chains = read_chains(self._stage, frame)
-        (first, other), n = chains.pair.T, len(self.radius)
-        last_wall = -2 - len(self.parameters.get("walls", ()))
-        if not ((first >= 0) & (first < n) & (last_wall <= other) & (other < n)).all():
-            raise ValueError("a force chain names a grain or a wall that does not exist")
-        return chains
+        with refusing_untrusted_content(self.path):
+            chains = read_chains(self._stage, frame)
+            (first, other), n = chains.pair.T, len(self.radius)
+            last_wall = -2 - len(self.parameters.get("walls", ()))
+            if not ((first >= 0) & (first < n) & (last_wall <= other) & (other < n)).all():
+                raise ValueError("a force chain names a grain or a wall that does not exist")
+            return chains
 
 
 def open_recording(path: Path) -> Usd.Stage:
@@ -191,6 +174,7 @@ def open_recording(path: Path) -> Usd.Stage:
     if not path.is_file():
         raise InputError(f"recording '{path}' does not exist")
     try:
+        _unprinted = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings would be lines beside ours
         # not the layer that USD keeps of an earlier file of this name
         return Usd.Stage.Open(Sdf.Layer.OpenAsAnonymous(str(path)))
     except Tf.ErrorException as error:

@@ -176,11 +176,18 @@ def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:
     return array
 
 
-def numbers(attribute: Usd.Attribute, code: float = 0.0) -> FloatArray:
-    """Return the value at a time code as float64. Raises TypeError if it is no array of numbers."""
+def numbers(attribute: Usd.Attribute, code: float = 0.0, shape: tuple[int, ...] | None = None) -> FloatArray:
+    """Return the value at a time code as float64.
+
+    Raises TypeError if it is no array of numbers, ValueError if it has another shape or one is not finite.
+    """
     array = values_of(attribute, code)
     if array is None:
         raise TypeError(f"{attribute.GetPath()} has no value")
+    if shape is not None and array.shape != shape:
+        raise ValueError(f"{attribute.GetPath()} has shape {array.shape}, not {shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{attribute.GetPath()} is not finite")
     return array.astype(np.float64)
 
 

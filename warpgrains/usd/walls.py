@@ -12,7 +12,7 @@ from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import WALL_COLOR, drawn_walls, moved_walls, wall_mesh
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.band import Band
-from warpgrains.usd.stage import as_float32, covering_extent, define_mesh, set_kind
+from warpgrains.usd.stage import as_float32, covering_extent, define_mesh, numbers, set_kind
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -55,7 +55,7 @@ def read_walls(stage: Usd.Stage, code: float = 0.0, *, only_mobile: bool = False
     for wall in stage.GetPrimAtPath(WALLS).GetChildren():
         points = wall.GetAttribute("points")
         if not only_mobile or points.GetNumTimeSamples() > 0:
-            first, second = np.split(np.array(points.Get(code))[:, :2].astype(np.float64), 2)
+            first, second = np.split(numbers(points, code)[:, :2], 2)
             quads = len(wall.GetAttribute("faceVertexCounts").Get(code))
             found[wall.GetName()] = Band(first, second, is_closed=quads == len(first))
     return found

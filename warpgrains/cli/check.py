@@ -1,0 +1,59 @@
+"""The command `check`. A damaged file can crash USD, hang or fill the memory, so a child reads it."""
+
+import json
+import resource
+import signal
+import subprocess
+import sys
+from argparse import Namespace
+from pathlib import Path
+
+from warpgrains.errors import InputError
+
+SECONDS, BYTES = 120.0, 8 * 2**30
+"""Limits of the child, to which each byte of the file adds 1e-6 s and 32 bytes."""
+
+
+def check(arguments: Namespace) -> bool:
+    """Print each problem of a recording on one line, or its size if it has none."""
+    lines = _report_of_child(arguments.file)
+    for line in lines:
+        print(f"{arguments.file}: {line}")
+    return not lines[0].startswith("OK: ")
+
+
+def _report_of_child(path: str) -> list[str]:
+    """Return the lines of `report_on_recording`. Raises InputError as it does, or if the child fails."""
+    size = Path(path).stat().st_size if Path(path).is_file() else 0
+    command = [sys.executable, "-m", "warpgrains.cli.check", path, str(BYTES + 32 * size)]
+    seconds = SECONDS + 1e-6 * size
+    try:
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=seconds)
+    except subprocess.TimeoutExpired:
+        raise InputError(f"recording '{path}' is damaged: it is not read within {seconds:.0f} s") from None
+    if done.returncode:
+        how = "runs out of memory, or fails"
+        if done.returncode < 0:
+            how = f"crashes ({signal.Signals(-done.returncode).name})"
+        raise InputError(f"recording '{path}' is damaged: its reader {how}")
+    answer = json.loads(done.stdout)
+    if isinstance(answer, str):
+        raise InputError(answer)
+    return list(answer)
+
+
+def _report(path: str, most: int) -> list[str] | str:
+    """Return the lines, or the message of an InputError, in a process of at most so many bytes."""
+    from warpgrains.usd.check import report_on_recording
+
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (most if hard < 0 else min(most, hard), hard))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    try:
+        return report_on_recording(path)
+    except InputError as error:
+        return str(error)
+
+
+if __name__ == "__main__":
+    print(json.dumps(_report(sys.argv[1], int(sys.argv[2]))))
