@@ -207,6 +207,10 @@ def test_areas_of_discs_that_touch():
     touching = np.array([(0.1, 0.1), (-0.1, 0.1), (0.1, 0.0), (0.0, 0.1), (0.3, 0.0), (0.0, 0.0)]) @ TURN
     found = part.areas(touching, np.array([0.1, 0.1, 0.1, 0.1, 0.1, 0.2]))
     assert found == pytest.approx(pi * np.array([0.01, 0.01, 0.01, 0.01, 0.0, 0.04]), abs=1e-15)
+    depth = 1e-5  # by which a disc of radius 1 sticks out
+    cap = np.arccos(1.0 - depth) - (1.0 - depth) * sqrt(depth * (2.0 - depth))
+    square = Part(np.array([(-2.0, -2.0), (2.0, -2.0), (2.0, 1.0 - depth), (-2.0, 1.0 - depth)]), ())
+    assert square.areas(np.zeros((1, 2)), np.ones(1)) == pytest.approx(pi - cap, rel=64 * EPS)
     ring = Part(np.array([(-2, -2), (2, -2), (2, 2), (-2, 2)], float), Annulus(0.5, 1.0).borders)
     angle = 2.0 * pi * np.arange(16) / 16
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)

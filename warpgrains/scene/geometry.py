@@ -91,9 +91,8 @@ def area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArra
         enter, leave = (np.nan_to_num((-b + sign * np.sqrt(inside)) / a) for sign in (-1.0, 1.0))
     p, q = (start + np.clip(t, 0.0, 1.0)[:, np.newaxis] * along for t in (enter, leave))
     triangle = 0.5 * _cross(p, q)
-    beyond = np.where(
-        leave < 1.0, _angle(q, end), 0.0
-    )  # q is the end but for rounding, which may be the origin
+    # where a side does not leave, q is its end but for rounding, which decides angles at the origin
+    beyond = np.where(leave < 1.0, _angle(q, end), 0.0)
     return triangle + 0.5 * radius**2 * (_angle(start, p) + beyond)
 
 

@@ -3,7 +3,7 @@
 The area that a disc shares with a part is the integral (x dy - y dx) / 2 along the border of what they share
 (Green), with the center of the disc as the origin. The border consists of pieces of the disc's circle, of the
 edges of the polygon, and of the circles. Each of these is cut where it meets the others; a piece between two
-cuts belongs to the border if its midpoint lies in all others.
+cuts belongs to the border if its middle lies in all others.
 """
 
 from typing import NamedTuple
@@ -14,9 +14,7 @@ from warpgrains.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.scene.geometry import Circle
 
 AT_ONCE = 4096  # discs whose areas are computed together
-TOUCH = (
-    1e-5  # half of a chord, in radii, below which a line or a circle only touches a disc: 1e-15 of its area
-)
+TOUCH = 1e-5  # half of a chord, in radii, below which lines and circles only touch a disc: 1e-15 of its area
 FIXED = np.array([0.0, 1.0, 2.5, 4.1])  # cuts, so that no arc is halved where a disc touches a wall
 
 
