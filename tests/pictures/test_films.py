@@ -18,7 +18,7 @@ from warpgrains import InputError, OutputError, Scene, Segment, Simulation
 from warpgrains.analysis.plots import plot
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import GrainColors, mark_color
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.pictures.film import Film, draw_film, encoding_of_frames
 from warpgrains.pictures.shots import Painter
 from warpgrains.pictures.still import FrameArtists, Picture
@@ -147,16 +147,16 @@ def test_a_second_run_shows_the_simulated_time(tmp_path, monkeypatch, suffix, ex
 def test_a_film_that_is_not_finished_leaves_what_was_there(tmp_path, suffix):
     path, scene = tmp_path / f"run{suffix}", make_scene()
     path.write_bytes(b"earlier")
-    painter = Painter(scene, "speed", False)
+    run = path, scene, FrameTimes(scene.dt, 50), RunOptions(steps=1)
 
     def interrupted():
-        with Film(path, 50, painter) as film:
+        with Film(*run) as film:
             film.record(Frame(scene.position, scene.velocity))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    with pytest.raises(ValueError, match="no frame was drawn"), Film(path, 50, painter):
+    with pytest.raises(ValueError, match="no frame was drawn"), Film(*run):
         pass
     assert path.read_bytes() == b"earlier"
     assert list(tmp_path.iterdir()) == [path]

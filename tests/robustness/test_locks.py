@@ -14,9 +14,9 @@ from command import exit_code, require_refusal
 from recordings import make_frames, make_scene, record
 
 from warpgrains import InputError, Scene, Simulation, locks
+from warpgrains.cli.grade import write_template
 from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.errors import OutputError
-from warpgrains.grade.template import write_template
 from warpgrains.locks import Lock, RunLocks
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.recorder import Recorder, log_of, recover

@@ -29,8 +29,7 @@ from warpgrains.drawing.colors import (
     speed_scale,
     spin_scale,
 )
-from warpgrains.drawing.frames import Frame, FrameTimes
-from warpgrains.drawing.loads import pressure
+from warpgrains.drawing.frames import Frame, FrameTimes, pressure
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import Recorder
 

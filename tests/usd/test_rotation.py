@@ -14,8 +14,7 @@ import warpgrains as wg
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import GrainColors, encoded, mark_color, spin_scale
-from warpgrains.drawing.frames import Frame, FrameTimes
-from warpgrains.drawing.loads import mobilized
+from warpgrains.drawing.frames import Frame, FrameTimes, mobilized
 from warpgrains.drawing.shapes import Shape, disc, mark, sphere
 from warpgrains.solver.forces import PairContacts, WallContacts
 from warpgrains.usd.check import inspect_recording

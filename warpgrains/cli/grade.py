@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from tqdm import tqdm
 
 from warpgrains.console import in_columns, printable, stop_on_signals
-from warpgrains.errors import InputError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.files import (
     make_folder,
     read_regular,
@@ -27,9 +27,9 @@ from warpgrains.files import (
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.page import GENERATOR, Pages
 from warpgrains.grade.sandbox import Processes
-from warpgrains.grade.template import write_template
 from warpgrains.grade.verdict import Verdict
 from warpgrains.locks import lock_own
+from warpgrains.reference.reference import SOURCE
 
 RESULTS = {"right": 0, "wrong": 1}
 NOT_GRADED = 2
@@ -156,3 +156,16 @@ def _lines(verdicts: list[Verdict], table: str | None, pages: str | None) -> str
 
 def _has_color() -> bool:
     return sys.stdout.isatty() and "NO_COLOR" not in os.environ
+
+
+def write_template(folder: Path) -> list[Path]:
+    """Write an empty homework to a folder, and return its files; raise OutputError before if one exists."""
+    sources = [*sorted((Path(__file__).parents[1] / "grade" / "template").iterdir()), SOURCE.parent / "fem.h"]
+    make_folder(folder)
+    targets = [folder / source.name for source in sources]
+    for target in targets:
+        if target.exists():
+            raise OutputError(f"refusing to overwrite '{target}': nothing was written")
+    for source, target in zip(sources, targets, strict=True):
+        write_atomically(target, source.read_bytes())
+    return targets

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.colormaps import COLORS
-from warpgrains.drawing.frames import Frame
-from warpgrains.drawing.loads import mobilized, pressure
+from warpgrains.drawing.frames import Frame, mobilized, pressure
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.walls import INNER, OUTER

@@ -1,4 +1,4 @@
-"""Frames of a run: what they contain, when they are due, and the interface of the outputs that take them."""
+"""Frames of a run: their contents and times, loads of the grains in them, and the interface of outputs."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 
 if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
     from warpgrains.solver.forces import PairContacts, WallContacts
     from warpgrains.solver.present import PresentState
 
@@ -163,3 +164,28 @@ class Output(AbstractContextManager[Any], Protocol):
 
     def flush(self) -> None:
         """Flush to the disk the frames from which a later run can continue."""
+
+
+def pressure(frame: Frame, radius: FloatArray) -> FloatArray:
+    """Return the mean of the principal stresses of each grain, force by circumference [N/m], shape (n,)."""
+    contacts, wall_contacts = frame.forces()
+    grain = np.concatenate([*contacts.pair.T, wall_contacts.wall[:, 0]])
+    force = np.concatenate([contacts.force, contacts.force, wall_contacts.force])
+    total = np.bincount(grain, force, len(radius)).astype(np.float64)  # integers without contacts
+    return total / (2.0 * np.pi * radius)
+
+
+def mobilized(scene: Scene, contacts: PairContacts, wall_contacts: WallContacts) -> FloatArray:
+    """Return the largest |tangential| / (friction * normal force) of each grain, shape (n,); 1 slides."""
+    found, (i, j) = np.zeros(scene.n), contacts.pair.T
+    between = _share(contacts, scene.friction)
+    at_wall = _share(wall_contacts, np.array(scene.wall_frictions)[wall_contacts.wall[:, 1]])
+    for grain, share in ((i, between), (j, between), (wall_contacts.wall[:, 0], at_wall)):
+        np.maximum.at(found, grain, share)
+    return found
+
+
+def _share(contacts: PairContacts | WallContacts, friction: float | FloatArray) -> FloatArray:
+    """Return |tangential force| over what friction allows, of each contact, shape (m,)."""
+    most = friction * contacts.force
+    return np.divide(np.abs(contacts.tangential_force), most, out=np.zeros_like(most), where=most > 0.0)

@@ -1,8 +1,18 @@
 """Kinds of outputs of runs, by the suffix of their files."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, NamedTuple
 
 from warpgrains.errors import requiring
+
+if TYPE_CHECKING:
+    from warpgrains.drawing.frames import FrameTimes, Output
+    from warpgrains.scene.scene import Scene
+    from warpgrains.simulation.options import RunOptions
 
 RECORDINGS = (".usdc", ".usda", ".usdz")
 STILLS = (".png", ".pdf", ".svg")
@@ -42,7 +52,13 @@ class Kind(NamedTuple):
     """A kind of output."""
 
     name: str
+    shows: str
+    """What it is, for users."""
     suffixes: tuple[str, ...]
+    factory: str
+    """Where to find the function that `opened` calls, `module:name`; its module is imported then."""
+    extra: str | None = None
+    """Extra with the libraries that it needs."""
     has_frames: bool = True
     """Whether it shows the whole run; otherwise it is a picture of the end."""
     continues: bool = False
@@ -55,12 +71,33 @@ class Kind(NamedTuple):
         """Its suffixes as a text."""
         return ", ".join(self.suffixes)
 
+    def opened(
+        self, path: Path, scene: Scene, times: FrameTimes | None, options: RunOptions, resume_at: int | None
+    ) -> Output:
+        """Return a locked output of a run, which continues at a frame if the run is resumed."""
+        with requiring(f"'{path}'", self.extra) if self.extra else nullcontext():
+            factory = resolve_name(f"warpgrains.{self.factory}")
+        output: Output = factory(path, scene, times, options, resume_at)
+        return output
 
-RECORDING = Kind("recording", RECORDINGS, continues=True, lacks=("size",))
-FILM = Kind("film", tuple(FILMS), lacks=("draw_as",))
-STILL = Kind("still", STILLS, has_frames=False, lacks=("draw_as", "fps"))
+
+RECORDING = Kind(
+    "recording", "a USD file of the frames, the present state first", RECORDINGS,
+    "usd.recorder:Recorder.of_run", continues=True, lacks=("size",),
+)  # fmt: skip
+FILM = Kind("film", "a film of them", tuple(FILMS), "pictures.film:Film", "film", lacks=("draw_as",))
+STILL = Kind(
+    "still", "a picture of the end", STILLS, "pictures.still:Still", "report",
+    has_frames=False, lacks=("draw_as", "fps"),
+)  # fmt: skip
 KINDS = {suffix: kind for kind in (RECORDING, FILM, STILL) for suffix in kind.suffixes}
 """Kinds by suffix."""
+
+
+def described_kinds() -> str:
+    """Return what there is to record, with the suffixes."""
+    *first, last = (f"{kind.shows} ({kind.listed})" for kind in dict.fromkeys(KINDS.values()))
+    return f"{', '.join(first)} or {last}"
 
 
 def require_drawing(what: str, is_film: bool = False) -> None:

@@ -11,20 +11,24 @@ from fractions import Fraction
 from math import ceil
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.kinds import FILMS, SLOWEST, FilmFormat
 from warpgrains.drawing.views import size_of
 from warpgrains.errors import InputError
 from warpgrains.files import draft_folder, draft_of, draft_path, require_writable_path, suffix_of
 from warpgrains.locks import Lock
-from warpgrains.pictures.shots import DrawnOutput, Painter, Setting, Shot, setting_of, shot_of
+from warpgrains.pictures.shots import DrawnOutput, Setting, Shot, setting_of, shot_of
 from warpgrains.pictures.still import Canvas
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+    from warpgrains.simulation.options import RunOptions
 
 _FORMATS = FILMS | {
     ".mkv": FilmFormat("matroska", ("libx264rgb", "rgb24", "-crf", "0", "-preset", "ultrafast")),
@@ -204,14 +208,12 @@ def draw_film(
 
 
 class Film(DrawnOutput):
-    """A film of a run with `rate` frames per second [1/s], see `DrawnOutput`."""
+    """A film of a run, see `DrawnOutput`."""
 
-    def __init__(
-        self, path: Path, rate: float, painter: Painter, size: tuple[int, int] | None = None
-    ) -> None:
-        require_rate(rate)
-        self._rate = rate
-        super().__init__(path, painter, size)
+    def __init__(self, path: Path, scene: Scene, times: FrameTimes, options: RunOptions, *_: object) -> None:
+        require_rate(times.rate)
+        super().__init__(path, scene, times, options)
+        self._rate = times.rate
 
     def __enter__(self) -> Self:
         draft = self.enter_context(draft_of(self._path))

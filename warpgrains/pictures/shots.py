@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Self
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
 from warpgrains.drawing.colors import ColorScale, GrainColors
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.shapes import drawn_walls, moved_walls
 from warpgrains.drawing.views import view_of
 from warpgrains.files import require_writable_path
@@ -24,6 +24,7 @@ from warpgrains.scene.extent import box_of_discs
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
+    from warpgrains.simulation.options import RunOptions
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.usd.reader import RecordingReader
 
@@ -142,10 +143,13 @@ class DrawnOutput(ExitStack):
         It cannot be written. It is an `OutputError` if another process writes it.
     """
 
-    def __init__(self, path: Path, painter: Painter, size: tuple[int, int] | None = None) -> None:
+    def __init__(
+        self, path: Path, scene: Scene, times: FrameTimes | None, options: RunOptions, *_: object
+    ) -> None:
         super().__init__()
         require_writable_path("output", path)
-        self._path, self._painter, self._size = path, painter, size
+        painter = Painter(scene, options.color_by, options.forces, frame=options.frame)
+        self._path, self._painter, self._size = path, painter, options.pixels
         self.needs_contacts = painter.needs_contacts
         self.enter_context(Lock(path))
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
-from warpgrains.drawing.kinds import DRAWN_AS, FILM, FILMS, KINDS, RECORDING, STILL, Kind
+from warpgrains.drawing.kinds import DRAWN_AS, FILM, FILMS, KINDS, Kind, described_kinds
 from warpgrains.drawing.views import frame_of, size_of
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link, suffix_of
@@ -87,13 +87,7 @@ class RunOptions:
 
     steps: int
     """Planned number of time steps."""
-    record: str | None = _option(
-        f"A USD file ({RECORDING.listed}) or a film ({FILM.listed}) to write the frames to, the present state"
-        f" first; or a picture of the end ({STILL.listed}).",
-        _output,
-        "OUT",
-        flag="--output",
-    )
+    record: str | None = _option(f"File to write: {described_kinds()}.", _output, "OUT", flag="--output")
     fps: float = _option(
         "Frames per second of simulated time [1/s], exactly; at most one per step.",
         checks.positive,

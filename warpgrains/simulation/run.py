@@ -14,8 +14,8 @@ from warnings import warn
 
 from warpgrains.console import progress_bar
 from warpgrains.drawing.frames import Frame, FrameTimes, Output
-from warpgrains.drawing.kinds import FILM, RECORDING, require_drawing
 from warpgrains.errors import InputError
+from warpgrains.frame_log import is_complete
 from warpgrains.scene import checks
 from warpgrains.scene.region import table_of
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
@@ -143,37 +143,11 @@ class OpenRun(CountedRun):
 
     def _output(self) -> Output | None:
         """Return the output that receives frames; None if there is none, or no frame is left to record."""
-        scene, options = self.scene, self.options
-        if options.record is None:
+        path, kind = Path(self.options.record or ""), self.options.shows
+        if kind is None or (self._is_resumed and self.has_ended and is_complete(path)):
             return None
-        path = Path(options.record)
-        if self.times is None or options.shows is not RECORDING:
-            require_drawing(f"'{path}'", options.shows is FILM)
-            from warpgrains.pictures.shots import Painter
-
-            painter = Painter(scene, options.color_by, options.forces, frame=options.frame)
-            if self.times is None:
-                from warpgrains.pictures.still import Still
-
-                return Still(path, painter, options.pixels)
-            from warpgrains.pictures.film import Film
-
-            return Film(path, self.times.rate, painter, options.pixels)
-        from warpgrains.frame_log import is_complete
-        from warpgrains.usd.recorder import Recorder
-
-        if self._is_resumed and self.has_ended and is_complete(path):
-            return None
-        return Recorder(
-            path,
-            scene,
-            self.times,
-            color_by=options.color_by,
-            forces=options.forces,
-            draw_as=options.draw_as,
-            frame=options.frame,
-            resume_at=self.statistics.frames if self._is_resumed else None,
-        )
+        resume_at = self.statistics.frames if self._is_resumed else None
+        return kind.opened(path, self.scene, self.times, self.options, resume_at)
 
     @property
     def missing_frames(self) -> int:

@@ -1,13 +1,20 @@
-"""The custom data of a recording: the scene, and what is drawn."""
+"""The file of a recording: its lock, and its custom data, which are the scene and what is drawn."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+from pxr import Sdf, Tf
 
 import warpgrains
 from warpgrains.drawing.chains import ChainScale
 from warpgrains.drawing.colors import ColorScale
+from warpgrains.drawing.kinds import RECORDINGS
+from warpgrains.errors import InputError
+from warpgrains.files import require_writable_path
+from warpgrains.locks import Lock, lock_own
 from warpgrains.scene import checks
 from warpgrains.scene.document import parameters_text, read_parameters
 
@@ -57,3 +64,21 @@ def described(
         "first_step": first_step,
         **{name: scale.described() for name, scale in scales.items() if scale is not None},
     }
+
+
+def lock_output(path: Path) -> Lock:
+    """Lock a recording for writing. Raises InputError unless it can be written and replaces no other file."""
+    require_writable_path("output", path, *RECORDINGS)
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"output '{path}' is not UTF-8: USD cannot write a file of this name") from None
+    return lock_own(path, _is_recording, "recording of warpgrains")
+
+
+def _is_recording(path: Path) -> bool:
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(str(path), metadataOnly=True)
+    except Tf.ErrorException:
+        return False
+    return layer is not None and RECORDED_BY in layer.customLayerData

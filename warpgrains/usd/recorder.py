@@ -21,8 +21,7 @@ from warpgrains.frame_log import LOG_SUFFIX, FrameLog, is_complete, log_of
 from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
-from warpgrains.usd.metadata import described
-from warpgrains.usd.output import lock_output
+from warpgrains.usd.metadata import described, lock_output
 from warpgrains.usd.reader import refusing_untrusted_content
 from warpgrains.usd.stage import Drawing, static_layer, too_coarse
 from warpgrains.usd.walls import Walls
@@ -30,6 +29,7 @@ from warpgrains.usd.writer import identity, reopen_log, write_recording
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
+    from warpgrains.simulation.options import RunOptions
 
 
 class Recorder:
@@ -112,6 +112,14 @@ class Recorder:
         except BaseException:
             self._lock.release()
             raise
+
+    @classmethod
+    def of_run(
+        cls, path: Path, scene: Scene, times: FrameTimes, options: RunOptions, resume_at: int | None
+    ) -> Self:
+        """Return the recorder of a run with these options."""
+        looks = {name: getattr(options, name) for name in ("color_by", "forces", "draw_as", "frame")}
+        return cls(path, scene, times, **looks, resume_at=resume_at)
 
     @property
     def frames(self) -> int:
