@@ -80,11 +80,7 @@ class StepProblem:
         return self.scene.radius * free_spin(self.scene, spin, self.staggered)
 
     def constraints(self, speed: FloatArray, sliding: FloatArray) -> StepConstraints:
-        """Return all constraints that grains up to their `speed` [m/s] can violate.
-
-        Gaps at a round outer wall are those of grains with the velocities `sliding` [m/s], shape (n, 2)
-        (eq. 18).
-        """
+        """Return the constraints that grains up to a `speed` [m/s] can violate; round gaps by eq. 18."""
         scene, position = self.scene, self.position
         pair = pairs_within(position, scene.radius, scene.dt * speed)
         wall = every_wall(scene)
@@ -93,11 +89,7 @@ class StepProblem:
 
 
 def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) -> IndexArray:
-    """Return the pairs i < j of discs whose gap is at most the sum of their reaches, shape (m, 2).
-
-    Each pair is found from the disc with the longer reach, so that one long reach makes only one search
-    costly.
-    """
+    """Return the pairs i < j of discs whose gap is at most the sum of their reaches, shape (m, 2)."""
     around = cKDTree(position).query_ball_point(position, radius + radius.max() + 2.0 * reach)
     i = np.repeat(np.arange(len(position)), [len(found) for found in around])
     j = np.concatenate([np.array(found, dtype=np.int64) for found in around])
@@ -141,14 +133,10 @@ def solve_exactly(
 ) -> ExactStep:
     """Solve a step as a convex problem over all pairs and walls.
 
-    `motion` is an estimate of the result [m/s]: velocities, shape (n, 2), and with friction rim speeds, shape
-    (n, 3). It limits the search for pairs. It also determines the gaps at a round wall and the slip that is
-    frozen, so there the result is exact if it equals the estimate. `witness` is clarabel by default.
-
-    Raises
-    ------
-    SimulationError
-        No velocities satisfy all constraints, or the library does not find any.
+    `motion`, an estimate of velocities, or with friction of velocities and rim speeds (n, 3) [m/s], limits
+    the search for pairs and sets gaps at a round wall and the frozen slip: there the result is exact if it
+    equals the estimate. Raises SimulationError where there is no solution, or `witness`, by default clarabel,
+    finds none.
     """
     scene, velocity, free = problem.scene, motion[:, :2], problem.free_velocity
     speed = REACH * np.maximum(np.hypot(*free.T), np.hypot(*velocity.T))

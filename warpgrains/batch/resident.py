@@ -32,10 +32,7 @@ SHARE = 0.5  # largest fraction of the free memory for a resident set
 
 
 class StepsDone(NamedTuple):
-    """Statistics of the last steps of a scene, its last report, and the reason of an early stop, if any.
-
-    The statistics of a `CountedRun` are those of all its steps until then.
-    """
+    """Statistics of the last steps of a scene, its last report, and the reason of an early stop, if any."""
 
     statistics: RunStatistics
     report: StepReport | None
@@ -65,19 +62,9 @@ def team_size(scene: Scene, device: wp.Device, threads: int) -> int:
 
 
 class ResidentSets:
-    """The scenes of a batch, divided into sets of which one at a time is in memory.
+    """The scenes of a batch, divided into sets of which one at a time, `present`, is in memory.
 
-    Scenes of one kind share an engine.
-
-    Attributes
-    ----------
-    present : dict of int to PresentState
-        The scenes in memory, by their numbers in the batch.
-
-    Raises
-    ------
-    OutOfMemoryError
-        One scene alone does not fit in memory.
+    Scenes of one kind share an engine. Raises OutOfMemoryError where one scene alone does not fit in memory.
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
@@ -108,7 +95,6 @@ class ResidentSets:
         return sets + [[k] for k, team in enumerate(self._teams) if team > 1]
 
     def _bytes(self) -> Counts:
-        """Return the memory of each scene [bytes]."""
         sizes = np.zeros(len(self._scenes), np.int64)
         kinds = [(kind_of(scene), team) for scene, team in zip(self._scenes, self._teams, strict=True)]
         for kind in set(kinds):
@@ -147,13 +133,11 @@ class ResidentSets:
         runs: Sequence[CountedRun] | None = None,
         gravity: FloatArray | None = None,
     ) -> Iterator[SetSteps]:
-        """Advance each scene by its number of steps, or until its run ends, set after set.
+        """Advance each scene by its number of steps, or to its run's end; yield set by set what was done.
 
-        The runs of all scenes count the steps, if they are given. Without them, what was done is read from
-        the device when it is asked for: that of thousands of scenes takes as long as their steps. Gravity is
-        that of the scenes, or is given for these steps [m/s2], shape (scenes, 2). A scene that fails or is
-        interrupted stops between two steps. Yields after each set what its scenes did. After `cancel` the
-        remaining sets are not advanced.
+        Runs count the steps, if they are given. Without them, what was done is read from the device when it
+        is asked for: that of thousands of scenes takes as long as their steps. Gravity [m/s2], shape (scenes,
+        2), replaces that of the scenes.
         """
         for _ in self.in_memory():
             for engine, numbers in self._engines:
@@ -163,8 +147,8 @@ class ResidentSets:
     def in_memory(self) -> Iterator[None]:
         """Load set after set into memory, the present one first, until `cancel`; yield after each.
 
-        The caller must keep none of `present`, which would keep its whole set in memory. Raises
-        OutOfMemoryError if a set does not fit in memory: no set is present then, but all states are kept.
+        The caller keeps none of `present`, which would keep its whole set. If a set does not fit, all states
+        are kept.
         """
         self._is_canceled = False
         for number in sorted(range(len(self._sets)), key=lambda number: number != self._resident):

@@ -28,13 +28,7 @@ _BAR = "{percentage:3.0f}%|{bar}| {n:.1f}/{total} runs [{elapsed}, {remaining} l
 
 
 def run(arguments: Namespace) -> bool:
-    """Execute the unfinished runs of a sweep, and plot its results if requested.
-
-    Returns
-    -------
-    bool
-        Whether some run has failed or is unfinished.
-    """
+    """Execute the unfinished runs of a sweep; return whether some run has failed or is unfinished."""
     path, plot = Path(arguments.output), _plot(arguments)
     results = path / RESULTS
     if arguments.sweep is None:

@@ -28,7 +28,6 @@ class Command(NamedTuple):
     options: list[Option]
 
     def add_options(self, parser: ArgumentParser) -> None:
-        """Add the options to the parser of the command."""
         places: dict[tuple[str, str], Any] = {("", ""): parser}
         for given in self.options:
             option = {"group": "", "rivals": "", **_SHARED.get(given["name"], {}), **given}

@@ -40,13 +40,7 @@ _BAR = "{percentage:3.0f}%|{bar}| {n}/{total} homeworks [{elapsed}, {remaining} 
 
 
 def grade(arguments: Namespace) -> int:
-    """Grade a homework or a folder of homeworks, or write an empty one.
-
-    Returns
-    -------
-    int
-        0: all are right; 1: one is wrong; 2: one cannot be graded because it cannot be read or compiled.
-    """
+    """Grade homeworks, or write an empty one; return 0 if all are right, 1 if one is wrong, else 2."""
     if arguments.template is not None:
         others = ("homework", "output", "json", "strict", "html")
         if any(getattr(arguments, name) for name in others):

@@ -18,18 +18,7 @@ _FULL = (ENOSPC, EDQUOT, EFBIG, EIO)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code.
-
-    Parameters
-    ----------
-    arguments
-        Arguments after the program's name; by default those of this process.
-
-    Returns
-    -------
-    int
-        0 success, 1 failure, 2 bad input, 130 interrupted. The reason is one line on standard error.
-    """
+    """Run the command line and return 0, 1 for failure, 2 for bad input, or 130 where interrupted."""
     open_standard_streams()
     try:
         code = _do(arguments)
@@ -51,7 +40,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _do(arguments: Sequence[str] | None) -> int:
-    """Execute the command and return its exit code."""
     try:
         parsed = _parser().parse_args(arguments)
     except SystemExit:  # after --help or --version

@@ -69,7 +69,6 @@ def _step_by_step(arguments: Namespace) -> bool:
 
 
 def _scene(arguments: Namespace) -> Scene:
-    """Return the scene of a new run."""
     solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
     scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
     if not arguments.separate:
@@ -83,11 +82,7 @@ def _scene(arguments: Namespace) -> Scene:
 
 
 def _carry_out(run: OpenRun, state: State | None, arguments: Namespace) -> None:
-    """Open the outputs of a run, and simulate from a state, by default the first one.
-
-    Invalid outputs, and those that another process writes, are refused before Warp starts and compiles
-    kernels.
-    """
+    """Open the outputs of a run, before kernels are compiled, and simulate from a state or the start."""
     if run.options.shows is RECORDING:
         with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
@@ -116,7 +111,6 @@ def _commands_to_continue(options: RunOptions) -> Iterator[str]:
 
 
 def _begin(arguments: Namespace) -> tuple[OpenRun, None]:
-    """Return a new run, which has no state yet."""
     if arguments.scene is None:
         raise InputError("SCENE is missing: give a scene, or --resume FILE to continue a run")
     given = _given(arguments, *FLAGS)
@@ -168,7 +162,6 @@ def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> d
 
 
 def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
-    """Return those of the named options that are given."""
     values = {name: getattr(arguments, name) for name in names}
     return {name: value for name, value in values.items() if value is not None and value is not False}
 
@@ -203,7 +196,6 @@ def results_of(run: OpenRun) -> dict[str, Any]:
 
 
 def summary_lines(results: dict[str, Any]) -> str:
-    """Return results as aligned lines."""
     start = results["overlaps_at_start"]
     largest = f", up to {start['largest']:.2e} m" if start["largest"] else ""
     rows = {

@@ -78,8 +78,6 @@ def _explained(name: str) -> str:
 
 
 class Key(NamedTuple):
-    """A key of a scene file."""
-
     section: str
     name: str
     default: Any
@@ -88,13 +86,11 @@ class Key(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Unit of the key, or an empty text."""
         found = re.search(r"(?<!`)\[([^\]]+)\]", self.meaning)
         return found[1] if found else ""
 
     @property
     def shown_default(self) -> str:
-        """Default value as TOML."""
         if self.default is None:
             return "none"
         if self.default is REQUIRED:
@@ -133,7 +129,6 @@ def wall_keys() -> Iterator[Key]:
 
 
 def kinds_with(key: str) -> list[str]:
-    """Return the kinds of walls that have a key."""
     keys_of = {kind: wall.keys() for kind, wall in WALL_KINDS.items()}
     return [kind for kind, own in keys_of.items() if key in own]
 

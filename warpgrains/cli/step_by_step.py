@@ -29,15 +29,7 @@ _HISTORY = ("step", "iteration", "zeta", "residual")
 
 
 def step_by_step(scene: Scene, steps: int, arguments: Namespace) -> None:
-    """Advance a scene step by step on key presses, until Q or the end of the run.
-
-    Raises
-    ------
-    InputError
-        The history cannot be written.
-    SimulationError
-        A step failed.
-    """
+    """Advance a scene step by step on key presses, until Q or the end of the run."""
     if arguments.history is None:
         _step_by_step(scene, steps, arguments)
         return
@@ -73,11 +65,7 @@ def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[s
 
 
 def _pressed(steps: int, spacing: float) -> Iterator[None]:
-    """Yield whenever a step is due, at most `steps` times.
-
-    While the scene plays, steps start `spacing` seconds apart. At the end of the input no key can stop it, so
-    the remaining steps follow without delay.
-    """
+    """Yield whenever a step is due, at most `steps` times, `spacing` seconds apart while the scene plays."""
     running, taken, due = False, 0, 0.0
     while taken < steps:
         key = _key(max(0.0, due - monotonic()) if running else None)
@@ -96,11 +84,7 @@ def _pressed(steps: int, spacing: float) -> Iterator[None]:
 
 
 def _key(patience: float | None) -> str | None:
-    """Return the pressed key in lower case; "" at the end of the input.
-
-    Returns None if no key is pressed for `patience` seconds; if `patience` is None, waits for one. Line ends
-    count as keys only in a terminal. The escape sequence of a key such as an arrow counts as one key.
-    """
+    """Return the pressed key in lower case; None after `patience` [s] without one, '' at the end of input."""
     while True:
         if patience is not None and not select.select([STDIN], [], [], patience)[0]:
             return None

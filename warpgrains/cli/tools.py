@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 
 def recover(arguments: Namespace) -> bool:
-    """Make a recording from the frames of a killed run."""
     from warpgrains.usd.recorder import recover
 
     path, frames = recover(arguments.log)
@@ -31,7 +30,6 @@ def recover(arguments: Namespace) -> bool:
 
 
 def plot(arguments: Namespace) -> bool:
-    """Draw a recording or a history."""
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
     is_film = suffix_of(output) in FILMS
     require_drawing("plot", is_film)
@@ -58,7 +56,6 @@ def plot(arguments: Namespace) -> bool:
 
 
 def export(arguments: Namespace) -> bool:
-    """Export a recording for ParaView."""
     from warpgrains.analysis.vtk import export
 
     output = arguments.output or str(Path(arguments.file).with_suffix(".pvd"))

@@ -58,7 +58,6 @@ def _homework(arguments: Namespace, held: ExitStack) -> Homework:
 
 
 def _require_the_texts(scene: Scene) -> None:
-    """Raise InputError unless a homework can simulate the scene."""
     lacking = {
         f"scheme is {scene.scheme!r}": scene.scheme != "text",
         f"wall is {scene.wall!r}": scene.wall != "tangent",

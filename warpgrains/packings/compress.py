@@ -182,10 +182,7 @@ def _packing(simulation: Simulation, run: Summary) -> Packing:
 
 
 def carrying_contacts(now: Snapshot) -> tuple[float, int]:
-    """Return the contacts of a grain that is no rattler, and the number of rattlers, see `Packing`.
-
-    Contacts with less than 1e-4 of the mean force do not count.
-    """
+    """Return the contacts a grain, above 1e-4 of the mean force, without rattlers; and their number."""
     least = WEAK * float(now.force.mean()) if len(now.force) else np.nan
     loose = rattlers(now, least)
     between = ~loose[now.pair[now.force >= least]].any(axis=1)

@@ -57,26 +57,10 @@ FALLS = Fall(dt=0.2, tolerance=1e-2, still=1e-3), Fall(dt=0.5, tolerance=1e-4, s
 
 
 class Settling:
-    """Grains that settle.
+    """Grains without friction that settle by gravity between walls at rest, in at most some steps.
 
-    Parameters
-    ----------
-    scene : Scene
-        Grains without friction, with gravity, and walls at rest.
-    most_steps : int
-    threads : int, optional
-        See `Simulation`.
-    bar : Progress
-        Bar of the steps.
-
-    Attributes
-    ----------
-    diameter, gravity : float
-        Mean diameter d [m], and g [m/s2].
-    most_energy : float
-        Largest mean kinetic energy of a grain at rest, in m g d: 1e-9, or that at 30 tolerances if larger.
-    steps, iterations : int
-        Steps done, and their iterations.
+    Lengths are in mean diameters d, accelerations in g [m/s2], energies in m g d. At rest, the largest mean
+    kinetic energy of a grain is 1e-9, or that at 30 tolerances if larger.
     """
 
     def __init__(self, scene: Scene, most_steps: int, threads: int | None, bar: Progress):
@@ -105,10 +89,7 @@ class Settling:
         return sqrt(self.diameter / self.gravity)
 
     def settle(self) -> None:
-        """Let grains fall until they hardly sink any further, and their forces balance.
-
-        Grains that have settled before fall again, as they do if their forces do not balance.
-        """
+        """Let grains fall, or fall again, until they hardly sink and their forces balance."""
         for fall in FALLS[-1:] if self.steps else FALLS:
             self._fall(fall)
         while not self._balance():
@@ -129,10 +110,7 @@ class Settling:
             self._show(f"grains sank by {sunk / self.diameter:.1e} diameters", steps)
 
     def _balance(self) -> bool:
-        """Let the forces balance, and return whether they do with the time step of the scene.
-
-        What is left then accelerates grains so little that they rest after `TESTED` steps.
-        """
+        """Let the forces balance, and return whether they do, up to rest after `TESTED` steps."""
         first, longest = FIRST * self._time, SLIDING * sqrt(self._scene.radius_out / self.gravity)
         dt = first
         for _ in range(TRIED):
@@ -175,13 +153,7 @@ class Settling:
         return fsum(mass * (gx * x + gy * y)) / (self.gravity * fsum(mass))
 
     def _take(self, steps: int) -> None:
-        """Count steps.
-
-        Raises
-        ------
-        SimulationError
-            They are more than are left.
-        """
+        """Count steps; SimulationError if they are more than are left."""
         if self.steps + steps > self._most_steps:
             raise SimulationError(
                 f"the grains are not at rest after {self.steps} steps: give more than {self._most_steps}, or"
@@ -190,12 +162,7 @@ class Settling:
         self.steps += steps
 
     def _step(self) -> tuple[float, float]:
-        """Do a step that begins at rest.
-
-        Returns
-        -------
-        Root of the mean square of the unbalanced acceleration [g], and largest displacement [d].
-        """
+        """Do a step from rest; return the RMS unbalanced acceleration [g] and largest displacement [d]."""
         self._take(1)
         self._slow(0.0)
         simulation = self._simulation
@@ -207,7 +174,6 @@ class Settling:
         return unbalanced, dt * float(distance(velocity).max()) / self.diameter
 
     def _slow(self, factor: float) -> None:
-        """Multiply all velocities by a factor."""
         state = self._simulation.state()
         self._simulation.restore(replace(state, velocity=factor * state.velocity))
 

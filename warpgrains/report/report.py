@@ -53,17 +53,8 @@ def write_report(
 ) -> list[Path]:
     """Measure speed against error of scenes, write a report, and return its files, report.md first.
 
-    The files are report.md, steps.csv, trajectories.csv, frontier.csv and two pictures per scene. `StepRow`,
-    `PathRow` and `FrontierRow` describe the columns. The files are written after each scene, so that an
-    interrupted report covers the scenes before.
-
-    Raises
-    ------
-    InputError
-        Two scenes have the same name, the folder cannot be written, or a scene has no contacts. It is an
-        `OutputError` if another process writes a report there.
-    SimulationError
-        A step failed.
+    The files are written after each scene, so that an interrupted report covers the scenes before. `StepRow`,
+    `PathRow` and `FrontierRow` describe the columns of the tables.
     """
     names = [scene.name for scene in scenes]
     for name in names:
@@ -123,7 +114,6 @@ def _write_texts(folder: Path, found: Findings, budget: Budget) -> list[Path]:
 
 
 def markdown(found: Findings, budget: Budget) -> str:
-    """Return the report as Markdown."""
     where = {"version": __version__, "machine": platform.machine(), "cores": os.cpu_count()}
     sections = [_HEAD.format(**where, **vars(budget), reference=find_c_reference().status)]
     for scene in dict.fromkeys(row.scene for row in found.steps):

@@ -80,7 +80,6 @@ class StepRow:
 
     @property
     def configuration(self) -> Configuration:
-        """Configuration of the row."""
         return Configuration(self.code, self.method, self.order, self.threads)
 
 
@@ -135,7 +134,6 @@ class Findings:
     frontier: list[FrontierRow] = field(default_factory=list)
 
     def of(self, scene: str) -> "Findings":
-        """Return the measurements of one scene."""
         return Findings(*([row for row in rows if row.scene == scene] for rows in vars(self).values()))
 
 

@@ -64,13 +64,7 @@ class Measurement(NamedTuple):
 
 
 def follow_history(scene: Scene, longest: int) -> History:
-    """Follow a scene by the accelerated method in color order, for at most `longest` steps.
-
-    Raises
-    ------
-    InputError
-        No step has an active contact.
-    """
+    """Follow a scene by the accelerated method in color order; InputError without an active contact."""
     simulation = Simulation(scene, **ACCURATE)
     records: list[HistoryStep] = []  # steps with more contacts than any earlier one
     hardest = end = HistoryStep("", simulation.state(), 0)

@@ -25,8 +25,6 @@ SOLVED_ITERATIONS = 20_000
 
 
 class Path(NamedTuple):
-    """A trajectory."""
-
     position: FloatArray
     """Positions at multiples of the coarsest step [m], shape (k, n, 2)."""
     overlap: float
@@ -40,8 +38,8 @@ class Path(NamedTuple):
 def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]:
     """Compute trajectories from a state, without its corrections, for all time steps in both schemes.
 
-    The duration is at least four time steps of the scene, at most `longest`, and ends when the trajectories
-    of the two finest time steps diverge.
+    They last four time steps of the scene or longer, up to `longest`, until those of the two finest time
+    steps diverge.
     """
     solved = begin_solved(scene, start)
     finest = follow(solved, FINEST, longest, SCHEMES[SECOND_ORDER]).position
@@ -94,7 +92,6 @@ def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[Front
 
 
 def begin(scene: Scene, state: State) -> Scene:
-    """Return the scene that starts at a state of another one."""
     return scene.replace(position=state.position, velocity=state.velocity)
 
 

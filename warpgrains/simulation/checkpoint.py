@@ -50,8 +50,6 @@ _DAMAGE = (
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """Content of a checkpoint."""
-
     scene: Scene
     state: State
     options: RunOptions | None
@@ -61,46 +59,24 @@ class Checkpoint:
 
     @property
     def first_step(self) -> int:
-        """Time steps before the run."""
         return self.state.steps - self.statistics.steps
 
 
 def lock_checkpoint(path: Path) -> Lock:
-    """Lock a checkpoint for writing.
-
-    Raises
-    ------
-    InputError
-        It cannot be written there. It is an `OutputError` if another process writes it, or if the file
-        exists and is no checkpoint.
-    """
+    """Lock a checkpoint for writing; InputError if it cannot be written, or replaces another file."""
     require_writable_path("checkpoint", path, ".npz")
     return lock_own(path, _is_checkpoint, "checkpoint")
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
-    """Write a checkpoint atomically; until the new file is complete and on the disk, the old one stays.
-
-    The caller must hold its lock, see `lock_checkpoint`.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written, or differs when it is read back.
-    """
+    """Write a locked checkpoint atomically; the old one stays until the new one has been read back."""
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **_entries(checkpoint, path))
     write_atomically(path, buffer.getbuffer())
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
-    """Read and check a checkpoint of this version.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, of another version, or no checkpoint.
-    """
+    """Read a checkpoint of this version; InputError if it is missing, damaged, or another file."""
     path = resolve_link(path)
     if not path.is_file():
         raise InputError(f"checkpoint '{path}' does not exist")
@@ -120,7 +96,6 @@ def read_checkpoint(path: Path) -> Checkpoint:
 
 
 def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
-    """Return the arrays and texts of the `.npz` file by name."""
     state, options = checkpoint.state, checkpoint.options
     header: Header = {
         "format": FORMAT,

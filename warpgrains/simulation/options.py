@@ -28,7 +28,6 @@ FILES = ("record", "series")
 
 
 def _file_name(field: str, name: Any) -> str:
-    """Return the name of a file as it is given."""
     if checks.text(field, name) == "" or "\0" in name:
         raise InputError(f"{field} is {name!r}: it must be the name of a file")
     return str(name)
@@ -67,23 +66,17 @@ def _size(field: str, text: Any) -> str:
 
 
 def _option(meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, **more: Any) -> Any:
-    """Return a field for an option of runs.
+    """Return a field for an option of runs, a switch without metavar.
 
-    `more` may hold a `default`, a `flag` that differs from the name, and the option that this one `needs` to
-    have an effect. Without metavar the option is a switch. If `flag` is None, the command line lacks it.
+    `more`: its `default`, a `flag` other than its name (None: none), and the option that it `needs` to have
+    an effect.
     """
     return described(meaning, **({"default": None, "needs": None} | more), check=check, metavar=metavar)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """Length and outputs of a run.
-
-    Raises
-    ------
-    InputError
-        A value is invalid or has no effect, such as `forces` without `record`.
-    """
+    """Length and outputs of a run. Raises InputError where a value is invalid or has no effect."""
 
     steps: int
     """Planned number of time steps."""
@@ -208,10 +201,7 @@ class RunOptions:
             )
 
     def stored(self, checkpoint: Path) -> dict[str, Any]:
-        """Return the options as a checkpoint stores them.
-
-        File names are relative to the checkpoint, so that all files can be moved together.
-        """
+        """Return the options as checkpoints store them, with file names relative to the checkpoint."""
         files = {name: getattr(self, name) for name in FILES}
         seen = {name: file and os.path.relpath(file, checkpoint.parent) for name, file in files.items()}
         return {**asdict(self), **seen, "checkpoint": checkpoint.name}
@@ -231,10 +221,9 @@ def steps_of(
     least: int = 0,
     dashes: str = "",
 ) -> int:
-    """Return the number of steps of a run, at least `least`.
+    """Return the steps of a run: `steps`, those of a duration [s], or `planned`, by default the scene's.
 
-    It is `steps`, or that of a duration [s], or else `planned`, by default that of the scene. Messages name
-    the options with `dashes` in front, as on the command line.
+    Messages name the options with `dashes` in front, as on the command line.
     """
     if steps is not None and duration is not None:
         raise InputError("give steps or duration, not both")

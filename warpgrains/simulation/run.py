@@ -53,28 +53,9 @@ def require_observer(observer: Observer) -> None:
 class OpenRun(CountedRun):
     """A run between two steps, with what it writes.
 
-    Parameters
-    ----------
-    scene : Scene
-    options : RunOptions
-    statistics : RunStatistics
-        Statistics of the steps done. Their number of frames is the number of the next frame.
-    first_step : int
-        Time steps before the run.
-    until : str or callable, optional
-        End criterion, see `criterion`; by default that of the options.
-    observer : Observer, optional
-        Without it, the series of the options is measured, if they have one.
-    is_resumed : bool
-        Whether the outputs of an earlier process are continued.
-    is_locked : bool
-        Whether the caller has locked the checkpoint.
-
-    Raises
-    ------
-    InputError
-        The end criterion is invalid, there are an observer and a series, or the statistics are not those of
-        an earlier part of the run.
+    `statistics` are those of the steps done; their number of frames is the number of the next one, and
+    `first_step` is the number of time steps before the run. `until` replaces the end criterion of the
+    options, and `observer` their series.
     """
 
     def __init__(
@@ -107,12 +88,7 @@ class OpenRun(CountedRun):
         """Lock the checkpoint and open the outputs, which are locked meanwhile and completed at the end.
 
         The log of a resumed run is truncated to the frames that its statistics count, which is idempotent.
-
-        Raises
-        ------
-        InputError
-            A file cannot be written, or the scene cannot have a measured quantity. It is an `OutputError` if
-            another run writes the file.
+        InputError if a file cannot be written, or the scene cannot have a measured quantity.
         """
         options = self.options
         with ExitStack() as held:
@@ -182,7 +158,6 @@ class OpenRun(CountedRun):
         return min(left, steps_to(self.observer.every, self.first_step + steps))
 
     def record(self, now: PresentState) -> None:
-        """Observe and record the present state, if due."""
         steps = self.statistics.steps
         if self.observer is not None and (self.first_step + steps) % self.observer.every == 0:
             self.observer.observe(now)
@@ -205,21 +180,8 @@ class OpenRun(CountedRun):
 def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
     """Do the remaining steps of an opened run and update its statistics.
 
-    Parameters
-    ----------
-    progress : bool
-        Whether to show progress on standard error, see `progress_bar`.
-
-    Raises
-    ------
-    SimulationError
-        A step failed.
-
-    Warns
-    -----
-    UserWarning
-        The output of a new run cannot have as many frames per second as requested, grains cannot fit (once
-        per run), or the run ended before its end criterion was met.
+    Warns if a new output cannot have as many frames per second as requested, if grains cannot fit (once per
+    run), and if the run ended before its end criterion was met.
     """
     statistics, until, every = run.statistics, run.until, run.options.every
     if run.lowered_rate is not None:

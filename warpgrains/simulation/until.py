@@ -61,15 +61,7 @@ class CountedRun:
         return left if self.until is None else min(left, steps_to(TEST_INTERVAL, self.statistics.steps))
 
     def count(self, done: RunStatistics, now: PresentState) -> None:
-        """Count steps, at most `steps_to_test`, and end the run if its end criterion is met after them.
-
-        Parameters
-        ----------
-        done : RunStatistics
-            Statistics of these steps.
-        now : PresentState
-            The run after them.
-        """
+        """Count steps, at most `steps_to_test`, and end the run if its end criterion is met after them."""
         statistics = self.statistics
         statistics.add(done)
         if self.until is None or done.steps == 0:
@@ -119,13 +111,7 @@ def criterion(until: str | Question | None, scene: Scene) -> EndCriterion | None
 
 
 def name_and_bounds(until: str) -> tuple[str, dict[str, float]]:
-    """Return the name and the bounds in a text such as "rest,speed=1e-3,time=0.5".
-
-    Raises
-    ------
-    InputError
-        The text has another form.
-    """
+    """Return the name and the bounds in a text such as "rest,speed=1e-3,time=0.5"."""
     name, *rest = (word.strip() for word in until.split(","))
     checks.one_of("until", name, CRITERIA)
     given: dict[str, float] = {}

@@ -26,13 +26,7 @@ AxisValues = list[Any]
 
 
 def axis_values(name: str, axis: Any) -> AxisValues:
-    """Return the values of an axis from the entry of the sweep file for a key such as "physics.drag".
-
-    Raises
-    ------
-    InputError
-        The entry is no axis. The message names key and value.
-    """
+    """Return the values of an axis from its entry in a sweep file; InputError names key and value."""
     if isinstance(axis, list):
         values = axis
     elif isinstance(axis, dict):

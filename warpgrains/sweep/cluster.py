@@ -46,17 +46,10 @@ def finish_on_cluster(
     on_progress: OnFraction,
     client: Client,
 ) -> dict[int, str]:
-    """Finish runs on a cluster; return the reasons why some are unfinished, by their numbers.
+    """Finish runs on a cluster as `finish_runs` does; return the reasons why some are unfinished, by number.
 
-    If dask gives up a bundle because too many of its workers died, its runs are tried again at the end, one
-    at a time. A run that is given up alone stays unfinished, and a message on standard error says so.
-
-    Parameters
-    ----------
-    folder, runs, execution, on_progress
-        As for `finish_runs`; without `threads`, a worker uses all its threads.
-    client
-        Client of the cluster, see `connected`.
+    A bundle that dask gives up because too many of its workers died is tried again at the end, run by run. A
+    run that is given up alone stays unfinished, and a message on standard error says so.
     """
     reasons: dict[int, str] = {}
     for run in _run_bundles(client, folder, runs, execution, on_progress):
@@ -77,11 +70,7 @@ def _run_bundles(
     execution: ExecutionOptions,
     on_progress: OnFraction,
 ) -> list[Run]:
-    """Execute bundles, several at a time; return the runs that remain unfinished.
-
-    The size of a bundle follows from the time of the last one, and is limited so that no worker idles at the
-    end.
-    """
+    """Execute bundles, several at a time and sized by the time of the last; return the unfinished runs."""
     from distributed import as_completed
 
     waiting, size = deque(runs), FIRST_BUNDLE
@@ -111,13 +100,7 @@ def _run_bundles(
 def finish_bundle(
     folder: SweepFolder, runs: list[Run], execution: ExecutionOptions
 ) -> tuple[dict[int, str], float]:
-    """Finish, on a worker, those runs of a bundle that an earlier worker has not finished.
-
-    Returns the reasons why some are unfinished, like `finish_runs`, and the duration [s].
-
-    A worker with many threads receives many bundles at once. They run one after the other, each with all
-    threads.
-    """
+    """Finish on a worker what earlier ones have not; return reasons as `finish_runs`, and duration [s]."""
     from distributed import get_worker
 
     with _one_at_a_time:
@@ -133,19 +116,9 @@ def finish_bundle(
 
 @contextmanager
 def connected(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]:
-    """Yield a client that is connected to a cluster until the end of the ``with`` block.
+    """Yield a client of a dask scheduler, such as "tcp://host:8786", or of Slurm jobs that are started.
 
-    Parameters
-    ----------
-    scheduler
-        Address of a dask scheduler, such as "tcp://host:8786"; or
-    slurm_jobs
-        number of Slurm jobs to start, each as dask-jobqueue is configured.
-
-    Raises
-    ------
-    InputError
-        Dask is not installed, or the cluster cannot be reached.
+    InputError if dask is not installed, or the cluster cannot be reached.
     """
     with requiring("a cluster", "cluster"):
         from distributed import Client

@@ -52,14 +52,8 @@ class LongRun(OpenRun):
     def locked(cls, folder: RunFolder, execution: ExecutionOptions) -> Iterator[Self | None]:
         """Lock a run and open its outputs. Yield None if it cannot continue, the reason being its result.
 
-        Raises
-        ------
-        OutputError
-            Another process has the run.
-        MissingExtraError
-            Its method needs a library that is not installed here.
-        OSError
-            Its files cannot be used.
+        OutputError if another process has the run; MissingExtraError if its method needs a library; OSError
+        of its files.
         """
         with folder.lock():
             run = None
@@ -86,12 +80,10 @@ class LongRun(OpenRun):
 
     @property
     def has_steps_left(self) -> bool:
-        """True if steps remain to be done."""
         return self.error is None and not self.has_ended
 
     @property
     def progress(self) -> float:
-        """Fraction of the run that is done."""
         return self.statistics.steps / self.steps if self.has_steps_left else 1.0
 
     def record(self, now: PresentState) -> None:
@@ -103,7 +95,6 @@ class LongRun(OpenRun):
                 self.error = SimulationError(str(error))
 
     def save_checkpoint(self, state: State) -> None:
-        """Save a checkpoint of the present state with its frames and measurements."""
         self.folder.save_checkpoint(self.flush_and_checkpoint(state))
         self.saved = state
 
@@ -128,28 +119,13 @@ class LongRun(OpenRun):
 
 
 class LongGroup(NamedTuple):
-    """Runs that are advanced together."""
-
     runs: list[LongRun]
     held: ExitStack
     """The runs as contexts, see `LongRun.locked`."""
 
 
 class LongRunner:
-    """Runner for runs with a folder each. It locks them from `prepare` to their ends.
-
-    Parameters
-    ----------
-    folder, execution, on_progress
-        As for `finish_runs`.
-    held
-        Contexts that end after the last group: those of groups that are prepared and not carried out.
-
-    Attributes
-    ----------
-    reasons : dict of int to str
-        Reasons why runs are unfinished, by their numbers.
-    """
+    """Runner for runs with a folder each, locked from `prepare` on; `reasons` why some are unfinished."""
 
     def __init__(
         self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction, held: ExitStack
@@ -160,7 +136,6 @@ class LongRunner:
         self.narrowest, self.widest = LEAST_WIDTH, WIDTH
 
     def prepare(self, chosen: list[Run]) -> LongGroup:
-        """Return the runs that can continue."""
         group = LongGroup([], self._held.enter_context(ExitStack()))
         for one in chosen:
             try:
@@ -185,10 +160,7 @@ class LongRunner:
         return sum(run.scene.n for run in runs)
 
     def _advance(self, runs: list[LongRun]) -> list[LongRun]:
-        """Advance runs to their ends; return those that are to continue alone, if there is too little memory.
-
-        A run that does not fit in memory even alone has failed.
-        """
+        """Advance runs to their ends, or failure; return those that must go on alone for lack of memory."""
         if not runs:
             return []
         sets = None

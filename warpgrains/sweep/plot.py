@@ -57,13 +57,7 @@ class SweepPlot:
                 checks.one_of("column to plot", name, columns)
 
     def draw(self, results: Path) -> Path:
-        """Plot the results of a table, and return the picture's path, which is next to the table.
-
-        Raises
-        ------
-        InputError
-            The table cannot be read, lacks a column, or has no values to draw.
-        """
+        """Plot a table, and return the path of the picture next to it; InputError without values to draw."""
         columns = read_columns(results, self._columns)
         good = [k for k, error in enumerate(columns["error"]) if not error]
         if not good:
@@ -76,7 +70,6 @@ class SweepPlot:
         return picture
 
     def _columns(self, head: list[str]) -> Iterable[str]:
-        """Return the columns of a table that the plot needs."""
         self.require_columns(head)
         return {self.x, self.y, self.color or "error", "error"}
 
@@ -105,10 +98,7 @@ class SweepPlot:
 
 
 def _numbers(axis: Axis, cells: list[str]) -> FloatArray:
-    """Return the cells as numbers.
-
-    Words become their indices among the distinct words, which are the axis labels.
-    """
+    """Return the cells as numbers; words become indices of the distinct words, which are the axis labels."""
     try:
         return np.array([float(cell) for cell in cells])
     except ValueError:

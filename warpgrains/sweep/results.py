@@ -87,17 +87,7 @@ def value_columns(settings: RunSettings) -> list[str]:
 
 
 def results(ends: FinalStates, snapshots: Iterable[Snapshot], settings: RunSettings) -> Iterator[RunResult]:
-    """Return the results of finished runs, without labels.
-
-    Parameters
-    ----------
-    ends
-        Final states of the runs.
-    snapshots
-        Final states as snapshots, which are used only if quantities are measured.
-    settings
-        Settings of the runs. With a region, it is that of all columns that have one.
-    """
+    """Return the results of finished runs, without labels; snapshots serve the measured quantities."""
     columns, region = value_columns(settings), settings.table
     in_region = [name for name in SWEEP_QUANTITIES if region is not None and QUANTITIES[name].takes_region]
     measured = [name for name in columns if name not in COLUMNS or name in in_region]
@@ -110,13 +100,11 @@ def results(ends: FinalStates, snapshots: Iterable[Snapshot], settings: RunSetti
 
 
 def result(end: Snapshot, done: RunStatistics, settings: RunSettings) -> RunResult:
-    """Return the result of a finished run, see `results`."""
     ends = FinalStates(end.grains, np.array([end.scene.dt]), counted([done]))
     return next(results(ends, [end], settings))
 
 
 def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> RunResult:
-    """Return the result of a failed run."""
     return (*("" for _ in columns[:-1]), reason, f"{seconds:.3f}")
 
 

@@ -33,23 +33,7 @@ HOW_TO_REPEAT = "delete the folder of the run to repeat it"
 
 
 class RunFolder:
-    """The files of one run.
-
-    Parameters
-    ----------
-    path : Path
-        The folder.
-    run : Run
-    settings : RunSettings
-        Of the sweep.
-
-    Attributes
-    ----------
-    number : int
-        Of the run.
-    value_columns : list of str
-        Columns of its result after the labels, without the seconds.
-    """
+    """The files of one run, and its number; `value_columns` are those of its result after the labels."""
 
     def __init__(self, path: Path, run: Run, settings: RunSettings):
         self.path, self.number, self.settings, self._run = path, run.number, settings, run
@@ -60,19 +44,17 @@ class RunFolder:
 
     @cached_property
     def labels(self) -> Row:
-        """The first columns of the run's result."""
         return self._run.labels()
 
     @cached_property
     def _text(self) -> bytes:
-        """Content of the scene file."""
         return self._run.text(f"../../{GRAINS}").encode()
 
     def require_this_sweep(self) -> None:
         """Raise OutputError if the folder belongs to another sweep, whether or not it is damaged.
 
-        The first line of a scene file names the run and its values, and the other lines contain them too. In
-        the file of another sweep both differ; if only one of them differs, the file is damaged.
+        The first line of a scene file names the run and its values, which are also in the others: if one
+        differs, it is damage.
         """
         try:
             found = read_regular(self.scene_file)
@@ -103,14 +85,8 @@ class RunFolder:
     ) -> tuple[Checkpoint, bool]:
         """Return the start of the locked run, or its checkpoint; and whether it is resumed from that.
 
-        `execution` determines the outputs of a new run, whose scene is read unless it is given. A resumed run
-        keeps its first outputs.
-
-        Raises
-        ------
-        InputError
-            The scene is invalid, or the checkpoint is damaged. It is an `OutputError` if the run is finished
-            or the folder belongs to another run.
+        `execution` determines the outputs of a new run; a resumed one keeps its own. InputError if the scene
+        is invalid or the checkpoint damaged, OutputError if the run is finished or the folder another's.
         """
         self.require_this_sweep()
         self._require_intact()
@@ -155,7 +131,6 @@ class RunFolder:
         return replace(kept, options=replace(options, **places))
 
     def save_checkpoint(self, reached: Checkpoint) -> None:
-        """Write the run's state and options to its folder."""
         self._write_scene()
         write_checkpoint(self.checkpoint, reached)
 
@@ -171,10 +146,7 @@ class RunFolder:
         self.finish(failure(reason, self.value_columns, seconds))
 
     def line(self) -> bytes:
-        """Return the line of the run's result.
-
-        If it cannot be read, the result is a failure for this reason.
-        """
+        """Return the line of the run's result; if it cannot be read, a failure for this reason."""
         try:
             return csv_line(require_result(read_table(self.result), self.labels, self.value_columns).values())
         except InputError:

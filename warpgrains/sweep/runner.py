@@ -49,20 +49,10 @@ class Runner(Protocol[Group]):
 def finish_runs(
     folder: SweepFolder, runs: Iterable[Run], execution: ExecutionOptions, on_progress: OnFraction
 ) -> dict[int, str]:
-    """Execute unfinished runs to their ends, each from its last checkpoint.
+    """Execute unfinished runs from their checkpoints; return why some are unfinished, by number.
 
-    A run that fails has the reason as its result, and the other runs continue. They also continue if another
-    process has a run, or its files cannot be used.
-
-    Returns
-    -------
-    dict of int to str
-        Reasons why runs are unfinished, by their numbers.
-
-    Raises
-    ------
-    OSError
-        A file cannot be written.
+    A run that fails has the reason as its result. Runs that another process has, or without usable files, are
+    left.
     """
     reasons: dict[int, str] = {}
     with ExitStack() as held:
@@ -76,10 +66,7 @@ def finish_runs(
 
 
 def _in_groups(runner: Runner[Group], runs: Iterable[Run]) -> None:
-    """Execute runs in groups. Another thread prepares each group while the previous one is advanced.
-
-    The size of a group follows from the last group that was carried out before its preparation began.
-    """
+    """Execute runs in groups, sized by the last; a thread prepares each while the previous one advances."""
     waiting = iter(runs)
     with ThreadPoolExecutor(1) as ahead:
 

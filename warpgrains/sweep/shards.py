@@ -25,20 +25,7 @@ _NAME = re.compile(r"(?P<first>\d+)-(?P<last>\d+)-[0-9a-f]+\.csv")
 
 
 class ResultShards:
-    """The shards in a folder, as far as they have been read.
-
-    Parameters
-    ----------
-    path
-        The folder, which may not exist yet.
-    columns
-        Names of the columns, the run's number first.
-
-    Attributes
-    ----------
-    lines : dict of int to bytes
-        Lines of the tables, by number of the run.
-    """
+    """The shards in a folder, which may not exist yet; `lines` by number of the run, as far as read."""
 
     def __init__(self, path: Path, columns: Iterable[str]):
         self.path, self._head = path, csv_line(columns)
@@ -55,13 +42,7 @@ class ResultShards:
             write_atomically(self.path / name, content, writer())
 
     def refresh(self, numbers: Collection[int]) -> set[int]:
-        """Read new shards that may contain some of these runs; return the numbers of the runs in them.
-
-        Raises
-        ------
-        OutputError
-            A shard belongs to another sweep.
-        """
+        """Read new shards that may contain some runs; return whose. OutputError for another sweep's."""
         self._damaged.clear()
         new: set[int] = set()
         first, last = min(numbers, default=0), max(numbers, default=-1)
@@ -74,10 +55,7 @@ class ResultShards:
         return new
 
     def _take(self, path: Path) -> set[int]:
-        """Read the lines of a shard, unless it is damaged or has just been renamed for this reason.
-
-        Returns the numbers of the runs that had no line before.
-        """
+        """Read the lines of a shard, unless it is damaged; return the numbers of runs that had no line."""
         content = b""
         with suppress(FileNotFoundError):
             content = path.read_bytes() if path.is_file() else b""

@@ -47,8 +47,6 @@ class ShortRun(NamedTuple):
 
 
 class ShortGroup(NamedTuple):
-    """Runs that are advanced together."""
-
     runs: list[ShortRun]
     sets: ResidentSets | None
     """None if the group is empty."""
@@ -57,21 +55,9 @@ class ShortGroup(NamedTuple):
 class ShortRunner:
     """Runner for the short runs of a sweep.
 
-    It leaves a run that has a folder already, takes longer than `SHORT`, fails, has a label of several lines,
-    or a scene that is invalid or without a measured quantity, needs an extra that is missing, does not fit in
-    memory, or is so large that several threads share it.
-
-    Parameters
-    ----------
-    folder, execution, on_progress
-        As for `finish_runs`.
-
-    Attributes
-    ----------
-    reasons : dict of int to str
-        Reasons why runs are left to other processes, by their numbers.
-    longer : list of Run
-        Runs that are to continue with a folder, from its checkpoint if they have taken steps.
+    It leaves to `longer` a run that has a folder, takes longer than `SHORT`, fails, has a label of several
+    lines, is invalid, lacks a quantity, an extra or memory, or is so large that several threads share it.
+    `reasons` are those of runs that other processes have, by number.
     """
 
     def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction):

@@ -80,10 +80,7 @@ class BaseScene:
 
     @property
     def text(self) -> str:
-        """Text of a scene file with the common part of the runs.
-
-        Copies of files of grains are in the neighboring folder `GRAINS`.
-        """
+        """Text of a scene file, the common part of the runs, with grain files in its neighbor `GRAINS`."""
         copies = {name: f"../{GRAINS}/{file.copy}" for name, file in self.grain_files.items()}
         notes = [f"# {toml_value(name)} is {toml_value(copy)}\n" for name, copy in copies.items()]
         return "".join(notes) + toml_text(self.with_values({}, f"../{GRAINS}"))
@@ -99,8 +96,6 @@ class BaseScene:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One run of a sweep."""
-
     number: int
     """Index of the run in the sweep, from 0."""
     base: BaseScene
@@ -143,13 +138,7 @@ class Sweep:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a sweep file, a folder of scenes (one run each), or the shipped sweep of that name.
-
-        Raises
-        ------
-        InputError
-            The file does not exist or is no sweep. The message names key and value.
-        """
+        """Read a sweep file, a folder of scenes, or a shipped sweep; InputError names key and value."""
         path = Path(path)
         is_folder = os.path.isdir(path)
         if str(path) in shipped("sweep") and not any(path.glob("*.toml")):
@@ -316,7 +305,6 @@ def _grain_file(folder: Path, name: Any) -> GrainFile:
 
 
 def _with_values(sections: Table, values: KeyValues) -> Table:
-    """Return a copy of the sections of a scene with some values replaced."""
     changed = {name: dict(table) if isinstance(table, dict) else table for name, table in sections.items()}
     for key, value in values.items():
         changed = with_key(changed, key, value)

@@ -31,8 +31,6 @@ HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
 
 
 class Outcomes(NamedTuple):
-    """Numbers of the finished runs by outcome."""
-
     finished: set[int]
     failed: dict[int, str]
     """Reasons of the failed runs, by number."""
@@ -47,22 +45,9 @@ class Outcomes(NamedTuple):
 class SweepFolder:
     """The output folder of a sweep.
 
-    Parameters
-    ----------
-    path : Path
-    axes : tuple of str
-        Keys of the axes of the sweep.
-    settings : RunSettings
-
-    Attributes
-    ----------
-    results, timing : Path
-        Table of the results of all runs, which do not depend on when and where a run was done; and table of
-        the times for their steps and for completing their recordings [s].
-    columns : list of str
-        Columns of the table of all results.
-    shards : ResultShards
-        Results of the runs without a folder.
+    `results` is the table of all results, which do not depend on when and where a run was done; `timing` that
+    of the times for steps and for completing recordings [s]; `shards` the results of the runs without a
+    folder.
     """
 
     def __init__(self, path: Path, axes: tuple[str, ...], settings: RunSettings):
@@ -83,13 +68,7 @@ class SweepFolder:
         return self._runs / f"{number:05}"
 
     def write_common_files(self, sweep: Sweep) -> None:
-        """Write the files that all runs have in common, unless they exist. The settings come first.
-
-        Raises
-        ------
-        OutputError
-            Another process has just written those of another sweep.
-        """
+        """Write the files that all runs have in common, the settings first, unless they exist."""
         _write_if_missing(self._settings_file, f"{json.dumps(self._settings_by_option)}\n".encode())
         for base in sweep.bases:
             _write_if_missing(self._scene_file(base), base.text.encode())
@@ -107,14 +86,7 @@ class SweepFolder:
         return {"measure": list(settings.measured), "until": settings.until, "region": settings.region}
 
     def create_or_check(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
-        """Create the folder, or check that a share of the runs may continue in it; rename damaged shards.
-
-        Raises
-        ------
-        InputError
-            `resume` is False, and some runs of the share have results or folders. It is an `OutputError` if
-            the folder belongs to another sweep.
-        """
+        """Create the folder, or check that a share of runs may continue; rename damaged shards."""
         make_folder(self.path)
         self._require_common_files(sweep)
         in_shards, with_folders = self.in_shards(sweep.runs), self.with_folders()
@@ -143,8 +115,7 @@ class SweepFolder:
     def _require_settings(self, sweep: Sweep) -> None:
         """Raise OutputError if the settings in the folder differ, or are missing next to its other files.
 
-        `write_common_files` writes the settings first. They are searched last, so that those that another
-        process has just written are found.
+        `write_common_files` writes them first; they are searched last, to find those of another process.
         """
         others = [path for path in (self.results, *map(self._scene_file, sweep.bases)) if path.exists()]
         others += self.shards.path.glob("[0-9]*.csv")
@@ -179,13 +150,7 @@ class SweepFolder:
             return set()
 
     def in_shards(self, runs: Sequence[Run]) -> set[int]:
-        """Return the numbers of those of some runs that have a result in a shard.
-
-        Raises
-        ------
-        OutputError
-            A result that has not been read before is of another sweep.
-        """
+        """Return which of some runs have a result in a shard; OutputError if it is of another sweep."""
         numbers = {run.number for run in runs}
         new = self.shards.refresh(numbers)
         for run in runs:
@@ -194,18 +159,15 @@ class SweepFolder:
         return numbers & self.shards.lines.keys()
 
     def _finished(self, runs: Sequence[Run]) -> tuple[set[int], set[int]]:
-        """Return the numbers of those of some runs that have a result in a folder, and in a shard.
-
-        A failure is a result, too.
-        """
+        """Return the numbers of those of some runs with a result, or failure, in a folder, and in a shard."""
         in_shards, candidates = self.in_shards(runs), {run.number for run in runs} & self.with_folders()
         return {number for number in candidates if (self._of(number) / RESULT).exists()}, in_shards
 
     def write_tables(self, sweep: Sweep) -> Outcomes:
         """Write the tables of all finished runs, and return their numbers by outcome.
 
-        If more runs have finished during the writing, the tables are written again. So if several processes
-        share a sweep, the last tables are complete, and no process waits for another one.
+        They are written again if more have finished meanwhile: of several processes, the last tables are
+        complete.
         """
         in_folders, in_shards = self._finished(sweep.runs)
         while True:

@@ -43,14 +43,7 @@ class Row(NamedTuple):
 
 
 def inspect_recording(path: str | Path) -> list[str]:
-    """Return the problems of a recording, one line each; the list is empty if there are none.
-
-    Raises
-    ------
-    InputError
-        The file is missing, is not USD, or has content that recordings do not have. Only the command
-        ``warpgrains check`` is safe against files that crash USD or never end.
-    """
+    """Return the problems of a recording, one a line. Raises InputError if it is no recording at all."""
     with refusing_untrusted_content(path):
         return _problems(open_recording(Path(path)))
 
@@ -92,7 +85,6 @@ def _problems(stage: Usd.Stage) -> list[str]:
 
 
 def _stage_problems(stage: Usd.Stage, codes: list[float]) -> list[str]:
-    """Return the problems of what is the same in all frames."""
     up, meters = UsdGeom.GetStageUpAxis(stage), UsdGeom.GetStageMetersPerUnit(stage)
     rate, shown = stage.GetTimeCodesPerSecond(), stage.GetFramesPerSecond()
     ends = f"{stage.GetStartTimeCode():g} and {stage.GetEndTimeCode():g}"
@@ -189,6 +181,5 @@ def _size_of(grains: Usd.Prim) -> Usd.Attribute:
 
 
 def _values(attribute: Usd.Attribute, code: float = 0.0) -> Values:
-    """Return the values at a time code; none if the attribute is missing."""
     values = values_of(attribute, code) if attribute else None
     return np.zeros(0) if values is None else values

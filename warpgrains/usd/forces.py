@@ -33,7 +33,6 @@ class ForceChains:
         self._depth = (1.0 + _GAP) * height
 
     def define(self, stage: Usd.Stage) -> None:
-        """Author the prim and all attributes that are the same in all frames."""
         bands = UsdGeom.Mesh.Define(stage, FORCES)
         bands.CreatePointsAttr()
         bands.CreateFaceVertexCountsAttr()
@@ -55,7 +54,6 @@ class ForceChains:
         set_kind(bands.GetPrim(), "subcomponent")
 
     def samples(self, frame: Frame) -> Arrays:
-        """Return the values of the animated attributes for a frame."""
         chains = chains_of(self._scene, self._scale, frame)
         shown = triples("a corner of a force chain", chains.corners().reshape(-1, 2))
         shown[:, 2] = self._depth
@@ -76,7 +74,6 @@ class ForceChains:
 
 
 def read_chains(stage: Usd.Stage, code: float) -> Chains:
-    """Return the force chains at a time code."""
     bands = stage.GetPrimAtPath(FORCES)
     corners = numbers(bands.GetAttribute("points"), code).reshape(-1, 4, 3)[:, :, :2]
     force = numbers(bands.GetAttribute("primvars:force"), code)

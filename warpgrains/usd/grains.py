@@ -39,19 +39,10 @@ _MOST_PROTOTYPES = 16
 
 
 class GrainPoints:
-    """Grains as `UsdGeom.Points`; their `widths` are diameters.
+    """Grains as `UsdGeom.Points`; their `widths` are diameters, and colors are indices into a table.
 
-    Attributes are ids, velocities and colors (an indexed primvar: a table, and an index per grain). Further
-    primvars hold the mass [kg], spin [rad/s] and angle [rad] with friction, and the quantities that frames
-    have. Those that do not change, such as mass and radius, are doubles.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene that is drawn.
-    colors : GrainColors
-    has_contacts : bool
-        Whether frames have contacts.
+    Further primvars hold the mass [kg], spin [rad/s] and angle [rad] with friction, and the quantities that
+    frames have. Those that do not change, such as mass and radius, are doubles.
     """
 
     height = 1.0
@@ -68,7 +59,6 @@ class GrainPoints:
         self._still = {name: own for name, own in quantities.items() if not own.changes}
 
     def define(self, stage: Usd.Stage) -> None:
-        """Author the prim and all attributes that are the same in all frames."""
         prim = self._define_prim(stage)
         set_kind(prim, "subcomponent")
         UsdGeom.Boundable(prim).CreateExtentAttr()
@@ -95,7 +85,6 @@ class GrainPoints:
                 prim.GetAttribute(name).Set(Vt.IntArray.FromNumpy(index))
 
     def samples(self, frame: Frame) -> Arrays:
-        """Return the values of the animated attributes for a frame."""
         shown = triples("the position of a grain", frame.position)
         turned = {ANGLE: frame.rotation()[1]} if self._rotates else {}
         found = {name: own.values(self._scene, frame) for name, own in self._changing.items()} | turned

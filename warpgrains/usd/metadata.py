@@ -26,8 +26,6 @@ RECORDED_BY = "warpgrains"
 
 
 class Metadata(NamedTuple):
-    """What a recording holds beside its prims."""
-
     parameters: dict[str, Any]
     """Fields of the scene, except those of grains."""
     first_step: int

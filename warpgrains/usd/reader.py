@@ -31,36 +31,10 @@ from warpgrains.usd.walls import PLACES, WALLS, read_walls
 
 
 class RecordingReader:
-    """The frames of a recording, for any form in which its grains are drawn.
+    """The frames 0, 1, 2, ... of a recording; its length is their number.
 
-    Its length is the number of frames. Frames are numbered 0, 1, 2, ... like their time codes.
-
-    Parameters
-    ----------
-    path : str or Path
-        A USD file that `Recorder` wrote.
-
-    Attributes
-    ----------
-    path : Path
-    times : FrameTimes
-        Times and steps of the frames, and their rate.
-    parameters : dict
-        Fields of the simulated scene, except those of grains.
-    radius, mass : ndarray
-        Radii [m] and masses [kg] of the grains, shape (n,).
-    walls : dict of str to Band
-        Walls as drawn, by name; those that move are those of the first frame.
-    scale : ColorScale or None
-        Range of values that the colors represent; None for the palette.
-    chain_scale : ChainScale or None
-        Scale from forces to widths; None if no force chains were recorded.
-
-    Raises
-    ------
-    InputError
-        The file is missing, is not USD, holds no frames of grains or no scene, has other time codes than 0,
-        1, 2, ..., or is damaged. So do methods that meet damage.
+    Masses are in kg and radii in m, shape (n,). Raises InputError, as all methods do, where the file is
+    missing, damaged, or no recording.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -159,7 +133,6 @@ class RecordingReader:
             return np.tile(table[0], (len(self.radius), 1)) if indices is None else table[indices]
 
     def chains(self, frame: int) -> Chains:
-        """Return the force chains of a frame."""
         with refusing_untrusted_content(self.path):
             chains = read_chains(self._stage, frame)
             (first, other), n = chains.pair.T, len(self.radius)

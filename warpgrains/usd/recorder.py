@@ -35,45 +35,14 @@ if TYPE_CHECKING:
 class Recorder:
     """Writer of the frames of a run to one USD file, at integer time codes 0, 1, 2, ....
 
-    Use it in a ``with`` block. The file appears only when the block ends without an exception. Until then
-    each frame is appended to the log next to it, see `FrameLog`. The log remains after a killed process or
-    an exception, Ctrl-C included; only a log of one frame that was not flushed is deleted. `recover` makes a
-    recording from the log. During the block, the recorder holds a `Lock` on the output. The end of the block
-    raises ValueError if no frame was recorded, and OSError if the file cannot be written; the log remains.
+    The file appears when the ``with`` block ends without an exception. Until then each frame is appended to
+    the log next to it, which remains after a killed process or an exception; only one frame that was not
+    flushed is deleted. `resume_at` is the first frame to write where the log or file of an earlier run of the
+    same scene is continued.
 
-    Parameters
-    ----------
-    path : str or Path
-        Output; ``.usdc`` (binary), ``.usda`` (text) or ``.usdz`` (package) by its suffix. Use text for small
-        recordings only, because checking it takes much time and memory.
-    scene : Scene
-        The scene that is recorded. Its radii, walls, time step and text are stored in the file.
-    times : FrameTimes
-        Times of the frames, and the steps that they belong to.
-    color_by : str
-        Color of the grains, see `GrainColors`.
-    forces : bool
-        Whether to draw force chains, see `ForceChains`.
-    draw_as : str
-        Form of the grains: "points", or instances of "discs" or "spheres".
-    resume_at : int, optional
-        First frame to write when the log or the file of an earlier run of the same scene is continued; later
-        frames of it are dropped.
-
-    Attributes
-    ----------
-    path, log : Path
-        Output file, and the log that holds its frames until it is complete.
-    needs_contacts : bool
-        Whether `record` requires contacts, for force chains or colors.
-
-    Raises
-    ------
-    InputError
-        The suffix, the coloring or the form of the grains is unknown, float32 has no such lengths or rounds
-        positions by more than 1 % of the smallest radius, the folder cannot be written, the log of an earlier
-        run exists, or the log to continue is missing. It is an `OutputError` if another process records to
-        this file, or the file exists and is no recording.
+    Raises InputError where an option is unknown, float32 has no such lengths or rounds positions by more than
+    1 % of the smallest radius, or the log of an earlier run exists, or is missing; OutputError where the file
+    is not ours.
     """
 
     def __init__(
@@ -117,13 +86,11 @@ class Recorder:
     def of_run(
         cls, path: Path, scene: Scene, times: FrameTimes, options: RunOptions, resume_at: int | None
     ) -> Self:
-        """Return the recorder of a run with these options."""
         looks = {name: getattr(options, name) for name in ("color_by", "forces", "draw_as", "frame")}
         return cls(path, scene, times, **looks, resume_at=resume_at)
 
     @property
     def frames(self) -> int:
-        """Number of frames recorded so far."""
         return self._frames.frames
 
     def __enter__(self) -> Self:
@@ -143,23 +110,7 @@ class Recorder:
             self._lock.release()
 
     def record(self, frame: Frame) -> None:
-        """Append one frame.
-
-        Parameters
-        ----------
-        frame : Frame
-            Frame number `frames`, as `FrameTimes.shown` returns it, with contacts if `needs_contacts`.
-
-        Raises
-        ------
-        InputError
-            float32 has no numbers of the size of a value.
-        ValueError
-            A shape is not (n, 2) or (n,) with the scene's number n of grains, or required contacts, spins or
-            angles are missing.
-        OSError
-            The frame cannot be written. Earlier frames are in the log, and the call may be repeated.
-        """
+        """Append a frame, as `FrameTimes.shown` returns it; InputError where float32 is too small for it."""
         if np.shape(frame.position) != self._shape or np.shape(frame.velocity) != self._shape:
             shapes = f"{np.shape(frame.position)} and {np.shape(frame.velocity)}"
             raise ValueError(f"a frame has arrays of shape {self._shape}, not {shapes}")
@@ -185,10 +136,7 @@ class Recorder:
         self._frames.remove()
 
     def _resume(self, frames: int) -> None:
-        """Continue the log after its first frames.
-
-        If only the finished file exists, the log is rebuilt from it.
-        """
+        """Continue the log after its first frames; rebuild it if only the finished file exists."""
         is_joined = is_complete(self.path)
         if is_joined:
             reopen_log(self.path, self.log)
@@ -217,7 +165,6 @@ def _require_float32(scene: Scene) -> None:
 
 
 def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool) -> GrainPoints:
-    """Return the drawing of the grains."""
     checks.one_of("draw_as", draw_as, DRAWN_AS)
     if draw_as == "points":
         return GrainPoints(scene, colors, has_contacts)
@@ -226,18 +173,7 @@ def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool)
 
 
 def recover(log: str | Path) -> tuple[Path, int]:
-    """Make a recording from the frames of a killed run, and return its path and number of frames.
-
-    Parameters
-    ----------
-    log : str or Path
-        The run's log, ``<output>.frames``; it is kept unchanged.
-
-    Raises
-    ------
-    InputError
-        The file is no log or holds no frames. It is an `OutputError` if its run still continues.
-    """
+    """Make a recording of the log of a killed run, which is kept; return its path and number of frames."""
     log = Path(checks.path("log", log))
     target = log.parent / log.stem
     if log.suffix != LOG_SUFFIX or suffix_of(target) not in RECORDINGS or not log.is_file():

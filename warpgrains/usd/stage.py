@@ -49,11 +49,7 @@ class Drawing(Protocol):
 def static_layer(
     scene: Scene, rate: float, drawings: Iterable[Drawing], data: Mapping[str, Any], view: Box
 ) -> Sdf.Layer:
-    """Return an anonymous layer with the content that is the same in all frames.
-
-    `rate` is in frames per second [1/s]; `data` are its custom data, see `metadata.described`; the camera
-    shows the view [m].
-    """
+    """Return an anonymous layer with the content of all frames; `rate` is in frames per second [1/s]."""
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
     world = UsdGeom.Xform.Define(stage, "/World").GetPrim()
@@ -125,7 +121,6 @@ def define_mesh(stage: Usd.Stage, path: Sdf.Path, shape: Shape, color: FloatArra
 
 
 def set_kind(prim: Usd.Prim, kind: str) -> None:
-    """Set the kind of a prim, such as "component"."""
     Usd.ModelAPI(prim).SetKind(getattr(Kind.Tokens, kind))
 
 
@@ -163,10 +158,7 @@ def triples(what: str, values: FloatArray) -> NDArray[np.float32]:
 
 
 def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:
-    """Return the value at a time code, or None if there is none.
-
-    Raises TypeError if it is no array of numbers.
-    """
+    """Return the value at a time code, or None if there is none; TypeError if it is no array of numbers."""
     value = attribute.Get(code)
     if value is None:
         return None
@@ -209,11 +201,7 @@ def too_coarse(position: FloatArray, radius: FloatArray) -> str | None:
 
 
 def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the float32 box [m] that contains spheres, rounded outwards.
-
-    `shown` are the centers [m], shape (n, 3), n >= 1, and `half_width` half the widths [m], shape (n,), both
-    as stored in the file.
-    """
+    """Return the float32 box [m] of spheres, centers (n, 3) and half widths (n,), rounded outwards."""
     edges = np.empty((3, len(shown)))  # one row per component, because NumPy reduces long rows much faster
     box = np.empty((2, 3), dtype=np.float32)
     low = np.subtract(shown.T, half_width, out=edges).min(axis=1)

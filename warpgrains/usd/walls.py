@@ -38,7 +38,6 @@ class Walls:
             define_mesh(stage, WALLS.AppendChild(name), wall_mesh(wall), np.array(WALL_COLOR))
 
     def samples(self, frame: Frame) -> Arrays:
-        """Return the values of the animated attributes for a frame."""
         values = dict[str, NDArray[Any]]()
         if frame.places is not None:
             values[f"{WALLS}.{PLACES}"] = frame.places

@@ -29,23 +29,7 @@ _SAMPLE = 128  # bytes of memory per value in addition to its array
 
 
 def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
-    """Write the frames of a log to one USD file, and return their number.
-
-    The file replaces an earlier one when it is complete, checked and on the disk.
-
-    Parameters
-    ----------
-    log, target : Path
-    frames : int, optional
-        Required number of frames; by default, all frames that can be read.
-
-    Raises
-    ------
-    InputError
-        The file is no log, is damaged, or has no frames.
-    OSError
-        The file cannot be written, or the log holds fewer frames.
-    """
+    """Write a log, or so many of its frames, to one checked USD file; return their number."""
     reader, target = LogReader(log), resolve_link(target)
     with refusing_untrusted_content(log):
         constants = _constants(reader)
@@ -64,13 +48,7 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
 
 
 def reopen_log(recording: Path, log: Path) -> None:
-    """Write the frames of a finished recording back to a log, which appears when it is complete.
-
-    Raises
-    ------
-    OSError
-        The recording cannot be read, or the log cannot be written.
-    """
+    """Write the frames of a finished recording back to a log, which appears when it is complete."""
     with draft_of(log) as draft, _reporting_os_errors(recording):
         draft.unlink(missing_ok=True)
         flat = Sdf.Layer.OpenAsAnonymous(str(recording))
@@ -86,11 +64,7 @@ def reopen_log(recording: Path, log: Path) -> None:
 
 
 def identity(constants: str) -> str:
-    """Return the constants of a log that identify its recording.
-
-    They are the scene, the frame rate, and what the grains look like, but neither the release nor, for
-    example, the lights.
-    """
+    """Return the constants of a log that identify its recording: the scene, the frame rate, and the looks."""
     flat, own = _layer_of(constants), Sdf.Layer.CreateAnonymous(".usda")
     data = dict(flat.customLayerData.get(RECORDED_BY, {}))
     data.pop("version", None)
@@ -184,10 +158,7 @@ def _reporting_os_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _freeing_in_this_thread() -> Iterator[None]:
-    """Keep USD from freeing saved values in its own threads, which on a busy machine would lag behind.
-
-    The limit is that of the process: of several threads that write, the last one restores it.
-    """
+    """Keep USD from freeing saved values in its own threads, which on a busy machine would lag behind."""
     with _WRITERS:
         _limits.append(_limits[0] if _limits else Work.GetConcurrencyLimit())
         Work.SetConcurrencyLimit(1)

@@ -22,18 +22,10 @@ _SLOWED = 1.0 / 30.0  # duration of a stage on the page [s]
 
 
 class Homework:
-    """A homework and the reference, each in a sandbox. A step of the player is one stage of a time step.
+    """A homework and the reference, each in a sandbox; a step of the player is one stage of a time step.
 
-    Both start each time step from the reference's state; within it, each continues with its own velocities.
-    Grains are drawn at the reference's positions. The redness of a grain is the difference of its velocities,
-    relative to the largest difference at that stage.
-
-    Parameters
-    ----------
-    scene : Scene
-    start : callable
-        Function that returns the running reference and the running homework.
-    name : str
+    Both start each time step from the reference's state. Grains are drawn at the reference's positions, as
+    red as their velocities differ, relative to the largest difference at that stage.
     """
 
     colorings: tuple[str, ...] = ()
@@ -59,17 +51,14 @@ class Homework:
         self._stages = self._play()
 
     def close(self) -> None:
-        """End both processes."""
         for child in self._children:
             child.close()
 
     @property
     def has_ended(self) -> bool:
-        """True if the homework has ended."""
         return self.error is not None
 
     def advance(self, steps: int) -> None:
-        """Advance by some stages."""
         for _ in range(steps):
             if not self.has_ended:
                 try:
@@ -79,7 +68,6 @@ class Homework:
                     self.error = f"{self._stage}: it {error}"
 
     def _play(self) -> Iterator[None]:
-        """Yield after each stage."""
         n = self._scene.n
         while True:
             self._stage, self._history = "velocities by Newton's law", []

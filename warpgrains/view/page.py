@@ -30,16 +30,10 @@ _MOST_SPEED = 10.0
 
 
 class Page:
-    """Page for this machine alone. `run` performs its actions in one thread, between two steps.
+    """Page for this machine alone, at a port or the next free one.
 
-    The threads of the server receive keys and queue actions, so that the page responds even if a step is
-    slow.
-
-    Parameters
-    ----------
-    player : Player
-    port : int
-        Port of the page; if it is in use, the next free one.
+    The threads of the server receive keys and queue actions, which `run` performs in one thread between two
+    steps.
     """
 
     def __init__(self, player: Player, port: int) -> None:
@@ -59,7 +53,6 @@ class Page:
 
     @property
     def url(self) -> str:
-        """Address of the page."""
         return f"http://{HOST}:{self._server.get_port()}"
 
     def run(self, announce: Callable[[str], None] = lambda url: None) -> None:
@@ -87,13 +80,11 @@ class Page:
         self._pace.wait()
 
     def start(self) -> Self:
-        """Play in a new thread."""
         self._thread = Thread(target=self.run, daemon=True)
         self._thread.start()
         return self
 
     def close(self) -> None:
-        """Stop playing and close the server."""
         self._asked.put(None)
 
     def _repr_html_(self) -> str:

@@ -52,17 +52,14 @@ class Live:
 
     @property
     def scene(self) -> Scene:
-        """Scene of the simulation."""
         return self._simulation.scene
 
     @property
     def colorings(self) -> tuple[str, ...]:
-        """Quantities by which grains can be colored."""
         return colorings(self.scene)
 
     @property
     def steps(self) -> int:
-        """Time steps since the start."""
         return self._simulation.steps
 
     @property
@@ -71,7 +68,6 @@ class Live:
         return self.error is not None
 
     def advance(self, steps: int) -> None:
-        """Do some steps, and keep the report of the last one."""
         try:
             if steps > 1:
                 self._simulation.advance(steps - 1)
@@ -82,7 +78,6 @@ class Live:
         self._past.append((self._simulation.time, self._energy()))
 
     def restart(self) -> None:
-        """Return to the start of the scene."""
         scene = self._simulation.scene
         state = first_state(scene)
         if scene.has_friction:  # the scene may have lost its spins meanwhile
@@ -91,14 +86,10 @@ class Live:
         self._forget()
 
     def change(self, **fields: object) -> None:
-        """Change some fields of the scene and continue."""
         self._simulation.change(**fields)
 
     def set_friction(self, friction: float, out: float, inside: float) -> None:
-        """Go on with another friction and other angular velocities of the walls [rad/s].
-
-        Without friction, walls move no grain and grains do not rotate: what a scene has of both is left out.
-        """
+        """Go on with another friction and spins of the walls [rad/s]; without friction, with neither."""
         first = self._first
         at_walls = friction if first.wall_friction is None else first.wall_friction
         rotates = friction > 0.0 or at_walls > 0.0 or any(wall.friction for wall in first.walls)
@@ -110,12 +101,10 @@ class Live:
         )
 
     def set_style(self, color_by: str, forces: bool) -> None:
-        """Color grains by a quantity, with or without force chains."""
         self._painter = Painter(self._simulation.scene, color_by, forces)
         self.setting = self._painter.setting
 
     def shot(self) -> Shot:
-        """Return the present state as a shot."""
         return self._painter.shot_of(self._simulation)
 
     def _energy(self) -> float:
@@ -123,7 +112,6 @@ class Live:
         return float(kinetic_energy(scene.mass, scene.radius, now.velocity, now.spin))
 
     def readout(self) -> dict[str, str]:
-        """Return numbers of the last step by name."""
         rows = {"time": f"{self._simulation.time:.4g} s", "steps": f"{self.steps}"}
         rows |= dict.fromkeys(("iterations", "zeta", "residual", "contacts", "converged"), PLACEHOLDER)
         report = self._report
@@ -167,11 +155,9 @@ class Recorded:
         return self.steps >= self.last
 
     def advance(self, steps: int) -> None:
-        """Advance by some frames."""
         self.steps = min(self.steps + steps, self.last)
 
     def restart(self) -> None:
-        """Return to the first frame."""
         self.steps = 0
 
     def set_style(self, color_by: str, forces: bool) -> None:
@@ -179,12 +165,10 @@ class Recorded:
         self._forces = forces
 
     def shot(self) -> Shot:
-        """Return the data that the view draws of the present frame."""
         shot = shot_of(self._reader, self.steps)
         return shot if self._forces else replace(shot, chains=None)
 
     def readout(self) -> dict[str, str]:
-        """Return numbers of the frame by name."""
         rows = {
             "time": f"{self._reader.times.time(self.steps):.4g} s",
             "frame": f"{self.steps} of {self.last}",

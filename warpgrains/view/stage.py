@@ -39,7 +39,6 @@ class Stage:
         self._has_chains = False
 
     def show(self, shot: Shot) -> None:
-        """Draw a shot in the place of the last one."""
         for name, wall in shot.walls.items():
             self._add_wall(name, wall)
         _place(self._grains, shot.position, 0.0, shot.color)
@@ -63,7 +62,6 @@ class Stage:
             self._has_chains = False
 
     def _add_wall(self, name: str, wall: Band) -> None:
-        """Add a wall, or replace it where it is now."""
         mesh = wall_mesh(wall)
         self._add_mesh(f"/walls/{name}", mesh.points, mesh.corners, WALL_COLOR)
 
@@ -87,7 +85,6 @@ class Stage:
     def _add_mesh(
         self, name: str, points: FloatArray, corners: IndexArray, color: tuple[float, float, float]
     ) -> None:
-        """Add a mesh of quadrilaterals."""
         faces = corners.reshape(-1, 4)[:, [[0, 1, 2], [0, 2, 3]]]
         self._scene.add_mesh_simple(
             name,
