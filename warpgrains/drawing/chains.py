@@ -22,8 +22,6 @@ CHAIN_COLOR = (0.78, 0.10, 0.12)
 
 @dataclass(frozen=True)
 class Chains:
-    """The force chains of a frame."""
-
     ends: FloatArray
     """Both ends of each segment [m], shape (m, 2, 2)."""
     width: FloatArray
@@ -72,15 +70,11 @@ class ChainScale:
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> ChainScale:
-        """Return the scale that a recording stores."""
         return cls(described["force"], described["width"])
 
 
 def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
-    """Return a band from center to center, or from center to wall, for each contact with a force.
-
-    With friction, a band has the size and direction of the total force: it is turned about the contact point.
-    """
+    """Return a band from center to center or wall for each contact with a force, in its direction."""
     contacts, wall_contacts = frame.forces()
     scene = scene.with_walls_at(frame.places)
     pushes = contacts.force > 0.0
@@ -97,11 +91,7 @@ def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
 
 
 def _turned(radius: FloatArray, normal: FloatArray, ends: FloatArray, force: FloatArray) -> FloatArray:
-    """Return segments turned about the contact points into the direction of the forces, (m, 2, 2).
-
-    `radius` is that of the grains at their starts [m]. The forces have a normal and a tangential component
-    [N], shape (m, 2), the first one > 0.
-    """
+    """Return segments turned about contact points into forces (normal > 0, tangential) [N], (m, 2, 2)."""
     radius = radius[:, np.newaxis]
     along, across = (force / np.hypot(*force.T)[:, np.newaxis]).T[:, :, np.newaxis]
     direction = along * normal + across * left_of(normal)
@@ -133,10 +123,7 @@ def contact_normals(scene: Scene, position: FloatArray, pair: IntArray, time: fl
 
 
 def contact_ends(scene: Scene, position: FloatArray, pair: IntArray, normal: FloatArray) -> FloatArray:
-    """Return the ends of contacts [m], (m, 2, 2): a grain's center, and the other center or wall point.
-
-    `normal` is what `contact_normals` returns.
-    """
+    """Return the ends of contacts [m], (m, 2, 2): a grain's center, and the other center or wall point."""
     i, j = pair.T
     foot = position[i] + scene.radius[i, np.newaxis] * normal
     return np.stack([position[i], np.where(j[:, np.newaxis] >= 0, position[np.maximum(j, 0)], foot)], axis=1)

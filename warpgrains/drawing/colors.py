@@ -85,7 +85,6 @@ class ColorScale:
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> Self:
-        """Return the scale that a recording stores."""
         return cls(described["quantity"], described["low"], described["high"])
 
     def levels(self, values: FloatArray) -> IndexArray:
@@ -109,37 +108,15 @@ def quantities_of(scene: Scene, has_contacts: bool = True) -> dict[str, Quantity
 
 
 def colorings(scene: Scene) -> tuple[str, ...]:
-    """Return the colorings that a scene has."""
     return "palette", *quantities_of(scene)
 
 
 class GrainColors:
-    """Colors of the grains of a scene by a quantity.
+    """Colors of the grains of a scene by one of `QUANTITIES`, or the "palette" that distinguishes neighbors.
 
     Scales depend only on the scene, so that a color means the same in every frame and after a restart.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene that is drawn.
-    color_by : str
-        One of `QUANTITIES`, or "palette": arbitrary colors that distinguish neighbors.
-
-    Attributes
-    ----------
-    scale : ColorScale or None
-        Range of the colors; None for the palette.
-    colors : ndarray
-        All colors (sRGB), shape (k, 3).
-    still : ndarray or None
-        Index of the color of each grain, shape (n,), if it is constant; None if it changes between frames.
-    needs_contacts : bool
-        Whether the quantity follows from the contacts of a frame.
-
-    Raises
-    ------
-    InputError
-        `color_by` is unknown, or needs friction that the scene does not have.
+    `still` holds the index of the color of each grain, shape (n,), where it is constant. Raises InputError
+    where `color_by` is unknown, or needs friction that the scene does not have.
     """
 
     def __init__(self, scene: Scene, color_by: str) -> None:
@@ -173,11 +150,7 @@ class GrainColors:
 
 
 def speed_scale(scene: Scene) -> float:
-    """Return a speed [m/s] that grains may reach: by a fall across the domain, by a force, or at a wall.
-
-    It is no less than that at the start. A pressure or a force drives its wall across the domain, with all
-    grains.
-    """
+    """Return a speed [m/s] of grains: at the start, by a fall across the domain, a force, or a wall."""
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
     falling = np.sqrt(2.0 * gravity * scene.annulus.depth)
@@ -204,9 +177,8 @@ def spin_scale(scene: Scene) -> float:
 def pressure_scale(scene: Scene) -> float:
     """Return a large pressure [N/m]: the weight of all grains on a quarter of the outer diameter.
 
-    It is at least four times the pressure on the outer wall, or on a wall that a force drives. Without these,
-    it is the pressure on a mean grain that is stopped within one step from the scene's largest speed, or if
-    that is zero, from a speed of one radius per step.
+    It is at least four times the pressure on a driven wall. Without these, it is that on a mean grain that is
+    stopped within one step from the scene's largest speed, or if that is zero, from a radius per step.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
     driven = [abs(wall.drive[1]) / (2.0 * wall.circle[2]) for wall in scene.walls if wall.drive is not None]

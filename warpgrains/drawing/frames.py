@@ -70,8 +70,8 @@ class Frame:
 class FrameTimes:
     """Frames k = 0, 1, 2, ... of a run at times k / rate after its start, for a scene with time step dt.
 
-    Both numbers are taken as the decimals that a user writes, so that rounding does not shift a frame to
-    another step.
+    Both are taken as the decimals that a user writes, so that rounding does not shift a frame to another
+    step.
     """
 
     dt: float
@@ -85,13 +85,7 @@ class FrameTimes:
 
     @classmethod
     def of(cls, dt: float, wanted: float, first_step: int = 0, start: float = 0.0) -> FrameTimes:
-        """Return frame times with the requested rate [1/s], or one frame per step if steps are longer.
-
-        Raises
-        ------
-        InputError
-            The rate is not a positive finite number.
-        """
+        """Return frame times with the requested rate [1/s] > 0, or one frame per step if steps are longer."""
         if not 0 < wanted < float("inf"):
             raise InputError(f"frames per second is {wanted}: it must be greater than 0")
         return cls(dt, min(float(wanted), float(1 / _as_written(dt))), first_step, start)
@@ -113,7 +107,6 @@ class FrameTimes:
         return self.start + self.simulated_step(k) * self.dt - self._left(k)
 
     def elapsed(self, k: int) -> float:
-        """Return the time from frame 0 to frame k [s]."""
         return k / self.rate
 
     def time_in_step(self, k: int) -> float:
@@ -126,10 +119,9 @@ class FrameTimes:
         return float(left) * self.dt if left > _TOLERANCE else 0.0
 
     def shown(self, k: int, end: Frame) -> Frame:
-        """Return frame k from the state at the end of `step(k)`.
+        """Return frame k, with all at its time, from the state at the end of `step(k)`.
 
         Within a step, grains move in a straight line and turn with the velocities at its end (eqs. 3, 24).
-        The positions and angles are those at the time of the frame, and so are the coordinates of walls.
         """
         left, angle, driven = self._left(k), end.angle, end.driven
         if left == 0.0:
@@ -151,10 +143,7 @@ def _as_written(value: float) -> Fraction:
 
 
 class Output(AbstractContextManager[Any], Protocol):
-    """Interface of a file that receives frames of a run: a recording, a film, or a picture of the end.
-
-    It is complete at the end of the ``with`` block.
-    """
+    """Interface of a file that receives frames of a run, and is complete at the end of the ``with`` block."""
 
     needs_contacts: bool
     """Whether frames must have contacts."""

@@ -49,8 +49,6 @@ FILMS = {
 
 
 class Kind(NamedTuple):
-    """A kind of output."""
-
     name: str
     shows: str
     """What it is, for users."""
@@ -68,7 +66,6 @@ class Kind(NamedTuple):
 
     @property
     def listed(self) -> str:
-        """Its suffixes as a text."""
         return ", ".join(self.suffixes)
 
     def opened(

@@ -117,10 +117,7 @@ def drawn_walls(scene: Scene) -> dict[str, Band]:
 
 
 def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> dict[str, Band]:
-    """Return the mobile ones of the drawn walls as they are at a time [s], by name.
-
-    Walls that forces drive are at `places`, see `State.driven` [m], or where they begin.
-    """
+    """Return the mobile walls as drawn at a time [s], by name; driven ones at `places` [m]."""
     now, thickness = scene.with_walls_at(places), _THICKNESS * scene.extent.half
     moved = {} if scene.pressure is None else {OUTER: ring(now.annulus.borders[OUTER], thickness)}
     for number, wall in enumerate(now.walls, INNER + 1):

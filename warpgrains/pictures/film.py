@@ -41,15 +41,7 @@ _WITH_PALETTE = "paletteuse=dither=none:diff_mode=rectangle"
 
 
 class Encoding:
-    """An ffmpeg process that writes a file.
-
-    Parameters
-    ----------
-    arguments
-        Inputs and filters of ffmpeg.
-    output
-        The output file.
-    """
+    """An ffmpeg process that writes a file; `arguments` are its inputs and filters."""
 
     def __init__(self, arguments: Sequence[str | Path], output: Path) -> None:
         self._complaints = TemporaryFile()  # noqa: SIM115  # open until the process ends
@@ -63,13 +55,7 @@ class Encoding:
         )
 
     def write(self, pixels: NDArray[np.uint8]) -> None:
-        """Encode a frame (sRGB), shape (height, width, 3).
-
-        Raises
-        ------
-        OSError
-            ffmpeg has ended.
-        """
+        """Encode a frame (sRGB), shape (height, width, 3). Raises OSError if ffmpeg has ended."""
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(pixels.data)
@@ -78,13 +64,7 @@ class Encoding:
             raise
 
     def finish(self) -> None:
-        """Wait until the file is complete.
-
-        Raises
-        ------
-        OSError
-            The file cannot be written. The message is ffmpeg's first line.
-        """
+        """Wait until the file is complete; OSError, with ffmpeg's first line, if it cannot be written."""
         try:
             self._wait()
         except BaseException:  # an interrupt reaches this process only
@@ -125,16 +105,9 @@ def require_rate(rate: float) -> None:
 
 
 class FilmWriter:
-    """Writer of a film from shots, at `rate` frames per second [1/s].
+    """Writer of a film of shots, at `rate` frames per second [1/s], until the end of the ``with`` block.
 
-    It is complete at the end of the ``with`` block.
-
-    Raises
-    ------
-    ValueError
-        The film has no frame.
-    OSError
-        The film could not be encoded.
+    ValueError if the film has no frame, OSError if it cannot be encoded.
     """
 
     def __init__(
@@ -148,7 +121,6 @@ class FilmWriter:
         self._encoder: Encoding | None = None
 
     def add(self, shot: Shot) -> None:
-        """Append a frame."""
         pixels = np.ascontiguousarray(self._canvas.pixels(shot))
         if self._encoder is None:
             self._encoder = encoding_of_frames(self._encoded, pixels.shape, self._rate)
@@ -179,16 +151,7 @@ class FilmWriter:
 def draw_film(
     recording: str | Path, output: str | Path, size: str | None = None, frame: str | None = None
 ) -> list[int]:
-    """Make a film of a recording, and return the numbers of the recording's frames in it.
-
-    For `size` and `frame`, see `RunOptions`.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is no recording or has too few frames a second, the size or the frame is
-        invalid, or the film cannot be written there. It is an `OutputError` if another process writes it.
-    """
+    """Make a film of a recording, with size and frame as in `RunOptions`; return the frames in it."""
     from warpgrains.usd.reader import RecordingReader  # a film of a run needs no USD
 
     output = Path(output)
@@ -221,5 +184,4 @@ class Film(DrawnOutput):
         return self
 
     def record(self, frame: Frame) -> None:
-        """Append the next frame."""
         self._writer.add(self._painter.shot(frame))

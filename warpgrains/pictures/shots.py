@@ -61,8 +61,6 @@ class Setting:
 
 @dataclass(frozen=True)
 class Shot:
-    """Contents of one frame."""
-
     time: float
     """Simulated time [s]."""
     position: FloatArray
@@ -77,25 +75,11 @@ class Shot:
 
 
 class Painter:
-    """Maker of shots of a scene, colored by a quantity, with or without force chains.
+    """Maker of shots of a scene, colored as in `GrainColors`, with or without force chains.
 
-    Parameters
-    ----------
-    scene : Scene
-    color_by : str
-        See `GrainColors`.
-    forces : bool
-        Whether to draw force chains.
-    largest : float, optional
-        Force of a chain of full width [N]. Divided by the diameter of a mean grain, it is the pressure of the
-        last color. By default `ChainScale.of` estimates it from the scene.
-    frame : str, optional
-        The rectangle to show, see `frame_of`; by default the extent of the scene.
-
-    Raises
-    ------
-    InputError
-        The coloring is unknown.
+    `largest` is the force of a chain of full width [N], by default estimated from the scene. Divided by the
+    diameter of a mean grain, it is the pressure of the last color. `frame` is the rectangle to show, by
+    default the extent of the scene.
     """
 
     def __init__(
@@ -120,7 +104,6 @@ class Painter:
         self.setting = Setting(*same, is_framed=frame is not None)
 
     def shot(self, frame: Frame) -> Shot:
-        """Return a shot of a frame."""
         scale = self.setting.chain_scale
         chains = None if scale is None else chains_of(self._scene, scale, frame)
         angle = frame.rotation()[1] if self.setting.rotates else None
@@ -133,15 +116,7 @@ class Painter:
 
 
 class DrawnOutput(ExitStack):
-    """Base of the film and the picture of a run, which is locked until the block ends.
-
-    It replaces any file of its name when it is complete.
-
-    Raises
-    ------
-    InputError
-        It cannot be written. It is an `OutputError` if another process writes it.
-    """
+    """Base of the film and the picture of a run: locked until the block ends, it replaces any file."""
 
     def __init__(
         self, path: Path, scene: Scene, times: FrameTimes | None, options: RunOptions, *_: object
@@ -165,7 +140,6 @@ def setting_of(reader: RecordingReader, frame: str | None = None) -> Setting:
 
 
 def shot_of(reader: RecordingReader, frame: int) -> Shot:
-    """Return a shot of a frame of a recording."""
     chains = None if reader.chain_scale is None else reader.chains(frame)
     angle = reader.rotation(frame)[1] if reader.has_rotation else None
     shown = reader.position(frame), reader.color(frame)

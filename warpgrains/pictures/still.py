@@ -100,7 +100,6 @@ class FrameArtists:
 
 
 def _outline(wall: Band) -> Path:
-    """Return the outline of a wall."""
     return Path.make_compound_path_from_polys(wall.outlines())
 
 
@@ -132,16 +131,7 @@ def shares(view: Box) -> tuple[float, float]:
 
 
 class Canvas:
-    """A frame with its color bar that is redrawn for each shot.
-
-    Parameters
-    ----------
-    setting : Setting
-    side : int
-        Longer side of the frame [pixels], unless there is a size.
-    size : tuple of int, optional
-        Width and height of the picture [pixels].
-    """
+    """A frame with its color bar, redrawn for each shot; `side` [pixels] is the longer, without a size."""
 
     def __init__(self, setting: Setting, side: int, size: tuple[int, int] | None = None) -> None:
         bar = _BAR_SHARE * (setting.scale is not None)
@@ -164,10 +154,7 @@ class Canvas:
         self._artists.show(shot)
 
     def pixels(self, shot: Shot) -> NDArray[np.uint8]:
-        """Return the picture of a shot, shape (height, width, 3).
-
-        After the first shot, only what changes is redrawn.
-        """
+        """Return the picture of a shot, shape (height, width, 3); later ones redraw only what changes."""
         if self._background is None:
             for artist in self._artists.changing:
                 artist.set_animated(True)
