@@ -3,12 +3,15 @@
 Docstrings, checks, files and ``--help`` are generated from these descriptions, so that each is written once.
 """
 
+import ast
 import inspect
 import textwrap
 from collections.abc import Callable, Iterable
 from dataclasses import MISSING, Field, field, fields
+from itertools import pairwise
 from typing import Any, TypeVar
 
+Kind = TypeVar("Kind")
 Documented = TypeVar("Documented", bound=Callable[..., Any])
 
 
@@ -20,6 +23,42 @@ def described(meaning: str, *, default: Any = MISSING, **more: Any) -> Any:
 def described_fields(record: type) -> dict[str, Field[Any]]:
     """Return the described fields of a dataclass by name."""
     return {own.name: own for own in fields(record) if "meaning" in own.metadata}
+
+
+FIELDS_IN_HELP = "Fields:"
+"""Line after which a docstring lists fields; the pages, which show fields by themselves, end there."""
+
+
+class _WithFields:
+    """Docstring of a class followed by those of its fields, read from its source on demand."""
+
+    def __init__(self, text: str):
+        self._text = text
+
+    def __get__(self, instance: object, kind: type) -> str:
+        docs = {name: text for base in reversed(kind.__mro__) for name, text in _field_docs(base).items()}
+        lines = (textwrap.indent(f"{name} : {text}", "    ")[4:] for name, text in docs.items())
+        return "\n\n".join([inspect.cleandoc(self._text), FIELDS_IN_HELP, *lines])
+
+
+def fields_in_help(kind: type[Kind]) -> type[Kind]:
+    """Let `help()` of a class show the docstrings of its fields."""
+    kind.__doc__ = _WithFields(kind.__doc__ or "")  # type: ignore[assignment]
+    return kind
+
+
+def _field_docs(kind: type) -> dict[str, str]:
+    """Return the docstrings after the fields in the source of a class, if it has fields and a source."""
+    try:
+        body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
+    except (OSError, TypeError):
+        return {}
+    found = {}
+    for own, following in pairwise(body.body if isinstance(body, ast.ClassDef) else ()):
+        match own, following:
+            case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(text))):
+                found[name] = inspect.cleandoc(text)
+    return found
 
 
 def documented(parameters: Iterable[Field[Any]]) -> Callable[[Documented], Documented]:

@@ -3,6 +3,7 @@
 import doctest
 import inspect
 import pkgutil
+import pydoc
 import re
 
 import pytest
@@ -42,6 +43,14 @@ def test_example(name, given):
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
     runner.run(example, out=said.append)
     assert not runner.failures, "".join(said)
+
+
+@pytest.mark.parametrize("name", [name for name in SHOWN if inspect.isclass(SHOWN[name])])
+def test_help_describes_fields(name):
+    """Also those that are described after their declaration, which pydoc does not read."""
+    fields = re.findall(r'^    (\w+): .*\n    """(\w+)', inspect.getsource(SHOWN[name]), re.M)
+    shown = pydoc.plain(pydoc.render_doc(SHOWN[name]))
+    assert [own for own, text in fields if f"\n |  {own} : {text}" not in shown] == []
 
 
 def documented(name):

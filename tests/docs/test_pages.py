@@ -17,6 +17,8 @@ from pages import PAGES, ROOT, Block, blocks, commands_in_words, program, senten
 import warpgrains
 from warpgrains import Scene
 from warpgrains.cli import main as command_line
+from warpgrains.scene.fields import FIELDS
+from warpgrains.scene.keywords import SceneChanges
 from warpgrains.sweep.sweep import Sweep
 
 TIMES = re.compile(r"^time +\d.*$", re.M)  # the line of a summary that tells how long it took
@@ -98,6 +100,22 @@ def test_python_is_typed(tmp_path, checker):
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
     assert (Path(warpgrains.__file__).parent / "py.typed").is_file()
+
+
+def test_a_type_checker_finds_wrong_keywords(tmp_path):
+    """The keywords are those of a scene, with its types: what takes them is checked, so the table is."""
+    (tmp_path / "wrong.py").write_text(
+        "import warpgrains as wg\n"
+        "scene = wg.Scene.load('annulus').replace(drag=0.1, velocity=[[0.0, 1.0]], walls=[])\n"
+        "wg.Simulation(scene, order='color', spin=None).change(gravity=(0, -1))\n"
+        "scene.replace(drga=0.1)\n"
+        "wg.Simulation(scene).change(drag='much')\n"
+        "wg.Simulation(scene, ordr='color')\n"
+    )
+    command = [sys.executable, "-m", "mypy", str(tmp_path / "wrong.py")]
+    found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stdout
+    assert [int(line) for line in re.findall(r"wrong.py:(\d+): error", found)] == [4, 5, 6]
+    assert SceneChanges.__annotations__.keys() == FIELDS.keys()
 
 
 @pytest.mark.parametrize("name", PAGES)

@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, requiring
 from warpgrains.simulation.simulation import Simulation
 
 
+@fields_in_help
 @dataclass(frozen=True)
 class ErrorBound:
     """Bounds of the distance of a step's velocities from the exact ones.

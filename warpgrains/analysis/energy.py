@@ -8,6 +8,7 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
+from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene import energy
 from warpgrains.scene.geometry import left_of
@@ -89,6 +90,7 @@ def largest_speed(of: Snapshot | HasState) -> float:
     return float(np.hypot(*snapshot(of).velocity.T).max())
 
 
+@fields_in_help
 class EnergyBalance(NamedTuple):
     """Energy [J] that grains gained and lost in one or several steps.
 

@@ -9,12 +9,14 @@ from warpgrains.analysis.packing import heights
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
+from warpgrains.described import fields_in_help
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import directions, distance, left_of
 from warpgrains.scene.gravity import upwards
 from warpgrains.scene.region import Region
 
 
+@fields_in_help
 class Profile(NamedTuple):
     """Means over slices, in which each grain is weighted by its area inside; NaN without grains.
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from warpgrains.arrays import FloatArray
 from warpgrains.batch.resident import ResidentSets, SetSteps
 from warpgrains.console import progress_bar
+from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
@@ -59,9 +60,10 @@ class Results(Sequence[T]):
         return "[" + ",\n ".join(lines) + "]"
 
 
+@fields_in_help
 @dataclass(frozen=True, repr=False)
 class SceneSummary(Summary):
-    """Summary of the run of one scene of a batch; `seconds` is its share of one core's time.
+    """A `Summary` of the run of one scene of a batch; `seconds` is its share of one core's time.
 
     Examples
     --------

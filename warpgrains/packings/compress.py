@@ -11,6 +11,7 @@ from warpgrains.analysis.network import rattlers
 from warpgrains.analysis.packing import global_packing_fraction
 from warpgrains.analysis.profiles import radial_profile
 from warpgrains.analysis.snapshot import Snapshot, snapshot
+from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene.scene import SceneLike, as_scene
 from warpgrains.scene.walls import OUTER
@@ -26,6 +27,7 @@ WALL_LAYER = 4.0  # depth of the grains that a wall orders, in mean diameters
 RINGS = 50  # of the profile from which the fraction of the bulk is taken
 
 
+@fields_in_help
 @dataclass(frozen=True, repr=False)
 class Packing(Shown):
     """Result of `compress`.

@@ -11,6 +11,7 @@ import numpy as np
 from warpgrains.analysis.energy import contact_forces
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.console import progress_bar
+from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.files import require_writable_path, suffix_of, table_text, write_atomically
 from warpgrains.packings.compress import carrying_contacts
@@ -27,6 +28,7 @@ from warpgrains.solver.service import exact_solver
 MOST_TESTS = 3  # of settled grains; those that do not rest fall again
 
 
+@fields_in_help
 @dataclass(frozen=True, repr=False)
 class Rest(Shown):
     """Result of `pack`: a packing at rest.

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+from warpgrains.described import fields_in_help
 from warpgrains.errors import SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import distance
@@ -19,6 +20,7 @@ MOST_STEPS = 50  # where one or two are usual: what it leaves at a concave wall 
 ITERATIONS = 10_000  # of a step, at most
 
 
+@fields_in_help
 @dataclass(frozen=True, repr=False)
 class Separation(Shown):
     """Result of `separate`.

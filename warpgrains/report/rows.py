@@ -10,7 +10,7 @@ ACCURATE: dict[str, Any] = {"method": "accelerated", "order": "color", "stop": "
 SWEEPING = ("gauss-seidel", "accelerated")
 """Methods whose number of iterations can be prescribed."""
 SECOND_ORDER = "leapfrog, round wall"
-SCHEMES = {
+SCHEMES: dict[str, dict[str, Any]] = {
     "text": {"scheme": "text", "wall": "tangent"},
     SECOND_ORDER: {"scheme": "leapfrog", "wall": "round"},
 }

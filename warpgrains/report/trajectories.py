@@ -5,7 +5,7 @@ Both answer the question of how to spend a given amount of work on a scene.
 
 from collections.abc import Iterator
 from time import process_time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -106,7 +106,7 @@ def possible_fractions(scene: Scene, scheme: str) -> list[float]:
     return [fraction for fraction in FRACTIONS if scene.drag * scene.dt * fraction < longest]
 
 
-def follow(scene: Scene, fraction: float, horizon: int, changes: dict[str, str] | None = None) -> Path:
+def follow(scene: Scene, fraction: float, horizon: int, changes: dict[str, Any] | None = None) -> Path:
     """Follow a scene for `horizon` of its time steps, with time steps of `fraction` of their length."""
     simulation = Simulation(scene, dt=scene.dt * fraction, threads=1, **(changes or {}))
     fastest = overlap = cpu_time = 0.0

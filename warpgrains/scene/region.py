@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import Circle, area_in_disc
@@ -30,6 +31,7 @@ Side = tuple[FloatArray, float]
 """Half plane, normal . x <= level [m]."""
 
 
+@fields_in_help
 @dataclass(frozen=True)
 class Region:
     """A part of the space between the walls, as returned by `region_of`.

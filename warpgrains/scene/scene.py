@@ -6,13 +6,13 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import BoolArray, FloatArray
-from warpgrains.described import documented
+from warpgrains.described import documented, fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.bodies import Bodies
@@ -23,12 +23,14 @@ from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked_settings, frozen
 from warpgrains.scene.geometry import distance, left_of, overlapping_pairs, pair_gaps
 from warpgrains.scene.gravity import TurningGravity
+from warpgrains.scene.keywords import SceneChanges
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
 from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
 from warpgrains.shown import Shown, number_of
 
 
+@fields_in_help
 class Overlaps(NamedTuple):
     """Overlaps at the start of a scene, which the first step turns into speeds, see `separate`."""
 
@@ -116,7 +118,7 @@ class Scene(SceneFields, Shown):
         scene._check_fields()
         return scene
 
-    def replace(self, **changes: Any) -> Self:
+    def replace(self, **changes: Unpack[SceneChanges]) -> Self:
         """Return a copy of the scene with some fields changed and checked.
 
         Its `text` lists the changed fields.
@@ -128,7 +130,8 @@ class Scene(SceneFields, Shown):
         """
         for name in changes:
             checks.one_of("field of a scene", name, FIELDS)
-        return replace(self, **{"text": self.text_after(changes), **changes})
+        given: SceneChanges = {"text": self.text_after(changes), **changes}
+        return replace(self, **given)
 
     def summary(self) -> dict[str, str]:
         """Return the line that describes the scene, by name."""

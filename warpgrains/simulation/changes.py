@@ -12,6 +12,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.compatibility import require_clear, require_size
 from warpgrains.scene.fields import FIELDS
+from warpgrains.scene.keywords import SceneChanges
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state
@@ -45,7 +46,7 @@ class Change(NamedTuple):
 
 
 def change_of(
-    before: Scene, fields: dict[str, Any], steps: int, position: FloatArray, driven: FloatArray | None
+    before: Scene, fields: SceneChanges, steps: int, position: FloatArray, driven: FloatArray | None
 ) -> Change:
     """Return the change of some fields of a scene after `steps` steps.
 
@@ -83,7 +84,7 @@ def change_of(
     return Change(scene, staying, keeps_list, places, all_stay and OF_LISTS.isdisjoint(fields))
 
 
-def _changed(before: Scene, fields: dict[str, Any], steps: int) -> Scene:
+def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
     """Return the scene with other fields, whose time goes on and whose walls begin to move now."""
     for name in fields:
         checks.one_of("field of a scene", name, FIELDS)
@@ -91,7 +92,8 @@ def _changed(before: Scene, fields: dict[str, Any], steps: int) -> Scene:
             raise InputError(
                 f"change: {name} is that of the start; make a scene by `present_scene.replace({name}=...)`"
             )
-    given, now = {"text": before.text_after(fields), **fields}, before.time_after(steps)
+    given: dict[str, Any] = {"text": before.text_after(fields), **fields}
+    now = before.time_after(steps)
     if "walls" in fields:
         given["walls"] = [wall.starting(now) for wall in checked_walls("walls", fields["walls"])]
     dt = checks.positive("dt", fields.get("dt", before.dt))

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, Unpack
 from warnings import warn
 
 from warpgrains.analysis.energy import TOLERANCES
 from warpgrains.arrays import FloatArray
+from warpgrains.described import fields_in_help
 from warpgrains.errors import SimulationError
 from warpgrains.scene import checks
+from warpgrains.scene.keywords import SceneChanges
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, first_state, require_state
 from warpgrains.shown import Shown, number_of
@@ -28,6 +30,7 @@ Begun = TypeVar("Begun", bound="Stepper")
 LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody is warned
 
 
+@fields_in_help
 class StepStart(NamedTuple):
     """Positions and velocities at the start of a step.
 
@@ -52,7 +55,13 @@ class StepStart(NamedTuple):
 class Stepper(PresentState, Shown):
     """A scene and its engine. It is the base of `Simulation`, which adds files and pictures."""
 
-    def __init__(self, scene: SceneLike, device: str = "cpu", threads: int | None = None, **overrides: Any):
+    def __init__(
+        self,
+        scene: SceneLike,
+        device: str = "cpu",
+        threads: int | None = None,
+        **overrides: Unpack[SceneChanges],
+    ):
         scene = as_scene("scene", scene)
         scene = scene.replace(**overrides) if overrides else scene
         self._open(scene, device, threads)
@@ -155,7 +164,7 @@ class Stepper(PresentState, Shown):
         """Return those steps of the last `advance` that have no solution, and the grains that cannot fit."""
         return self._engine.infeasible_steps(0)
 
-    def change(self, **fields: Any) -> None:
+    def change(self, **fields: Unpack[SceneChanges]) -> None:
         """Change some fields of the scene, such as drag=0.1, and continue from the present state.
 
         Contacts and forces remain those of the last step until the next one; but those with walls that are

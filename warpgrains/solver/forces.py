@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, IntArray
+from warpgrains.described import fields_in_help
 from warpgrains.scene.geometry import pair_gaps, pair_normals
 from warpgrains.tables import Tabular
 
@@ -22,6 +23,7 @@ A visit adds b to dv_t, so that the sum is mu dv (eq. 23). Difference and sum ar
 error is at most eps / 2 (|b| + mu dv), and within this bound while |b| <= 7 mu dv."""
 
 
+@fields_in_help
 @dataclass(frozen=True, eq=False)
 class PairContacts(Tabular):
     """Contacts between grains that carry a correction after the last step.
@@ -53,6 +55,7 @@ class PairContacts(Tabular):
     """Whether the tangential force is as large as friction allows, shape (m,): True without friction."""
 
 
+@fields_in_help
 @dataclass(frozen=True, eq=False)
 class WallContacts(Tabular):
     """Wall contacts that carry a correction after the last step.

@@ -6,6 +6,7 @@ from operator import add, or_
 from typing import Any, NamedTuple, Self
 
 from warpgrains.arrays import FloatArray
+from warpgrains.described import fields_in_help
 from warpgrains.shown import Shown, number_of
 from warpgrains.tables import Tabular
 
@@ -18,6 +19,7 @@ def named(grains: tuple[int, ...]) -> str:
     return f"grains {', '.join(map(str, grains[:NAMED]))}{f' and {rest} more' if rest > 0 else ''}"
 
 
+@fields_in_help
 class StepHistory(NamedTuple):
     """History of the contact iteration of a step; entry k - 1 belongs to iteration k >= 1.
 

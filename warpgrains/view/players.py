@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, Unpack
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from warpgrains.drawing.colors import colorings
 from warpgrains.errors import SimulationError
 from warpgrains.pictures.shots import Painter, Shot, setting_of, shot_of
 from warpgrains.scene.energy import kinetic_energy
+from warpgrains.scene.keywords import SceneChanges
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
 
@@ -85,7 +86,7 @@ class Live:
         self._simulation.restore(state)
         self._forget()
 
-    def change(self, **fields: object) -> None:
+    def change(self, **fields: Unpack[SceneChanges]) -> None:
         self._simulation.change(**fields)
 
     def set_friction(self, friction: float, out: float, inside: float) -> None:
