@@ -11,7 +11,7 @@ from .cells import AT_ONCE, bucket_of, cell_of, prefix_sum
 from .contact_list import has_wall, was_active
 from .record import WITHOUT_ROOM, Phase, Scene, grain_count, is_driven, time_after
 from .types import CellGrid
-from .walls import are_mobile, is_near_wall, next_near, wall_body_count, wall_path
+from .walls import are_mobile, is_near_wall, joint_reach, next_near, wall_body_count, wall_path
 
 f64 = wp.float64
 Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has eight tests
@@ -159,7 +159,7 @@ def find_walls(s: Scene, i: int):
             note_contact(s, i, j)
         b += 1
         if skipping:
-            b = 1 + next_near(s.walls.shape, b - 1, x, radius + own * TOO_WIDE)
+            b = 1 + next_near(s.walls.shape, b - 1, x, radius + joint_reach(s.walls, radius) + own * TOO_WIDE)
 
 
 @wp.func

@@ -4,7 +4,8 @@ import warp as wp
 
 from .access import at
 from .placing import Box
-from .walls import Walls, shape_gap, shape_normal
+from .shapes import shape_gap, shape_normal
+from .walls import Walls
 
 f64 = wp.float64
 

@@ -1,22 +1,23 @@
-"""The walls of a scene as bodies that grains touch: which kinds there are, and where each body is.
+"""The walls of a scene as bodies that grains touch: where each body is, and where several are joined.
 
 Body 0 is the annulus (annulus.py), whose circles are the two sides of one wall; then come the walls inside
-it, each with a `Shape`. A kind of wall is one file. Of a wall without thickness it has the nearest point, of
-another one the gap of a grain and the normal into the wall. Functions here choose by shape[0]. Everything
-else treats contacts with walls and with grains alike (contacts.py). For a step, a wall is its tangent. A wall
-that moves as given in advance is where it is at the end of the step (motion.py), and a driven one where it is
-at its start (driven.py).
+it, each with a `Shape` (shapes.py). Everything else treats contacts with walls and with grains alike
+(contacts.py). For a step, a wall is its tangent. A wall that moves as given in advance is where it is at the
+end of the step (motion.py), and a driven one where it is at its start (driven.py).
 """
 
 import warp as wp
 
-from . import annulus, arc, disc, law, segment
+from . import annulus, law
 from .access import at, checked, put
 from .annulus import Annulus
 from .motion import from_frame, moving_time, pose_at, speed_of_surface, to_frame
-from .types import MOST_NUMBERS, Drive, Motion, MotionOf, Pose, Shape
+from .shapes import end_of, face_normal, inwards, nearest_on, shape_gap, shape_normal
+from .types import MOST_NUMBERS, Drive, Ints, Motion, MotionOf, Pose, Shape
 
 f64 = wp.float64
+CIRCLE_RADIUS = wp.constant(1 + MOST_NUMBERS + 2)  # index of this number of a shape
+FLUSH = wp.constant(f64(1e-9))  # sine of the angle up to which faces at a joint count as one
 
 
 @wp.struct
@@ -25,6 +26,8 @@ class Walls:
 
     annulus: Annulus
     shape: wp.array(dtype=Shape)  # of the walls inside it
+    joint_start: Ints  # of their ends, 0 and 1 of each: where the walls of the joint begin in `joint`,
+    joint: Ints  # which has other walls inside by number; both empty if no end is a joint
     motion: wp.array(dtype=Motion)  # of these, and
     pose: wp.array(dtype=Pose)  # where they are; both empty if none is mobile
     drive: wp.array(dtype=Drive)  # of all walls; empty if none is driven
@@ -35,36 +38,6 @@ class Walls:
 def wall_body_count(walls: Walls) -> int:
     """Return the number of bodies that are walls."""
     return 1 + walls.shape.shape[0]
-
-
-@wp.func
-def nearest_on(x: wp.vec2d, shape: Shape) -> wp.vec2d:
-    """Return the point nearest to x of a wall without thickness, which grains touch there [m].
-
-    Without a branch for its kind it is x itself, so that the normal is NaN, and so are velocities next to it.
-    """
-    if shape[0] == segment.KIND:
-        return segment.nearest(x, shape)
-    if shape[0] == arc.KIND:
-        return arc.nearest(x, shape)
-    return x
-
-
-@wp.func
-def shape_gap(x: wp.vec2d, radius: f64, shape: Shape) -> f64:
-    """Return the free distance between a grain at x and a wall inside the annulus [m]."""
-    if shape[0] == disc.KIND:
-        return disc.gap(x, radius, shape)
-    return law.distance(x, nearest_on(x, shape)) - radius
-
-
-@wp.func
-def shape_normal(x: wp.vec2d, shape: Shape) -> wp.vec2d:
-    """Return the unit normal from a grain at x into a wall inside the annulus."""
-    if shape[0] == disc.KIND:
-        return disc.normal(x, shape)
-    n, _ = law.normal(x, nearest_on(x, shape))
-    return n
 
 
 @wp.func
@@ -125,12 +98,59 @@ def next_near(shapes: wp.array(dtype=Shape), begin: int, x: wp.vec2d, reach: f64
 
 
 @wp.func
+def have_joints(walls: Walls) -> bool:
+    """Return whether an end of a wall lies on another wall."""
+    return walls.joint.shape[0] > 0
+
+
+@wp.func
+def joint_reach(walls: Walls, radius: f64) -> f64:
+    """Return how much farther a wall may be listed because of its joints [m]."""
+    return wp.where(have_joints(walls), f64(2.0) * radius, f64(0.0))
+
+
+@wp.func
+def frame_at_joint(b: int, x: wp.vec2d, radius: f64, n: wp.vec2d, gap: f64, walls: Walls):
+    """Return normal and gap [m] of a grain at x at wall b, from those at its nearest point (eq. 8c)."""
+    shape = at(walls.shape, b - 1)
+    end = end_of(x, shape)
+    if end < 0:
+        return n, gap
+    nearest, least, first = int(b - 1), f64(gap), 2 * (b - 1) + end
+    for k in range(at(walls.joint_start, first), at(walls.joint_start, first + 1)):
+        other = at(walls.joint, k)
+        its = shape_gap(x, radius, at(walls.shape, other))
+        if its < least or (its == least and other < nearest):
+            nearest, least = other, its
+    if nearest == b - 1:
+        return n, gap
+    other_shape = at(walls.shape, nearest)
+    p = nearest_on(x, shape)
+    along = inwards(end, p, shape)
+    shorter = f64(2.0) * wp.min(shape[CIRCLE_RADIUS], other_shape[CIRCLE_RADIUS])
+    rises = wp.dot(along, face_normal(p, x, other_shape)) < -FLUSH
+    if rises and end_of(x, other_shape) < 0 and shorter >= radius:
+        left = law.tangent(along)
+        height = wp.dot(left, x - p)
+        return wp.where(height > f64(0.0), -left, left), wp.max(wp.abs(height) - radius, least)
+    return n, gap + f64(2.0) * walls.annulus.radius_out
+
+
+@wp.func
 def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
-    """Return whether wall b is within reach [m] of a grain at x, or has no gap there, which is NaN."""
+    """Return whether wall b is within reach [m] of a grain at x, or has no gap there, which is NaN.
+
+    A wall with a joint is, too, if one that it is joined with is, and it is not far from there.
+    """
     if b > 0:
         place, shape = place_at(b, x, walls), at(walls.shape, b - 1)
-        if is_near_circle(shape, place, radius + reach):  # `and` would compute both
-            return not (shape_gap(place, radius, shape) > reach)
+        far = reach + joint_reach(walls, radius)
+        if is_near_circle(shape, place, radius + far):  # `and` would compute both
+            gap = shape_gap(place, radius, shape)
+            if gap > reach and gap <= far and have_joints(walls):
+                for k in range(at(walls.joint_start, 2 * b - 2), at(walls.joint_start, 2 * b)):
+                    gap = wp.min(gap, shape_gap(place, radius, at(walls.shape, at(walls.joint, k))))
+            return not (gap > reach)
         return False
     return annulus.is_near(x, radius, walls.annulus, reach)
 
@@ -143,10 +163,12 @@ def wall_frame(b: int, x: wp.vec2d, radius: f64, walls: Walls):
     """
     if b > 0:
         place, shape = place_at(b, x, walls), at(walls.shape, b - 1)
-        n = shape_normal(place, shape)
+        n, gap = shape_normal(place, shape), shape_gap(place, radius, shape)
+        if have_joints(walls) and gap <= radius:
+            n, gap = frame_at_joint(b, place, radius, n, gap, walls)
         if are_mobile(walls):
             n = from_frame(at(walls.pose, b - 1), n)
-        return n, shape_gap(place, radius, shape), f64(wp.inf), f64(wp.inf)
+        return n, gap, f64(wp.inf), f64(wp.inf)
     return annulus.frame(x, radius, walls.annulus)
 
 

@@ -26,6 +26,18 @@ def motion(rng: np.random.Generator) -> dict[str, Any]:
     return given
 
 
+def joined_walls(rng: np.random.Generator) -> list[Any]:
+    """Walls with joints that move alike, or none."""
+    given = motion(rng)
+    walls = [
+        Segment((0.3, -0.45), (0.0, -0.5), **given),
+        Segment((-0.5, -0.3), (0.0, -0.5), **given),
+        Arc((0.0, -0.3), 0.2, -0.5 * np.pi, 0.5, **given),
+        Segment((0.3, -0.45), (0.35, -0.2), **given),
+    ]
+    return [walls[k] for k in rng.permutation(4)[: rng.choice([0, 2, 4])]]
+
+
 def random_scene(seed: int) -> Scene:
     """A scene with some of all features that plain sweeps know."""
     rng = np.random.default_rng(seed)
@@ -36,7 +48,7 @@ def random_scene(seed: int) -> Scene:
         Arc((0.1, -0.2), 0.6, -2.0, -0.4, **motion(rng)),
         Disc((0.02, 0.0), 0.95, inside=True, **motion(rng)),
     ]
-    walls = [wall for wall in walls if rng.random() < 0.4]
+    walls = [wall for wall in walls if rng.random() < 0.4] + joined_walls(np.random.default_rng(seed))
     fields: dict[str, Any] = {"wall": rng.choice(["tangent", "round"]), "radius_in": rng.choice([0.0, 0.25])}
     if is_driven and rng.random() < 0.6:
         fields |= {"pressure": rng.uniform(0.1, 3.0), "wall_mass": rng.choice([None, 2.0]), "wall": "tangent"}

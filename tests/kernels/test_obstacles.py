@@ -13,7 +13,8 @@ from swept_order import follow_reference
 from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulation, SimulationError
 from warpgrains.analysis.vtk import export
 from warpgrains.kernels import types
-from warpgrains.kernels.walls import is_near_circle, shape_gap, shape_normal
+from warpgrains.kernels.shapes import shape_gap, shape_normal
+from warpgrains.kernels.walls import is_near_circle
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.obstacle import MOST_NUMBERS, Obstacle
 from warpgrains.scene.wall_kinds import WALL_KINDS

@@ -27,6 +27,7 @@ def sizes(request: pytest.FixtureRequest) -> Sizes:
         GRAINS,
         np.full_like(GRAINS, CONTACTS),
         np.array([1, 3, 2, 1]),
+        np.array([0, 2, 0, 0]),
         np.array([0, 1, 0, 1]),
         np.array([0, 0, 1, 0]),
         np.array([1, 0, 0, 1]),

@@ -69,6 +69,75 @@ def frame(wall: Any, x: Vector, r: float) -> tuple[Vector, float]:
     return n, size(d) - (r + wall.radius)
 
 
+def end_of(wall: Any, x: Vector) -> int:
+    """The end that is the foot of x, 0 or 1, or -1."""
+    if isinstance(wall, Disc):
+        return -1
+    if isinstance(wall, Segment):
+        e = minus(wall.end, wall.start)
+        share = dot(minus(x, wall.start), e) / dot(e, e)
+        return 0 if share <= 0.0 else 1 if share >= 1.0 else -1
+    middle, half = 0.5 * (wall.from_angle + wall.to_angle), 0.5 * (wall.to_angle - wall.from_angle)
+    m, d = (cos(middle), sin(middle)), minus(x, wall.center)
+    if dot(d, m) >= size(d) * cos(half):
+        return -1
+    return 0 if m[0] * d[1] - m[1] * d[0] < 0.0 else 1
+
+
+def length(wall: Any) -> float:
+    """The length of a segment, and the diameter of a round wall."""
+    return dist(wall.start, wall.end) if isinstance(wall, Segment) else 2.0 * wall.radius
+
+
+def ends(wall: Any) -> list[Vector]:
+    """The ends, 0 and 1."""
+    if isinstance(wall, Segment):
+        return [wall.start, wall.end]
+    angles = [] if isinstance(wall, Disc) else [wall.from_angle, wall.to_angle]
+    return [plus(wall.center, wall.radius, (cos(angle), sin(angle))) for angle in angles]
+
+
+def is_joined(p: Vector, wall: Any, other: Any) -> bool:
+    """Whether an end p of a wall lies on another wall, and both move alike."""
+    apart = size(minus(foot(other, p), p))
+    apart = abs(apart - other.radius) if isinstance(other, Disc) else apart
+    thin = [length(one) / 2.0 for one in (wall, other) if not isinstance(one, Disc)]
+    motions = [
+        (one.velocity, one.angular_velocity, one.from_time, one.to_time, one.pivot or one.middle)
+        for one in (wall, other)
+    ]
+    return apart <= 1e-9 * max(thin) and (motions[0] == motions[1] or not (wall.moves or other.moves))
+
+
+def frame_at_joint(
+    walls: list[Any], joined: list[list[int]], b: int, x: Vector, r: float, radius_out: float
+) -> tuple[Vector, float]:
+    """Normal and gap (8c); `joined` has the walls of the joints at both ends of wall b."""
+    wall, end = walls[b], end_of(walls[b], x)
+    n, gap = frame(wall, x, r)
+    if end < 0 or gap > r or not joined[end]:
+        return n, gap
+    gap_k, k = min((frame(walls[one], x, r)[1], one) for one in (b, *joined[end]))
+    if k == b:
+        return n, gap
+    p, m = foot(wall, x), frame(walls[k], x, r)[0]
+    t = (
+        unit(minus(wall.end, wall.start))
+        if isinstance(wall, Segment)
+        else turned(0.0, 1.0, unit(minus(p, wall.center)))
+    )
+    t = t if end == 0 else (-t[0], -t[1])
+    is_face = end_of(walls[k], x) < 0
+    if not isinstance(walls[k], Segment):
+        is_face = is_face and dot(m, minus(x, walls[k].center)) > 0.0
+        m = unit(minus(p, walls[k].center))
+    if not is_face or not dot(t, m) < -1e-9 or min(length(wall), length(walls[k])) < r:
+        return n, gap + 2.0 * radius_out
+    left = -t[1], t[0]
+    h = dot(left, minus(x, p))
+    return (t[1], -t[0]) if h > 0.0 else left, max(abs(h) - r, gap_k)
+
+
 @dataclass
 class Contact:
     """A contact of grain i with grain j, or with wall j."""
@@ -100,6 +169,18 @@ class Twin:
         self.two = (self.rough or self.driven) and scene.radius_in > 0.0
         inner = [Disc((0.0, 0.0), scene.radius_in)] if self.two else []
         self.walls: list[Any] = [None, *inner, *scene.walls]
+        can_join = [
+            b for b in range(1 + self.two, len(self.walls)) if getattr(self.walls[b], "force", None) is None
+        ]
+        self.joined = [
+            [
+                [k for k in can_join if k != b and b in can_join and is_joined(p, wall, self.walls[k])]
+                for p in ends(wall)
+            ]
+            if wall
+            else []
+            for b, wall in enumerate(self.walls)
+        ]
         mu = scene.wall_frictions[:1] + scene.wall_frictions[2 - self.two :]
         self.force, self.inverse, self.way = ([0.0] * len(self.walls) for _ in range(3))
         self.speed, self.direction = [0.0] * len(self.walls), [(0.0, 0.0)] * len(self.walls)
@@ -144,16 +225,17 @@ class Twin:
         wall, dt = self.walls[b], self.scene.dt
         if self.two and b == 1:
             return *frame(wall, x, r), (-self.scene.radius_in) * self.scene.angular_velocity_in
+        joint = self.walls, self.joined[b], b
         if not wall.moves:
             q, d = self.way[b], self.direction[b]
-            return *frame(wall, (x[0] - q * d[0], x[1] - q * d[1]), r), 0.0
+            return *frame_at_joint(*joint, (x[0] - q * d[0], x[1] - q * d[1]), r, self.way[0]), 0.0
         (px, py), (vx, vy), w = wall.pivot or wall.middle, wall.velocity, wall.angular_velocity
         to_time = inf if wall.to_time is None else wall.to_time
         times = self.steps * dt, (self.steps + 1) * dt
         before, tau = (min(max(t, wall.from_time), to_time) - wall.from_time for t in times)
         c, s = cos(w * tau), sin(w * tau)
         dx, dy = x[0] - ((px - (c * px - s * py)) + vx * tau), x[1] - ((py - (s * px + c * py)) + vy * tau)
-        n, gap = frame(wall, (c * dx + s * dy, c * dy - s * dx), r)
+        n, gap = frame_at_joint(*joint, (c * dx + s * dy, c * dy - s * dx), r, self.way[0])
         n = turned(c, s, n)
         if not tau - before > 0.5 * (times[1] - times[0]):
             return n, gap, 0.0

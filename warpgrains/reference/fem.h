@@ -16,6 +16,7 @@ typedef struct {
     int leapfrog, staggered, round; /* not the text's: scheme, whether v is half a step behind, outer wall */
     int nWalls;                     /* walls inside the annulus: */
     double *walls, *dvWalls;        /* SHAPE numbers of each, and corrections by grain and wall */
+    int *jointStart, *joints;       /* of both ends of each: where its others begin; their walls; NULL if no joint */
     double friction, wallFriction;  /* coefficients between grains, and at walls; 0: none */
     double spinDrag, turningOut;    /* drag on spins; angular velocity of the outer wall */
     double *speedWalls;             /* the same of each wall; with friction, wall 0 may be the inner circle */

@@ -25,6 +25,7 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->leapfrog = theGrains->staggered = theGrains->round = 0;
     theGrains->nWalls = theGrains->moving = theGrains->steps = 0;
     theGrains->walls = theGrains->dvWalls = theGrains->motions = NULL;
+    theGrains->jointStart = theGrains->joints = NULL;
     theGrains->friction = theGrains->wallFriction = 0.0;
     theGrains->turning = theGrains->start = 0.0;
     theGrains->rough = theGrains->driven = 0;
@@ -182,26 +183,39 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
 /* Kinds of walls inside the annulus, and the numbers of one: first its kind. */
 enum { DISC = 1, SEGMENT = 2, ARC = 3, SHAPE = 10 };
 
-/* Gap of a grain at (x, y), and the normal into a wall: a disc (center, radius, whether grains are inside), a segment
- * (both ends), or an arc (center, radius, direction of the middle, and cosine of half of it); else both are NaN. */
-static double wallGap(const double *wall, double x, double y, double r, double *nx, double *ny) {
-    double px = wall[1], py = wall[2];
+/* The point (px, py) of a wall that is nearest to (x, y): of a segment (both ends) or an arc (center, radius, direction of
+ * the middle, and cosine of half of it); the center of a disc; else NAN. Returns the end that it is, 0 or 1, or -1. */
+static int nearestPoint(const double *wall, double x, double y, double *px, double *py) {
+    *px = wall[1];
+    *py = wall[2];
     if (wall[0] == SEGMENT) {
         double dx = wall[3] - wall[1], dy = wall[4] - wall[2];
         double along = ((x - wall[1]) * dx + (y - wall[2]) * dy) / (dx * dx + dy * dy);
         double share = fmin(fmax(along, 0.0), 1.0);
-        px = wall[1] + share * dx;
-        py = wall[2] + share * dy;
-    } else if (wall[0] == ARC) {
+        *px = wall[1] + share * dx;
+        *py = wall[2] + share * dy;
+        return share == 0.0 ? 0 : share == 1.0 ? 1 : -1;
+    }
+    if (wall[0] == ARC) {
         double dx = x - wall[1], dy = y - wall[2], mx = wall[4], my = wall[5], c = wall[6];
         double rho = sqrt(dx * dx + dy * dy);
-        double s = mx * dy - my * dx < 0.0 ? -sqrt(1.0 - c * c) : sqrt(1.0 - c * c);
+        int isFirst = mx * dy - my * dx < 0.0;
+        double s = isFirst ? -sqrt(1.0 - c * c) : sqrt(1.0 - c * c);
         int onArc = dx * mx + dy * my >= rho * c;
-        px = onArc ? wall[1] + dx * (wall[3] / rho) : wall[1] + wall[3] * (c * mx - s * my);
-        py = onArc ? wall[2] + dy * (wall[3] / rho) : wall[2] + wall[3] * (c * my + s * mx);
-        if (rho == 0.0) px = wall[1] + wall[3] * mx, py = wall[2] + wall[3] * my;
-    } else if (wall[0] != DISC)
-        px = NAN;
+        *px = onArc ? wall[1] + dx * (wall[3] / rho) : wall[1] + wall[3] * (c * mx - s * my);
+        *py = onArc ? wall[2] + dy * (wall[3] / rho) : wall[2] + wall[3] * (c * my + s * mx);
+        if (rho == 0.0) *px = wall[1] + wall[3] * mx, *py = wall[2] + wall[3] * my;
+        return onArc ? -1 : isFirst ? 0 : 1;
+    }
+    if (wall[0] != DISC) *px = NAN;
+    return -1;
+}
+
+/* Gap of a grain at (x, y), and the normal into a wall; a disc (center, radius, whether grains are inside) has no nearest
+ * point. At an unknown kind both are NaN. */
+static double wallGap(const double *wall, double x, double y, double r, double *nx, double *ny) {
+    double px, py;
+    nearestPoint(wall, x, y, &px, &py);
     double dx = px - x, dy = py - y;
     double distance = sqrt(dx * dx + dy * dy);
     *nx = dx / distance;
@@ -213,21 +227,64 @@ static double wallGap(const double *wall, double x, double y, double r, double *
     return wall[3] - distance - r;
 }
 
+/* The same of wall k, where its nearest point may be a joint (eq. 8c). */
+static double jointGap(const femGrains *g, int k, double x, double y, double r, double *nx, double *ny) {
+    const double *wall = &g->walls[SHAPE * k], *other = wall;
+    double px, py, ox, oy, cx, cy, gap = wallGap(wall, x, y, r, nx, ny), least = gap;
+    int end = nearestPoint(wall, x, y, &px, &py), nearest = k;
+    if (!g->joints || end < 0 || gap > r) return gap;
+    for (int c = g->jointStart[2 * k + end]; c < g->jointStart[2 * k + end + 1]; c++) {
+        int j = g->joints[c];
+        double its = wallGap(&g->walls[SHAPE * j], x, y, r, &ox, &oy);
+        if (its < least || (its == least && j < nearest)) {
+            nearest = j;
+            least = its;
+            other = &g->walls[SHAPE * j];
+        }
+    }
+    if (nearest == k) return gap;
+    /* t: along the wall, away from the joint p; o: into the face of the other wall there */
+    double tx = wall[3] - wall[1], ty = wall[4] - wall[2], sign = end == 0 ? 1.0 : -1.0;
+    if (wall[0] == ARC) {
+        tx = -(py - wall[2]);
+        ty = px - wall[1];
+    }
+    double length = sqrt(tx * tx + ty * ty);
+    tx = sign * (tx / length);
+    ty = sign * (ty / length);
+    wallGap(other, x, y, r, &ox, &oy);
+    int isFace = nearestPoint(other, x, y, &cx, &cy) < 0 && 2.0 * fmin(wall[SHAPE - 1], other[SHAPE - 1]) >= r;
+    if (other[0] != SEGMENT) {
+        isFace = isFace && ox * (x - other[1]) + oy * (y - other[2]) > 0.0;
+        ox = px - other[1];
+        oy = py - other[2];
+        length = sqrt(ox * ox + oy * oy);
+        ox /= length;
+        oy /= length;
+    }
+    if (!isFace || !(tx * ox + ty * oy < -1e-9)) return gap + 2.0 * g->radiusOut;
+    double height = -ty * (x - px) + tx * (y - py);
+    *nx = height > 0.0 ? ty : -ty;
+    *ny = height > 0.0 ? -tx : tx;
+    return fmax(fabs(height) - r, least);
+}
+
 /* For how long a wall has moved at a time, from motion[5] to motion[6]. */
 static double movingTime(const double *motion, double time) {
     return fmin(fmax(time, motion[5]), motion[6]) - motion[5];
 }
 
 /* The same at the end of the step where the wall moves (eq. 26); *speed gets that of its surface along the tangent. */
-static double movingWallGap(const double *wall, const double *motion, double begin, double end, double x, double y,
-                            double r, double *nx, double *ny, double *speed) {
+static double movingWallGap(const femGrains *g, int k, double begin, double end, double x, double y, double r, double *nx,
+                            double *ny, double *speed) {
+    const double *motion = &g->motions[7 * k];
     double px = motion[0], py = motion[1], vx = motion[2], vy = motion[3], w = motion[4];
     double moved = movingTime(motion, end), before = movingTime(motion, begin);
     double c = cos(w * moved), s = sin(w * moved);
     double dx = x - (px - (c * px - s * py) + vx * moved);
     double dy = y - (py - (s * px + c * py) + vy * moved);
     double mx, my;
-    double gap = wallGap(wall, c * dx + s * dy, c * dy - s * dx, r, &mx, &my);
+    double gap = jointGap(g, k, c * dx + s * dy, c * dy - s * dx, r, &mx, &my);
     *nx = c * mx - s * my;
     *ny = s * mx + c * my;
     if (moved - before > 0.5 * (end - begin)) {
@@ -247,10 +304,10 @@ static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
         const double *along = &g->drives[5 * (k + 1) + 3], way = g->places[k + 1];
         gap = wallGap(&g->walls[SHAPE * k], g->x[i] - way * along[0], g->y[i] - way * along[1], g->r[i], &nx, &ny);
     } else if (g->moving)
-        gap = movingWallGap(&g->walls[SHAPE * k], &g->motions[7 * k], g->start + g->steps * dt,
-                            g->start + (g->steps + 1) * dt, g->x[i], g->y[i], g->r[i], &nx, &ny, &speed);
+        gap = movingWallGap(g, k, g->start + g->steps * dt, g->start + (g->steps + 1) * dt, g->x[i], g->y[i], g->r[i], &nx,
+                            &ny, &speed);
     else
-        gap = wallGap(&g->walls[SHAPE * k], g->x[i], g->y[i], g->r[i], &nx, &ny);
+        gap = jointGap(g, k, g->x[i], g->y[i], g->r[i], &nx, &ny);
     double *dtw = hasFriction(g) ? &g->dtWalls[i * g->nWalls + k] : NULL;
     double friction = hasFriction(g) ? g->frictionWalls[k] : 0.0;
     if (g->driven) return contactDriven(g, i, k + 1, nx, ny, gap, dvw, friction, dtw, speed, dt, iter);

@@ -20,7 +20,7 @@ SOURCE = Path(__file__).parent / "grains.c"
 FAST = ("-O3", "-march=native")
 MOST_GRAINS = 3000  # of scenes that are timed; the program stores and visits all pairs
 
-_Doubles = ctypes.POINTER(ctypes.c_double)
+_Doubles, _Ints = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int)
 _ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtWalls")
 _DRIVEN = ("drives", "places", "speeds")
 _PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
@@ -38,6 +38,7 @@ class Grains(ctypes.Structure):
         *((name, _Doubles) for name in (*_PER_GRAIN, "dvContacts")),
         *((name, ctypes.c_int) for name in ("leapfrog", "staggered", "round", "nWalls")),
         *((name, _Doubles) for name in ("walls", "dvWalls")),
+        *((name, _Ints) for name in ("jointStart", "joints")),
         *((name, ctypes.c_double) for name in ("friction", "wallFriction", "spinDrag", "turningOut")),
         *((name, _Doubles) for name in ("speedWalls", "frictionWalls")),
         *((name, ctypes.c_int) for name in ("rough", "moving", "steps")),
@@ -114,6 +115,10 @@ class Reference:
             self._grains.radiusOut = places[OUTER]
         for name in ("walls", "dvWalls", "speedWalls", "frictionWalls", "motions", *_ROTATING, *_DRIVEN):
             setattr(self._grains, name, self._arrays[name].ctypes.data_as(_Doubles))
+        if joints := bodies.joints:
+            lists = np.cumsum([0, *map(len, joints)]), np.concatenate(joints)
+            self._joints = [numbers.astype(np.intc) for numbers in lists]
+            self._grains.jointStart, self._grains.joints = (own.ctypes.data_as(_Ints) for own in self._joints)
         self._grains.nWalls = self._walls = len(walls)
         self._grains.leapfrog, self._grains.round = scene.scheme == "leapfrog", scene.wall == "round"
         if state is not None:

@@ -5,12 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import FloatArray, Indices
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band, strip
-from warpgrains.scene.geometry import directions, distance
+from warpgrains.scene.geometry import distance, hollow_normals, left_of
 from warpgrains.scene.obstacle import ThinWall, kind_of_wall
 
 _POINTS = 64  # of an arc as it is drawn
@@ -81,13 +81,35 @@ class Arc(ThinWall):
 
     def away(self, position: FloatArray) -> FloatArray:
         """Return the ways from points to the nearest points of the arc [m], shape (n, 2)."""
+        away, end = position - self.center, self.end_of(position)
+        rho = distance(away)[:, np.newaxis]
+        away, rho = np.where(rho > 0.0, away, self.numbers[3:5]), np.where(rho > 0.0, rho, 1.0)
+        foot = self.center + away * (self.radius / rho)
+        return np.where(end[:, np.newaxis] < 0, foot, self.ends[end]) - position
+
+    def end_of(self, position: FloatArray) -> Indices:
+        """Return which ends are nearest to points, shape (n,): -1 where a point between them is."""
         _, _, _, mx, my, c = self.numbers
-        away, s = position - self.center, np.sqrt(1.0 - c * c)
-        rho, across = distance(away), np.copysign(s, mx * away[:, 1] - my * away[:, 0])
-        foot = np.stack([c * mx - across * my, c * my + across * mx], axis=1)
-        foot = np.where((away @ (mx, my) >= rho * c)[:, np.newaxis], directions(away), foot)
-        foot[rho == 0.0] = mx, my
-        return self.radius * foot - away
+        x, y = (position - self.center).T
+        end = np.where(mx * y - my * x < 0.0, 0, 1)
+        return np.where(x * mx + y * my >= distance(position - self.center) * c, -1, end)
+
+    @property
+    def ends(self) -> FloatArray:
+        """The ends [m], shape (2, 2)."""
+        cx, cy, r, mx, my, c = self.numbers
+        s = float(np.sqrt(1.0 - c * c))
+        return np.array([(cx + r * (c * mx - t * my), cy + r * (c * my + t * mx)) for t in (-s, s)])
+
+    @property
+    def inwards(self) -> FloatArray:
+        """Unit vectors along the arc at its ends, away from these, shape (2, 2)."""
+        return left_of(self.ends - self.center) / np.array([[self.radius], [-self.radius]])
+
+    def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
+        """Return the normals of the inner face, or 0, shape (n, 2)."""
+        hollow = hollow_normals(self.center, self.radius, point, position)
+        return np.where(self.end_of(position)[:, np.newaxis] < 0, hollow, 0.0)
 
     def drawn(self, thickness: float) -> Band:
         """Return the drawing of the arc, half as thick as a circle, because grains touch both sides."""

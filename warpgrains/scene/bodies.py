@@ -49,6 +49,12 @@ class Bodies:
         return circle + self._scene.walls
 
     @property
+    def joints(self) -> list[list[int]]:
+        """The bodies inside, from 0 on, at the joints of each, see `Joints.others`."""
+        others, first = self._scene.joints.others, int(self.two_circles)
+        return [[]] * (2 * first * bool(others)) + [[first + wall for wall in own] for own in others]
+
+    @property
     def surfaces(self) -> FloatArray:
         """Friction of each body, and the speed of its surface [m/s], shape (bodies, 2)."""
         scene = self._scene

@@ -9,7 +9,7 @@ from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.described import described
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band, ring
-from warpgrains.scene.geometry import Circle, directions, distance
+from warpgrains.scene.geometry import Circle, directions, distance, hollow_normals
 from warpgrains.scene.obstacle import Obstacle, kind_of_wall
 from warpgrains.scene.walls import Side
 
@@ -80,6 +80,10 @@ class Disc(Obstacle):
         if self.inside:
             return Side(-normal, self.radius - rho - radius)
         return Side(normal, rho - (radius + self.radius))
+
+    def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
+        """Return the normals of a ring's face, or 0, shape (n, 2)."""
+        return hollow_normals(self.center, self.radius, point, position)
 
     def covers(self, position: FloatArray) -> BoolArray:
         """Return which points are in the disc, or outside of the ring, shape (n,)."""

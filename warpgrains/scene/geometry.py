@@ -4,7 +4,7 @@ The search serves the checks of a scene at its start. The solver has its own (ke
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -66,6 +66,13 @@ def pair_normals(position: FloatArray, i: Indices, j: Indices) -> FloatArray:
 def left_of(directions: FloatArray) -> FloatArray:
     """Return vectors rotated by 90 degrees to the left, shape (m, 2)."""
     return np.stack([-directions[:, 1], directions[:, 0]], axis=1)
+
+
+def hollow_normals(center: Any, radius: float, point: FloatArray, position: FloatArray) -> FloatArray:
+    """Return the unit vector from a center to a point for positions within a circle, else 0, shape (n, 2)."""
+    outwards = (point - center) / np.hypot(*(point - center))
+    within: FloatArray = np.where(distance(position - center)[:, np.newaxis] < radius, outwards, 0.0)
+    return within
 
 
 def area_below(radius: FloatArray, level: FloatArray) -> FloatArray:

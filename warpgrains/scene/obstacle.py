@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.arrays import BoolArray, FloatArray, Indices
 from warpgrains.described import described, described_fields, documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
@@ -170,6 +170,12 @@ class Obstacle:
         return replace(self, **moved, **({"from_time": time} if time < self.motion.to_time else rest))
 
     @property
+    def path(self) -> Motion | None:
+        """How the wall moves, the same for walls that move alike; None if it does not."""
+        turns = self.angular_velocity != 0.0
+        return (self.motion if turns else self.motion._replace(pivot=(0.0, 0.0))) if self.moves else None
+
+    @property
     def speed(self) -> float:
         """Largest speed at which a point of the wall moves across its place [m/s]."""
         return self.motion.largest_speed(self.farthest(self.motion.pivot))
@@ -204,6 +210,11 @@ class Obstacle:
         raise NotImplementedError
 
     @property
+    def size(self) -> float:
+        """Radius of a wall without thickness, by which ends are close to it [m]; 0 for another one."""
+        return 0.0
+
+    @property
     def middle(self) -> tuple[float, float]:
         """Point about which the wall turns by default [m]."""
         raise NotImplementedError
@@ -214,6 +225,28 @@ class Obstacle:
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
         """Return normals and gaps of grains at the wall, see `Scene.side`."""
+        raise NotImplementedError
+
+    @property
+    def ends(self) -> FloatArray:
+        """The ends 0 and 1 [m], shape (2, 2); or none, shape (0, 2)."""
+        return np.zeros((0, 2))
+
+    @property
+    def inwards(self) -> FloatArray:
+        """Unit vectors along the wall at its ends, away from these, shape (2, 2)."""
+        raise NotImplementedError
+
+    def end_of(self, position: FloatArray) -> Indices:
+        """Return which ends are nearest to points, shape (n,): -1 where a point between them is."""
+        raise NotImplementedError
+
+    def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
+        """Return the normals at a point of the wall of the faces that points touch [m], shape (n, 2).
+
+        They point into the wall, and are 0 where an end of it is nearest, or the face bulges (`face_normal`
+        of kernels/shapes.py).
+        """
         raise NotImplementedError
 
     def covers(self, position: FloatArray) -> BoolArray:
@@ -231,7 +264,12 @@ class Obstacle:
 
 
 class ThinWall(Obstacle):
-    """A wall without thickness, which grains touch at the nearest point."""
+    """A wall without thickness, which grains touch at the nearest point; it also defines `ends`."""
+
+    @property
+    def size(self) -> float:
+        """Radius of the circle about the wall [m]."""
+        return self.circle[2]
 
     def away(self, position: FloatArray) -> FloatArray:
         """Return the ways from points to the nearest points of the wall [m], shape (n, 2)."""

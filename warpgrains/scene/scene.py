@@ -23,6 +23,7 @@ from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked_settings, frozen
 from warpgrains.scene.geometry import distance, left_of, overlapping_pairs, pair_gaps
 from warpgrains.scene.gravity import TurningGravity
+from warpgrains.scene.joints import Joints, joints_of
 from warpgrains.scene.keywords import SceneChanges
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
@@ -228,6 +229,11 @@ class Scene(SceneFields, Shown):
         """True if a force or a pressure drives a wall."""
         return self.pressure is not None or any(wall.drive is not None for wall in self.walls)
 
+    @cached_property
+    def joints(self) -> Joints:
+        """The joints of the walls inside the annulus."""
+        return joints_of(self.walls)
+
     @property
     def bodies(self) -> Bodies:
         """The walls as bodies of the device."""
@@ -356,6 +362,8 @@ class Scene(SceneFields, Shown):
         With the displacements `move` of a step [m], shape (k, 2), a round wall has the gaps of eq. 18. A wall
         that moves is where it is at a time [s].
         """
+        if number > INNER and self.joints.of(number - INNER - 1):
+            return self.joints.side(number - INNER - 1, time, position, radius, self.annulus.diameter)
         if number > INNER:
             return self.walls[number - INNER - 1].side_at(time, position, radius)
         return self.annulus.side(number, position, radius, move)

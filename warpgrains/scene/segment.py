@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import FloatArray, Indices
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
@@ -89,9 +89,35 @@ class Segment(ThinWall):
 
     def away(self, position: FloatArray) -> FloatArray:
         """Return the ways from points to the nearest points of the segment [m], shape (n, 2)."""
-        start, along = np.array(self.start), np.subtract(self.end, self.start)
-        share = np.clip((position - start) @ along / (along @ along), 0.0, 1.0)
-        return start + share[:, np.newaxis] * along - position
+        along = np.subtract(self.end, self.start)
+        return np.array(self.start) + self._share(position)[:, np.newaxis] * along - position
+
+    def _share(self, position: FloatArray) -> FloatArray:
+        """Return which part of the way from start to end leads to the nearest points, shape (n,)."""
+        (dx, dy), (x, y) = np.subtract(self.end, self.start), (position - self.start).T
+        share: FloatArray = np.clip((x * dx + y * dy) / (dx * dx + dy * dy), 0.0, 1.0)
+        return share
+
+    def end_of(self, position: FloatArray) -> Indices:
+        """Return which ends are nearest to points, shape (n,): -1 where a point between them is."""
+        share = self._share(position)
+        return np.where(share == 0.0, 0, np.where(share == 1.0, 1, -1))
+
+    @property
+    def ends(self) -> FloatArray:
+        """The ends [m], shape (2, 2)."""
+        return np.array([self.start, self.end])
+
+    @property
+    def inwards(self) -> FloatArray:
+        """Unit vectors along the segment at its ends, away from these, shape (2, 2)."""
+        along = np.subtract(self.end, self.start) / dist(self.start, self.end)
+        return np.array([along, -along])
+
+    def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
+        """Return the normals of the side at which points are, or 0, shape (n, 2)."""
+        normal = self.side(position, np.zeros(len(position))).normal
+        return np.where(self.end_of(position)[:, np.newaxis] < 0, normal, 0.0)
 
     @property
     def drive(self) -> Drive | None:

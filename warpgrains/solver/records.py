@@ -128,6 +128,10 @@ class SceneRecords:
             bodies = scene.bodies
             if sizes.walls[k] > 1:
                 self.array(k, "walls.shape")[:] = [wall.shape for wall in bodies.inside]
+            if sizes.joined[k]:
+                joints = bodies.joints
+                self.array(k, "walls.joint")[:] = np.concatenate(joints)
+                self.array(k, "walls.joint_start")[:] = np.cumsum([0, *map(len, joints)])
             if sizes.mobile[k]:
                 motions = [(*np.hstack(wall.motion), wall.speed) for wall in bodies.inside]
                 self.array(k, "walls.motion")[:] = motions

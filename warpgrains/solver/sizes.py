@@ -39,6 +39,8 @@ class Sizes:
         Number of grains, and capacity of the list of contacts.
     walls : ndarray
         Number of wall bodies (kernels/walls.py).
+    joined : ndarray
+        Number of walls at all joints, each as often as it is one of the others there.
     mobile : ndarray
         1 if a wall inside the annulus moves as given in advance, or a force drives one, else 0.
     driven : ndarray
@@ -60,6 +62,7 @@ class Sizes:
     grains: Counts
     contacts: Counts
     walls: Counts
+    joined: Counts
     mobile: Counts
     driven: Counts
     limited: Counts
@@ -81,6 +84,7 @@ class Sizes:
             n,
             first_pairs(n) + n * np.minimum(walls, MANY_WALLS),
             walls,
+            np.array([sum(map(len, scene.joints.others)) for scene in scenes], np.int64),
             np.array([any(wall.is_mobile for wall in scene.walls) for scene in scenes], np.int64),
             np.array([scene.has_driven_walls for scene in scenes], np.int64),
             np.array([has_limits(scene) for scene in scenes], np.int64),
@@ -105,7 +109,17 @@ class Sizes:
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
-        names = ("grains", "contacts", "walls", "mobile", "driven", "limited", "weighted", "history")
+        names = (
+            "grains",
+            "contacts",
+            "walls",
+            "joined",
+            "mobile",
+            "driven",
+            "limited",
+            "weighted",
+            "history",
+        )
         one_of = {name: getattr(self, name)[one] for name in names}
         return replace(self, **one_of)
 
@@ -164,6 +178,8 @@ def lengths(size: Sizes) -> dict[str, Any]:
         },
         "walls": {
             "shape": size.walls - 1,
+            "joint": size.joined,
+            "joint_start": (size.joined > 0) * (2 * size.walls - 1),
             **dict.fromkeys(("motion", "pose"), size.mobile * (size.walls - 1)),
             "drive": size.driven * size.walls,
             "surface": friction * size.walls,

@@ -1,0 +1,74 @@
+"""Walls inside the annulus by kind: what a grain has to do with the `Shape` of one, at rest.
+
+A kind of wall is one file. Of a wall without thickness it has the nearest point and the ends, of another one
+the gap of a grain and the normal into the wall. Functions here choose by shape[0].
+"""
+
+import warp as wp
+
+from . import arc, disc, law, segment
+from .types import Shape
+
+f64 = wp.float64
+
+
+@wp.func
+def nearest_on(x: wp.vec2d, shape: Shape) -> wp.vec2d:
+    """Return the point nearest to x of a wall without thickness, which grains touch there [m].
+
+    Without a branch for its kind it is x itself, so that the normal is NaN, and so are velocities next to it.
+    """
+    if shape[0] == segment.KIND:
+        return segment.nearest(x, shape)
+    if shape[0] == arc.KIND:
+        return arc.nearest(x, shape)
+    return x
+
+
+@wp.func
+def shape_gap(x: wp.vec2d, radius: f64, shape: Shape) -> f64:
+    """Return the free distance between a grain at x and a wall inside the annulus [m]."""
+    if shape[0] == disc.KIND:
+        return disc.gap(x, radius, shape)
+    return law.distance(x, nearest_on(x, shape)) - radius
+
+
+@wp.func
+def shape_normal(x: wp.vec2d, shape: Shape) -> wp.vec2d:
+    """Return the unit normal from a grain at x into a wall inside the annulus."""
+    if shape[0] == disc.KIND:
+        return disc.normal(x, shape)
+    n, _ = law.normal(x, nearest_on(x, shape))
+    return n
+
+
+@wp.func
+def end_of(x: wp.vec2d, shape: Shape) -> int:
+    """Return which end of a wall is nearest to x, 0 or 1; -1 where another point is, or there is no end."""
+    if shape[0] == segment.KIND:
+        return segment.end_of(x, shape)
+    if shape[0] == arc.KIND:
+        return arc.end_of(x, shape)
+    return -1
+
+
+@wp.func
+def inwards(end: int, p: wp.vec2d, shape: Shape) -> wp.vec2d:
+    """Return the unit vector along a wall at an end of it, p, away from the end."""
+    if shape[0] == arc.KIND:
+        return arc.inwards(end, p, shape)
+    return segment.inwards(end, shape)
+
+
+@wp.func
+def face_normal(p: wp.vec2d, x: wp.vec2d, shape: Shape) -> wp.vec2d:
+    """Return the normal, at a point p of a wall, of the face that a grain at x touches between the ends.
+
+    It points into the wall, as `shape_normal` does. It is 0 where the face bulges towards the grain.
+    """
+    n = shape_normal(x, shape)
+    if shape[0] == segment.KIND:
+        return n
+    center = wp.vec2d(shape[1], shape[2])
+    radial, _ = law.normal(center, p)
+    return wp.where(wp.dot(n, x - center) > f64(0.0), radial, wp.vec2d(f64(0.0), f64(0.0)))

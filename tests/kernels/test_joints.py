@@ -1,0 +1,280 @@
+"""Joints of walls: grains pass those that are no corner, and corners hold them (MODEL.md, eq. 8c)."""
+
+from ctypes import CDLL
+from itertools import pairwise
+from math import cos, pi, sin, sqrt, tau
+
+import numpy as np
+import pytest
+from swept_order import follow_reference
+from trimmed import trimmed
+
+from warpgrains import Arc, Disc, Scene, Segment, Simulation
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.joints import Joints
+from warpgrains.scene.obstacle import Obstacle
+
+LEFT, RIGHT, UP = (-2.0, 0.0), (2.0, 0.0), (2.0, 1.0)
+
+
+def chain(points: FloatArray, **motion: object) -> list[Obstacle]:
+    """Return the segments from each point to the next."""
+    return [Segment(a, b, **motion) for a, b in pairwise(map(tuple, points.tolist()))]  # type: ignore[arg-type]
+
+
+def on_circle(angle: FloatArray) -> FloatArray:
+    """Return points of the unit circle."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def alone(
+    position: tuple[float, float], velocity: tuple[float, float], walls: list[Obstacle], **changes: object
+) -> Simulation:
+    """Return a grain of radius 0.1 m and mass 1 kg, whose steps are solved to rounding."""
+    fields: dict[str, object] = {"dt": 0.01, "scheme": "leapfrog", "tolerance": 1e-12, "radius_out": 6.0}
+    grain = {"position": [position], "velocity": [velocity], "radius": 0.1, "mass": 1.0, "walls": walls}
+    return Simulation(Scene(**(fields | grain | changes)))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("rolling", [{}, {"friction": 0.5, "spin": -10.0}], ids=["slides", "rolls"])
+@pytest.mark.parametrize("segments", [1, 2, 40])
+def test_a_grain_keeps_its_speed_along_segments_in_line(segments: int, rolling: dict[str, float]) -> None:
+    line = np.stack([np.linspace(-2.0, 2.0, segments + 1), np.full(segments + 1, -1.0)], axis=1)
+    simulation = alone((-1.5, -0.9), (1.0, 0.0), chain(line), **rolling)
+    simulation.advance(300)
+    # each of 300 steps may leave the tolerance, 1e-12 m/s
+    assert simulation.velocity[0] == pytest.approx((1.0, 0.0), abs=3e-10)
+    assert simulation.position[0] == pytest.approx((1.5, -0.9), abs=1e-9)
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.005])
+def test_a_grain_rolls_down_a_slope_of_segments(dt: float) -> None:
+    """It gains 2/3 g sin(theta), as on one segment."""
+    theta = pi / 9.0
+    down, up = np.array([cos(theta), -sin(theta)]), np.array([sin(theta), cos(theta)])
+    slope = chain(np.linspace(-0.5, 2.0, 41)[:, np.newaxis] * down)
+    simulation = alone(tuple(0.1 * up), (0.0, 0.0), slope, friction=0.6, dt=dt)
+    simulation.advance(round(1.0 / dt))
+    way = (simulation.position[0] - 0.1 * up) @ down
+    assert way == pytest.approx(9.81 * sin(theta) / 3.0, abs=1e-9)  # of second order: exact but for rounding
+
+
+@pytest.mark.parametrize("speed", [1.0, 3.0])
+def test_a_grain_climbs_a_smooth_chute(speed: float) -> None:
+    """A floor, an arc and an upright: it gets as high as its energy does."""
+    walls = [
+        Segment((-3.0, 0.0), (0.0, 0.0)),
+        Arc((0.0, 1.0), 1.0, -pi / 2, 0.0),
+        Segment((1.0, 1.0), (1.0, 4.0)),
+    ]
+    simulation, heights = alone((-1.5, 0.1), (speed, 0.0), walls), []
+    while simulation.velocity[0, 0] > -0.5 * speed:
+        simulation.step()
+        heights.append(simulation.position[0, 1] - 0.1)
+    # the tangents of the arc, of radius 0.9 m at the center, are left by up to (v dt)^2 / 1.8
+    assert max(heights) == pytest.approx(speed**2 / 19.62, abs=(0.01 * speed) ** 2 / 1.8)
+    assert simulation.velocity[0, 0] < -0.5 * speed
+
+
+def test_two_half_arcs_are_a_ring() -> None:
+    halves = [Arc((0.0, 0.0), 1.0, 0.0, pi), Arc((0.0, 0.0), 1.0, pi, tau - 1e-12)]
+    half, whole = (
+        alone((0.9, 0.0), (0.0, 1.0), walls, gravity=(0.0, 0.0))
+        for walls in (halves, [Disc((0.0, 0.0), 1.0, inside=True)])
+    )
+    for simulation in (half, whole):
+        simulation.advance(2800)  # five rounds
+    assert half.velocity[0] == pytest.approx(whole.velocity[0], abs=1e-9)  # 2800 steps of 1e-12 m/s each
+
+
+def test_a_pendulum_on_a_polygon_loses_what_its_corners_take() -> None:
+    """A side takes sin^2(tau / 720) of the energy: 0.774 rad of 0.8 are left after three periods."""
+    bowl = chain(on_circle(np.linspace(pi, tau, 361)))
+    simulation = alone((0.9 * sin(0.8), -0.9 * cos(0.8)), (0.0, 0.0), bowl)
+    period = round(1.04 * tau * sqrt(0.9 / 9.81) / 0.01)
+    simulation.advance(2 * period)
+    angles = []
+    for _ in range(period):
+        simulation.step()
+        angles.append(abs(np.arctan2(simulation.position[0, 0], -simulation.position[0, 1])))
+    assert 0.774 < max(angles) < 0.8
+
+
+@pytest.mark.parametrize("dt", [0.013, 0.05])
+@pytest.mark.parametrize("turn", [1e-3, 0.1, 0.7, 1.4])
+def test_a_corner_takes_the_speed_across_the_wall_behind_it(turn: float, dt: float) -> None:
+    """Of v, v cos(turn) is left on the other wall, also after a step of half a radius."""
+    floor, slope = Segment((-2.0, 0.0), (0.0, 0.0)), Segment((2.0 * cos(turn), 2.0 * sin(turn)), (0.0, 0.0))
+    simulation = alone((-0.7, 0.1), (1.0, 0.0), [floor, slope], gravity=(0.0, 0.0), dt=dt)
+    for _ in range(round(1.2 / dt)):
+        simulation.step()
+        assert slope.side(simulation.position, simulation.scene.radius).gap[0] > -1e-13
+    left = cos(turn) * np.array([cos(turn), sin(turn)])
+    assert simulation.velocity[0] == pytest.approx(left, abs=1e-10)
+
+
+@pytest.mark.parametrize("walls", [(0, 1, 2), (1, 0, 2), (2, 1, 0)])
+def test_a_convex_corner_lets_a_grain_go(walls: tuple[int, ...]) -> None:
+    """Without gravity it flies on, past a third wall that hangs from the corner."""
+    corner = [
+        Segment((-2.0, 0.0), (0.0, 0.0)),
+        Segment((0.0, 0.0), (1.0, -1.0)),
+        Segment((0.0, -1.0), (0.0, 0.0)),
+    ]
+    simulation = alone((-0.7, 0.1), (1.0, 0.0), [corner[k] for k in walls], gravity=(0.0, 0.0))
+    simulation.advance(200)
+    assert simulation.velocity[0] == pytest.approx((1.0, 0.0), abs=2e-10)
+
+
+def test_a_grain_rests_on_a_corner() -> None:
+    """Both walls have the corner as nearest point: one of them carries the weight."""
+    roof = [Segment((-1.0, -1.0), (0.0, 0.0)), Segment((0.0, 0.0), (1.0, -1.0))]
+    simulation = alone((0.0, 0.1), (0.0, 0.0), roof)
+    simulation.advance(10)
+    contacts = simulation.wall_contacts()
+    assert contacts.wall.tolist() == [[0, 2]]
+    assert contacts.force == pytest.approx([9.81], rel=1e-12)
+    assert contacts.gap == pytest.approx([0.0], abs=1e-15)
+
+
+def crowd(walls: list[Obstacle], n: int = 60, **changes: object) -> Scene:
+    """Return grains of several sizes that fall from within 0.65 m."""
+    rng = np.random.default_rng(5)
+    position = 0.65 * np.sqrt(rng.uniform(0.1, 1.0, (n, 1))) * on_circle(rng.uniform(0.0, tau, n))
+    position = position[~np.any([wall.covers(position) for wall in walls], axis=0)]
+    n = len(position)
+    fields: dict[str, object] = {"dt": 5e-3, "tolerance": 1e-6, "max_iterations": 60, "radius_out": 1.2}
+    fields |= {"radius": rng.uniform(0.03, 0.06, n), "mass": rng.uniform(0.5, 1.0, n)}
+    return Scene(position=position, walls=walls, **(fields | changes))  # type: ignore[arg-type]
+
+
+TURNING = {"angular_velocity": 0.8, "pivot": (0.0, 0.0)}
+CORNERS = {
+    "box": chain(np.array([(-0.7, 0.7), (-0.7, -0.7), (0.7, -0.7), (0.7, 0.7), (-0.7, 0.7)])),
+    "zigzag": chain(np.stack([np.linspace(-1.0, 1.0, 12), np.tile([-0.6, -0.45], 6)], axis=1)),
+    "chute": [
+        Segment((-0.6, -0.7), (0.0, -0.7)),
+        Arc((0.0, -0.3), 0.4, -pi / 2, 0.5),
+        Segment((-0.2, -0.7), (-0.8, 0.1)),
+        Disc((-0.2, -0.9), 0.2),
+        Arc((-0.6, -0.8), 0.1, pi / 2, 2.0),
+    ],
+    "drum": chain(on_circle(np.arange(13) % 12 * tau / 12), **TURNING),
+    "fine drum": chain(on_circle(np.arange(121) % 120 * tau / 120), **TURNING),
+}
+ROUGH = {"friction": 0.4, "wall_friction": 0.6, "radius_in": 0.1}
+
+
+@pytest.mark.parametrize("corners", CORNERS)
+@pytest.mark.parametrize(
+    "how", [{}, {**ROUGH, "order": "color", "scheme": "leapfrog"}], ids=["smooth", "rough"]
+)
+def test_bits_of_the_reference(c_library: CDLL, corners: str, how: dict[str, object]) -> None:
+    assert follow_reference(crowd(CORNERS[corners], 40, **how), 100, c_library, threads=2) - {0, 1}
+
+
+@pytest.mark.parametrize("corners", ["zigzag", "chute"])
+def test_the_host_has_normal_and_gap_of_the_kernels(corners: str) -> None:
+    """To the bit: they choose the same wall at a joint."""
+    scene, dropped = crowd(CORNERS[corners]), 0
+    simulation = Simulation(scene, threads=1)
+    for _ in range(60):
+        simulation.step()
+        records = simulation._engine._records
+        count = records.host["contacts"]["count"][0]
+        frozen = records.array(0, "contacts.contact")[count["pairs"] : count["pairs"] + count["walls"]]
+        frozen = frozen[frozen["j"] > scene.n]  # not the annulus
+        wall = np.stack([frozen["i"], frozen["j"] - scene.n + 1], axis=1)
+        normal, gap = scene.wall_frames(simulation.last_start().position, wall)
+        assert np.array_equal(normal, frozen["n"])
+        assert np.array_equal(gap / scene.dt, frozen["gap_rate"])
+        dropped += np.count_nonzero(gap >= scene.annulus.diameter)
+    assert dropped > 0
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated", "exact"])
+@pytest.mark.parametrize("corners", ["box", "drum"])
+def test_corners_hold_their_grains(corners: str, method: str) -> None:
+    scene = crowd(CORNERS[corners], 60, method=method, stop="residual", tolerance=1e-7, max_iterations=20_000)
+    simulation = Simulation(scene)
+    for _ in range(100):
+        report = simulation.step()
+        assert report.overlap <= scene.dt * report.residual + 1e-14
+    assert (np.hypot(*simulation.position.T) < 1.0).all()
+
+
+def test_ends_on_walls_are_joints_if_the_walls_move_alike() -> None:
+    gate = Segment(LEFT, (0.0, 1e-10))  # an end within 1e-9 of the length, and in the middle of the other
+    lid, ring = Segment((-1.0, 0.0), (1.0, 0.0)), Disc((0.0, 1.0), 1.0)
+    assert Joints((gate, lid, ring)).others == [[], [1, 2], [0], [], [], []]
+    for moves in ({"velocity": (0.0, 1.0)}, {"angular_velocity": 1.0}, {"force": 1.0, "mass": 1.0}):
+        own = Segment(LEFT, (0.0, 0.0), **moves)  # type: ignore[arg-type]
+        other = Segment(RIGHT, (0.0, 0.0), **moves)  # type: ignore[arg-type]
+        assert Joints((own, lid)).others == []
+        assert bool(Joints((own, other)).others) is ("velocity" in moves)
+    assert Joints((Segment(LEFT, UP), Segment(LEFT, (2.0, 1.0 + 1e-8)))).others == [[1], [], [0], []]
+
+
+def polygon_scene(seed: int) -> Scene:
+    """Return grains in and around a polygon of random corners, with walls in line, and others on its sides.
+
+    No wall is shorter than the radius, and grains are as fast as a radius a step.
+    """
+    rng = np.random.default_rng(seed)
+    angle = np.cumsum(rng.uniform(0.5, 2.0, 12))
+    angle = angle[angle < tau - 0.5]
+    corners = rng.uniform(0.45, 1.0, (len(angle), 1)) * on_circle(angle)
+    sides = np.roll(corners, -1, axis=0) - corners
+    cuts = [np.append(0.0, np.sort(rng.uniform(0.25, 0.75, rng.integers(3)))) for _ in corners]
+    points = np.concatenate(
+        [a + cut[:, np.newaxis] * b for a, b, cut in zip(corners, sides, cuts, strict=True)]
+    )
+    walls = chain(np.append(points, points[:1], axis=0))
+    for k in rng.integers(len(corners), size=rng.integers(4)).tolist():
+        foot = corners[k] + rng.choice([0.0, rng.uniform(0.2, 0.8)]) * sides[k]
+        walls += chain(
+            np.array([foot, foot + rng.uniform(0.1, 0.6) * on_circle(rng.uniform(0.0, tau, 1))[0]])
+        )
+    walls = [walls[k] for k in rng.permutation(len(walls))]
+    radius = min(rng.uniform(0.03, 0.06), *(2.0 * wall.size for wall in walls))
+    position = np.zeros((0, 2))
+    for x in rng.uniform(-1.0, 1.0, (100, 1, 2)):
+        is_clear = all(wall.side(x, np.array([radius])).gap > 0.0 for wall in walls)
+        if len(position) < 12 and is_clear and (np.hypot(*(x - position).T) > 2.0 * radius).all():
+            position = np.append(position, x, axis=0)
+    n = len(position)
+    return Scene(
+        position=position,
+        velocity=radius / 0.01 * rng.uniform(0.1, 1.0, (n, 1)) * on_circle(rng.uniform(0.0, tau, n)),
+        radius=radius,
+        mass=rng.uniform(0.5, 2.0, n),
+        radius_out=50.0,
+        walls=walls,
+        dt=0.01,
+        gravity=(0.0, -9.81 * (seed % 2)),
+        friction=0.4 * (seed % 3 == 0),
+        tolerance=1e-9,
+        stop="residual",
+        max_iterations=20_000,
+    )
+
+
+def energy(simulation: Simulation) -> float:
+    """Return the kinetic energy [J]."""
+    scene = simulation.scene
+    spin = simulation.spin if scene.has_friction else np.zeros(scene.n)
+    moving = scene.mass * (simulation.velocity**2).sum(axis=1)
+    return 0.5 * float((moving + scene.inertia * spin**2).sum())
+
+
+@pytest.mark.parametrize("count", [8, pytest.param(trimmed(1000), marks=pytest.mark.slow)])
+def test_no_grain_overlaps_a_polygon_or_gains_energy(count: int) -> None:
+    for seed in range(count):
+        simulation = Simulation(polygon_scene(seed), threads=1)
+        scene = simulation.scene
+        for _ in range(40):
+            before, report = energy(simulation), simulation.step()
+            gaps = [wall.side(simulation.position, scene.radius).gap.min() for wall in scene.walls]
+            # rounding of coordinates and energies, of some 1 m and 1 J; gravity adds to the latter
+            assert -min(gaps) <= scene.dt * report.residual + 1e-14, seed
+            assert seed % 2 or energy(simulation) <= before * (1.0 + 1e-14), seed
