@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from warpgrains.packings.separate import Separation, separate
     from warpgrains.scene.arc import Arc
     from warpgrains.scene.disc import Disc
+    from warpgrains.scene.polyline import Polyline
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.segment import Segment
     from warpgrains.scene.state import State
@@ -40,6 +41,7 @@ __all__ = [
     "NoAreaError",
     "OutputError",
     "Packing",
+    "Polyline",
     "Recording",
     "Rest",
     "Scene",
@@ -68,6 +70,7 @@ _NAMES = {
     "errors": ("InputError", "NoAreaError", "OutputError", "SceneError", "SimulationError"),
     "scene.arc": ("Arc",),
     "scene.disc": ("Disc",),
+    "scene.polyline": ("Polyline",),
     "scene.scene": ("Scene",),
     "scene.segment": ("Segment",),
     "scene.state": ("State",),

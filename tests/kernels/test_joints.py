@@ -13,6 +13,7 @@ from warpgrains import Arc, Disc, Scene, Segment, Simulation
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.joints import Joints
 from warpgrains.scene.obstacle import Obstacle
+from warpgrains.solver import tuning
 
 LEFT, RIGHT, UP = (-2.0, 0.0), (2.0, 0.0), (2.0, 1.0)
 
@@ -45,6 +46,19 @@ def test_a_grain_keeps_its_speed_along_segments_in_line(segments: int, rolling: 
     # each of 300 steps may leave the tolerance, 1e-12 m/s
     assert simulation.velocity[0] == pytest.approx((1.0, 0.0), abs=3e-10)
     assert simulation.position[0] == pytest.approx((1.5, -0.9), abs=1e-9)
+
+
+def test_a_change_of_walls_changes_their_joints() -> None:
+    """A lid is lowered onto the line that it is joined with, in place; then it moves, and is no joint."""
+    line = [Segment((-2.0, 0.0), (0.0, 0.0)), Segment((0.0, 0.0), (2.0, 0.0))]
+    simulation = alone((-1.5, 0.1), (1.0, 0.0), [line[0], Segment((0.0, -1.0), (2.0, -1.0))])
+    simulation.advance(50)
+    simulation.change(walls=line)
+    simulation.advance(200)
+    assert simulation.velocity[0] == pytest.approx((1.0, 0.0), abs=3e-10)
+    simulation.change(walls=[line[0], Segment((0.0, 0.0), (2.0, 0.0), velocity=(1.0, 0.0))])
+    assert simulation.scene.joints.others == []
+    simulation.advance(20)
 
 
 @pytest.mark.parametrize("dt", [0.01, 0.005])
@@ -171,6 +185,26 @@ ROUGH = {"friction": 0.4, "wall_friction": 0.6, "radius_in": 0.1}
 )
 def test_bits_of_the_reference(c_library: CDLL, corners: str, how: dict[str, object]) -> None:
     assert follow_reference(crowd(CORNERS[corners], 40, **how), 100, c_library, threads=2) - {0, 1}
+
+
+def test_a_wall_whose_tangent_may_act_is_listed(c_library: CDLL, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The wall comes first, and corrects a fall that the floor has not stopped yet.
+
+    A grain that moves oppositely makes lists short, which reach no farther than they must.
+    """
+    monkeypatch.setattr(tuning, "BASE_SKIN", 1e-12)
+    walls = [Segment((0.0, 0.0), (1.0, 1e-3)), Segment((-2.0, 0.0), (0.0, 0.0))]
+    for x in (-0.105, -0.12, -0.17):
+        scene = Scene(
+            position=[(x, 0.125), (x, 3.0)],
+            velocity=[(0.0, -1.0), (0.0, 1.0)],
+            radius=0.1,
+            mass=1.0,
+            radius_out=6.0,
+            gravity=(0.0, 0.0),
+            walls=walls,
+        )
+        assert follow_reference(scene, 10, c_library, threads=1) == {3}
 
 
 @pytest.mark.parametrize("corners", ["zigzag", "chute"])

@@ -2,6 +2,7 @@
 
 from ctypes import CDLL
 from importlib import import_module
+from itertools import pairwise
 from math import acos, cos, hypot, pi, sin, sqrt
 from pathlib import Path
 
@@ -10,8 +11,20 @@ import pytest
 import warp as wp
 from swept_order import follow_reference
 
-from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulation, SimulationError
+from warpgrains import (
+    Arc,
+    Disc,
+    InputError,
+    Polyline,
+    Recording,
+    Scene,
+    Segment,
+    Simulation,
+    SimulationError,
+    analysis,
+)
 from warpgrains.analysis.vtk import export
+from warpgrains.drawing.shapes import drawn_walls
 from warpgrains.kernels import types
 from warpgrains.kernels.shapes import shape_gap, shape_normal
 from warpgrains.kernels.walls import is_near_circle
@@ -152,6 +165,45 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
     assert Simulation.load(tmp_path / "state.npz").scene.walls == scene.walls
     assert report_on_recording(tmp_path / "run.usdc") == ["OK: 13 frames, 1 grain"]
     assert export(tmp_path / "run.usdc", tmp_path / "run.pvd") == 13
+
+
+def test_a_polyline_is_segments_of_one_name(tmp_path: Path) -> None:
+    """One wall in sums of forces; a scene file, a recording and a state keep the name."""
+    file, corners = tmp_path / "hopper.toml", [(-0.5, 0.5), (-0.05, 0.0), (0.05, 0.0), (0.5, 0.5)]
+    written = "\n".join(
+        f'[[walls]]\nkind = "polyline"\npoints = {[list(corner) for corner in points]}\n{more}'
+        for points, more in (
+            (corners, 'name = "hopper"'),
+            (corners[:3], "closed = true\nvelocity = [0.0, -1.0]"),
+        )
+    )
+    grains = "[grains]\nposition = [[0.0, 0.2], [0.01, 0.5]]\nradius = 0.1\nmass = 1.0\n"
+    file.write_text(f"[domain]\nradius_out = 2.0\n{grains}{written}\n")
+    scene = Scene.load(file)
+    assert scene.wall_names == ("Outer", "Inner", *["hopper"] * 3, *["polyline1"] * 3)
+    assert [wall.ends.tolist() for wall in scene.walls[:3]] == [
+        [list(a), list(b)] for a, b in pairwise(corners)
+    ]
+    assert scene.walls[5] == Segment(
+        corners[2], corners[0], velocity=(0.0, -1.0), from_time=0.0, name="polyline1"
+    )
+    in_python = [Polyline(corners, name="hopper"), Polyline(corners[:3], closed=True, velocity=(0.0, -1.0))]
+    assert (
+        Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=2.0, walls=in_python).walls
+        == scene.walls
+    )
+    simulation = Simulation(scene)
+    simulation.run(duration=1.0, record=tmp_path / "run.usdc", forces=True)
+    assert Recording(tmp_path / "run.usdc").scene.walls == scene.walls
+    assert {"hopper_0", "hopper_2", "polyline1_5"} < drawn_walls(scene).keys()
+    contacts = simulation.wall_contacts()
+    assert {2, 4} <= set(contacts.wall[:, 1].tolist()) <= {2, 3, 4}
+    assert analysis.wall_forces(simulation) == (0.0, 0.0, contacts.force.sum(), 0.0)
+
+
+def test_a_polyline_turns_as_a_whole() -> None:
+    turning = Polyline([(0.5, 0.0), (0.0, 0.5), (-0.5, -0.5)], closed=True, angular_velocity=1.0)
+    assert {wall.pivot for wall in turning.segments(0)} == {(0.0, 0.0)}
 
 
 def test_host_and_kernels_number_the_kinds_of_walls_alike() -> None:

@@ -17,7 +17,7 @@ from same_bits import contents
 from sample_scenes import SCENE_FILE
 from sweeps import write
 
-from warpgrains import Arc, Batch, Disc, InputError, Scene, Segment, Simulation, analysis, compress
+from warpgrains import Arc, Batch, Disc, InputError, Polyline, Scene, Segment, Simulation, analysis, compress
 from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.state import first_state
 from warpgrains.scene.walls import Annulus
@@ -108,6 +108,7 @@ CALLABLE = (
     Arc,
     Batch,
     Disc,
+    Polyline,
     Scene,
     Segment,
     Simulation,

@@ -30,14 +30,20 @@ from warpgrains.solver.final_states import StackedGrains
 def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
     """Return the sums of the normal forces on the outer wall, the inner wall and each wall inside [N].
 
+    Walls of one name, such as the segments of a polyline, count as one wall (`Scene.wall_names`).
+
     Examples
     --------
     >>> outer, inner = analysis.wall_forces(simulation)
     >>> round(outer, 3), inner  # 15 grains of 0.1 kg
     (14.154, 0.0)
     """
-    grains = snapshot(of).grains
-    return tuple(wall_force_sums(grains, wall).item() for wall in range(grains.wall_force.shape[-1]))
+    now = snapshot(of)
+    grains, names = now.grains, now.scene.wall_names
+    total = dict.fromkeys(names, 0.0)
+    for wall, name in enumerate(names):
+        total[name] += wall_force_sums(grains, wall).item()
+    return tuple(total.values())
 
 
 def wall_force_sums(grains: StackedGrains, wall: int) -> FloatArray:

@@ -18,7 +18,7 @@ from warpgrains.scene.document import Table, parse_toml, read_text, shipped, tom
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
 from warpgrains.scene.reader import PROPERTIES, SOURCES, keyword_parameters, section_fields
-from warpgrains.scene.wall_kinds import WALL_KINDS
+from warpgrains.scene.wall_kinds import WRITTEN_KINDS
 
 REQUIRED = object()
 """Marker for keys without a default."""
@@ -120,8 +120,8 @@ def keys(layout: str | None) -> Iterator[Key]:
 
 def wall_keys() -> Iterator[Key]:
     """Yield the keys of `[[walls]]`: those of some kinds, then those of all."""
-    yield Key("walls", "kind", REQUIRED, f"Kind of a wall inside the annulus: {', '.join(WALL_KINDS)}.")
-    found = {name: field for wall in WALL_KINDS.values() for name, field in wall.keys().items()}
+    yield Key("walls", "kind", REQUIRED, f"Kind of a wall inside the annulus: {', '.join(WRITTEN_KINDS)}.")
+    found = {name: field for wall in WRITTEN_KINDS.values() for name, field in wall.keys().items()}
     for name, field in sorted(found.items(), key=lambda item: item[1].kw_only is True):
         default = REQUIRED if field.default is MISSING else field.default
         kinds = "" if field.kw_only else ", ".join(kinds_with(name)) + ": "
@@ -129,7 +129,7 @@ def wall_keys() -> Iterator[Key]:
 
 
 def kinds_with(key: str) -> list[str]:
-    keys_of = {kind: wall.keys() for kind, wall in WALL_KINDS.items()}
+    keys_of = {kind: wall.keys() for kind, wall in WRITTEN_KINDS.items()}
     return [kind for kind, own in keys_of.items() if key in own]
 
 

@@ -127,9 +127,12 @@ def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> 
 
 
 def _by_name(scene: Scene, drawn: dict[int, Band]) -> dict[str, Band]:
-    """Return walls by name, such as "Outer" or "Segment0", from walls by number, see `Scene.wall_numbers`."""
-    names = ["Outer", "Inner", *(f"{wall.kind.title()}{k}" for k, wall in enumerate(scene.walls))]
-    return {names[number]: wall for number, wall in drawn.items()}
+    """Return walls by name, such as "Outer" or "Segment0", from walls by number, see `Scene.wall_numbers`.
+
+    The number of a wall is added to a name that is given, because several may have it.
+    """
+    given = ["", "", *(f"_{k}" if wall.name else "" for k, wall in enumerate(scene.walls))]
+    return {scene.wall_names[number] + given[number]: wall for number, wall in drawn.items()}
 
 
 def _in_mark() -> BoolArray:

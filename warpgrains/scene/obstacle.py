@@ -1,5 +1,6 @@
 """Walls inside the annulus: what all kinds have in common. A kind is a file such as disc.py."""
 
+import re
 from dataclasses import MISSING, Field, dataclass, replace
 from functools import cached_property
 from math import inf
@@ -18,6 +19,8 @@ from warpgrains.scene.walls import Side
 
 MOST_NUMBERS = 6  # of a kind of wall, as on the device (kernels/types.py)
 SHAPE = 1 + MOST_NUMBERS + 3  # numbers of a shape: its kind, its numbers and a circle
+
+_NAME = re.compile(r"[a-z][A-Za-z0-9_]*")  # as in USD, and unlike the names that walls have by default
 
 Kind = TypeVar("Kind")
 
@@ -67,12 +70,23 @@ class Obstacle:
         "Coefficient of friction of the wall; by default that of the scene at walls.", default=None
     )
 
+    name: str | None = described(
+        "Name of the wall; forces on walls of one name are added up. By default each has its own, such as"
+        " Segment0.",
+        default=None,
+    )
+
     def __post_init__(self) -> None:
         whose = f"of {self.one()}"
         self._check(
             velocity=checks.vector(f"velocity {whose}", self.velocity),
             angular_velocity=checks.number(f"angular_velocity {whose}", self.angular_velocity),
         )
+        if self.name is not None and not _NAME.fullmatch(checks.text(f"name {whose}", self.name)):
+            raise InputError(
+                f"name {whose} is {checks.shown(self.name)}: it must be letters, digits and _, with a small"
+                " letter first"
+            )
         if self.pivot is not None:
             self._check(pivot=checks.vector(f"pivot {whose}", self.pivot))
         if self.friction is not None:

@@ -245,7 +245,8 @@ class Scene(SceneFields, Shown):
             return self
         ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
         walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
-        return self.unchecked(radius_out=float(coordinates[OUTER]), walls=walls)
+        joints = self.joints  # driven walls have none
+        return self.unchecked(radius_out=float(coordinates[OUTER]), walls=walls, joints=joints)
 
     def starting_at(self, time: float, **grains: FloatArray | None) -> Self:
         """Return a scene of the grains and walls as they are at a later time [s], at which it starts."""
@@ -259,7 +260,10 @@ class Scene(SceneFields, Shown):
     def unchecked(self, **fields: Any) -> Self:
         """Return a copy of the scene with other fields, which are valid."""
         scene = object.__new__(type(self))
-        vars(scene).update(vars(self) | fields)
+        vars(scene).update(vars(self))
+        if "walls" in fields:
+            vars(scene).pop("joints", None)
+        vars(scene).update(fields)
         return scene
 
     def text_after(self, changed: Collection[str]) -> str:
@@ -348,6 +352,12 @@ class Scene(SceneFields, Shown):
         """Numbers of the walls: 0 the outer, 1 the inner circle (if any), 2, 3, ... those of `walls`."""
         inner = [INNER] if self.radius_in > 0.0 else []
         return [OUTER, *inner, *range(INNER + 1, INNER + 1 + len(self.walls))]
+
+    @property
+    def wall_names(self) -> tuple[str, ...]:
+        """Names of the walls 0, 1, 2, ...; several walls may have one."""
+        own = (wall.name or f"{wall.kind.title()}{k}" for k, wall in enumerate(self.walls))
+        return ("Outer", "Inner", *own)
 
     def side(
         self,

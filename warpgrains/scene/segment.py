@@ -12,6 +12,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band, strip
 from warpgrains.scene.obstacle import Drive, Obstacle, ThinWall, kind_of_wall
+from warpgrains.scene.walls import SMALLEST
 
 
 @kind_of_wall
@@ -54,8 +55,8 @@ class Segment(ThinWall):
             checks.vector("from of a segment", self.start),
             checks.vector("to of a segment", self.end),
         )
-        if sum((b - a) ** 2 for a, b in zip(start, end, strict=True)) == 0.0:
-            raise InputError(f"to of a segment is {end}: it must be another point than from")
+        if dist(start, end) < SMALLEST:
+            raise InputError(f"to of a segment is {end}: it must be another point than from, {start}")
         self._check(start=start, end=end)
         if (self.force is None) != (self.mass is None):
             missing = "force" if self.force is None else "mass"

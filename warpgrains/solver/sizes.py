@@ -40,7 +40,7 @@ class Sizes:
     walls : ndarray
         Number of wall bodies (kernels/walls.py).
     joined : ndarray
-        Number of walls at all joints, each as often as it is one of the others there.
+        Number of walls at joints (`joined`).
     mobile : ndarray
         1 if a wall inside the annulus moves as given in advance, or a force drives one, else 0.
     driven : ndarray
@@ -84,7 +84,7 @@ class Sizes:
             n,
             first_pairs(n) + n * np.minimum(walls, MANY_WALLS),
             walls,
-            np.array([sum(map(len, scene.joints.others)) for scene in scenes], np.int64),
+            np.array([joined(scene) for scene in scenes], np.int64),
             np.array([any(wall.is_mobile for wall in scene.walls) for scene in scenes], np.int64),
             np.array([scene.has_driven_walls for scene in scenes], np.int64),
             np.array([has_limits(scene) for scene in scenes], np.int64),
@@ -100,6 +100,7 @@ class Sizes:
         """Return whether the arrays of scene k fit another scene of its grains and kind."""
         return bool(
             self.walls[k] == len(scene.bodies)
+            and self.joined[k] == joined(scene)
             and self.mobile[k] >= any(wall.is_mobile for wall in scene.walls)
             and self.driven[k] == scene.has_driven_walls
             and self.limited[k] == has_limits(scene)
@@ -109,18 +110,8 @@ class Sizes:
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
-        names = (
-            "grains",
-            "contacts",
-            "walls",
-            "joined",
-            "mobile",
-            "driven",
-            "limited",
-            "weighted",
-            "history",
-        )
-        one_of = {name: getattr(self, name)[one] for name in names}
+        own = ("grains", "contacts", "walls", "joined", "mobile", "driven", "limited", "weighted", "history")
+        one_of = {name: getattr(self, name)[one] for name in own}
         return replace(self, **one_of)
 
 
@@ -134,6 +125,11 @@ def has_equal_shares(scene: Scene) -> bool:
     if scene.has_driven_walls or not scene.has_equal_masses:
         return False
     return not scene.has_friction or bool((scene.contact_mass == scene.rim_mass).all())
+
+
+def joined(scene: Scene) -> int:
+    """Return the number of walls at all joints, each as often as it is one of the others there."""
+    return sum(map(len, scene.joints.others))
 
 
 def has_limits(scene: Scene) -> bool:
