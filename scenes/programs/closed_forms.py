@@ -215,10 +215,8 @@ def heap() -> Section:
     for axes, friction in zip(row.axes, (scene.friction, 1.01 * needed, 0.99 * needed), strict=True):
         simulation = wg.Simulation(scene.replace(friction=friction))
         simulation.run()
-        row.show(simulation, "speed", largest=2.0)
-        for label in axes.texts:
-            label.set_visible(label.get_text().startswith("t ="))
-        axes.set(xlim=(-0.25, 0.25), ylim=(-1.03, -0.78), title=f"friction {friction:.4f}")
+        row.show(simulation, largest=2.0, frame="-0.25,-1.03,0.25,-0.73")
+        axes.set_title(f"friction {friction:.4f}")
         fallen = scene.position[2, 1] - simulation.position[2, 1]
         numbers[f"fallen at {friction:.4f} [m]"] = float(fallen)
     return row.figure, numbers

@@ -121,10 +121,10 @@ def jamming() -> Section:
     """Draw grains before, during and after their compression, and print what the packing is like."""
     scene = wg.Scene.load("jamming")
     packing, simulation, row = wg.compress(scene), wg.Simulation(scene), Row(3)
-    row.show(simulation, "pressure", packing.largest_force)
+    row.show(simulation, "pressure", largest=packing.largest_force)
     simulation.run(duration=1.6)
-    row.show(simulation, "pressure", packing.largest_force)
-    row.show(packing.simulation, "pressure", packing.largest_force)
+    row.show(simulation, "pressure", largest=packing.largest_force)
+    row.show(packing.simulation, "pressure", largest=packing.largest_force)
     return row.figure, {
         "packing fraction": packing.fraction,
         "packing fraction away from the wall": packing.bulk_fraction,

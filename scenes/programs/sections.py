@@ -53,9 +53,9 @@ class Row:
         self.axes = self.figure.subplots(1, count)
         self._free = list(self.axes)
 
-    def show(self, simulation: wg.Simulation, color_by: str = "speed", largest: float | None = None) -> None:
-        """Draw the present state in the next panel; `largest` is that of `Painter`."""
-        painter = Painter(simulation.scene, color_by, forces=True, largest=largest)
+    def show(self, simulation: wg.Simulation, color_by: str = "speed", **options: Any) -> None:
+        """Draw the present state in the next panel, with options of `Painter`."""
+        painter = Painter(simulation.scene, color_by, forces=True, **options)
         FrameArtists(self._free.pop(0), painter.setting).show(painter.shot_of(simulation))
         if not self._free and painter.setting.scale is not None:
             add_color_bar(self.figure, self.axes, painter.setting.scale)
