@@ -7,7 +7,6 @@ import csv
 import errno
 import io
 import os
-import re
 import shutil
 import stat
 import sys
@@ -18,10 +17,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from warpgrains.errors import InputError
-
-_NUMBER, _WORD = r"-\d+(?:\.\d+)?(?:e[+-]?\d+)?", r"[A-Za-z0-9][\w.+-]*"
-_PLAIN = re.compile(rf"(?:(?:{_WORD}|{_NUMBER})?(?:,|$))*", re.ASCII)
-"""A line of cells without quotes or guards, as most lines are."""
 
 _LARGEST = 2**31
 """Largest size of a file that is read [bytes]."""
@@ -200,12 +195,10 @@ def write_atomically(path: Path, content: bytes | memoryview, writer: str = "", 
     Raises
     ------
     OSError
-        The file cannot be written, or differs when it is read back.
+        The file cannot be written.
     """
     with draft_of(path, writer, replace) as draft:
         draft.write_bytes(content)
-        if draft.read_bytes() != content:
-            raise OSError(f"'{path}' reads back different from what was written: check the disk")
 
 
 def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -215,47 +208,16 @@ def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def csv_line(cells: Iterable[Any]) -> bytes:
-    """Return one line of a CSV table.
-
-    A spreadsheet interprets a cell that begins with =, +, - or @ as a formula. Such a cell, if it is no
-    number, gets an apostrophe in front, which `read_table` removes.
-    """
-    texts = list(map(str, cells))
-    line = ",".join(texts)
-    if _PLAIN.fullmatch(line) and line.count(",") == len(texts) - 1 > 0:
-        return f"{line}\n".encode()
+    """Return one line of a CSV table."""
     text = io.StringIO()
-    csv.writer(text).writerow(map(_guarded, texts))  # quotes \r and \n, its line ends
+    csv.writer(text).writerow(map(str, cells))  # quotes \r and \n, its line ends
     return f"{text.getvalue()[:-2]}\n".encode()
-
-
-def _guarded(cell: str) -> str:
-    return f"'{cell}" if _is_formula(cell) and not _is_number(cell) else cell
-
-
-def _unguarded(cell: Any) -> Any:
-    is_guarded = isinstance(cell, str) and cell.startswith("'") and _is_formula(cell)
-    return cell[1:] if is_guarded else cell
-
-
-def _is_formula(cell: str) -> bool:
-    """Return whether a spreadsheet would interpret a cell as a formula if it had no apostrophes in front."""
-    return cell.lstrip("'").startswith(("=", "+", "-", "@", "\t", "\r"))
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def read_table(path: Path) -> list[Row]:
     """Read a table as rows of text by column. Raises InputError if the file is no table."""
     with _opened(path) as lines:
-        rows = csv.DictReader(lines, strict=True)
-        return [{name: _unguarded(cell) for name, cell in row.items()} for row in rows]
+        return list(csv.DictReader(lines, strict=True))
 
 
 def read_columns(path: Path, wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
@@ -287,7 +249,7 @@ def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]
         if len(row) != len(head):
             raise csv.Error(f"line {rows.line_num} has {len(row)} cells")
         for column, index in indices:
-            column.append(_unguarded(row[index]))
+            column.append(row[index])
     return columns
 
 

@@ -112,7 +112,7 @@ class TestFile:
         numbers += " lists.skin lists.recent_deviation lists.frame_shift"
         assert found == dict.fromkeys(vectors.split(), (2,)) | dict.fromkeys(numbers.split(), ())
 
-    @pytest.mark.parametrize("damage", ["write", "read", "replace"])
+    @pytest.mark.parametrize("damage", ["write", "replace"])
     def test_failed_save_leaves_the_earlier_one(self, simulation, saved, monkeypatch, damage):
         def fail(*arguments):
             raise OSError("disk full")
@@ -122,11 +122,9 @@ class TestFile:
         with monkeypatch.context() as patch:
             if damage == "write":
                 patch.setattr(Path, "write_bytes", fail)
-            elif damage == "read":
-                patch.setattr(Path, "read_bytes", lambda path: before[:100])
             else:
                 patch.setattr("os.replace", fail)
-            with pytest.raises(OSError, match=r"disk full|reads back different"):
+            with pytest.raises(OSError, match="disk full"):
                 simulation.save(saved)
         assert saved.read_bytes() == before
         assert list(saved.parent.iterdir()) == [saved]

@@ -47,9 +47,8 @@ def errors_amid(
 
 
 def messages(what: str) -> set[str]:
-    end = f": wait until it has ended, or use one {what} per thread"
-    by = ("another thread", "the call that runs this callback")
-    return {f"this {what} is being advanced by {one}{end}" for one in by}
+    by = "by another thread or by the call that runs this callback"
+    return {f"this {what} is being advanced, {by}: wait until it has ended, or use one {what} per thread"}
 
 
 def test_a_simulation_is_driven_by_one_thread() -> None:

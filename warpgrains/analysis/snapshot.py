@@ -121,7 +121,7 @@ class Snapshot:
     @property
     def grains(self) -> StackedGrains:
         """Grains in the form for many runs, with one run."""
-        wall_force = np.zeros((self.n, 2 + len(self.scene.walls)))
+        wall_force = np.zeros((self.n, self.scene.wall_count))
         wall_force[*self.wall.T] = self.wall_force
         arrays = (self.position, self.velocity, self.spin, wall_force)
         return StackedGrains.of([self.scene], [self.time], *(array[np.newaxis] for array in arrays))

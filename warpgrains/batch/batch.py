@@ -23,7 +23,7 @@ from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.service import exact_solver
 from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.threads import cores
-from warpgrains.turns import ExclusiveUse
+from warpgrains.turns import NOTHING, READ, ExclusiveUse
 from warpgrains.warp_start import find_device
 
 T = TypeVar("T")
@@ -259,7 +259,7 @@ class Batch(Shown):
     ) -> list[SetSteps]:
         """Advance each scene, see `ResidentSets.advance`, and keep the record of its last steps."""
         given = None if gravity is None else self._checked_gravity(gravity)
-        with self._use.advancing():
+        with self._use.held(allowed=NOTHING):
             sets = list(self._sets.advance(steps, on_progress, runs, given))
             for last in sets:
                 self._stepped |= dict.fromkeys(last.stepped, last)
@@ -303,7 +303,7 @@ class Batch(Shown):
         counts = {scene.n for scene in self.scenes}
         if len(counts) > 1:
             raise InputError(f"the scenes have {min(counts)} to {max(counts)} grains: ask for one, {name}(k)")
-        with self._use.exclusive():
+        with self._use.held(READ):
             return checks.frozen(self._sets.vectors(name))
 
     def state(self, k: int) -> State:
@@ -311,7 +311,7 @@ class Batch(Shown):
 
         After `restore`, the scene continues from it with the same bits.
         """
-        with self._use.exclusive():
+        with self._use.held(READ):
             return self._sets.state(self._number(k))
 
     def restore(self, k: int, state: State) -> None:
@@ -324,7 +324,7 @@ class Batch(Shown):
         """
         k = self._number(k)
         require_state(state, self.scenes[k])
-        with self._use.exclusive():
+        with self._use.held(READ):
             self._sets.restore(k, state)
 
     def _number(self, k: int) -> int:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.scene.band import Band, ring
-from warpgrains.scene.walls import INNER, OUTER
+from warpgrains.scene.walls import OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -112,7 +112,7 @@ def drawn_walls(scene: Scene) -> dict[str, Band]:
     """Return the drawn walls by name; they lie outside the space of the grains."""
     thickness, circles = _THICKNESS * scene.extent.half, enumerate(scene.annulus.borders)
     drawn = {number: ring(border, thickness) for number, border in circles if border.radius > 0.0}
-    drawn |= {number: wall.drawn(thickness) for number, wall in enumerate(scene.walls, INNER + 1)}
+    drawn |= {number: wall.drawn(thickness) for number, wall in scene.numbered_walls.items()}
     return _by_name(scene, drawn)
 
 
@@ -120,7 +120,7 @@ def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> 
     """Return the mobile walls as drawn at a time [s], by name; driven ones at `places` [m]."""
     now, thickness = scene.with_walls_at(places), _THICKNESS * scene.extent.half
     moved = {} if scene.pressure is None else {OUTER: ring(now.annulus.borders[OUTER], thickness)}
-    for number, wall in enumerate(now.walls, INNER + 1):
+    for number, wall in now.numbered_walls.items():
         if wall.is_mobile:
             moved[number] = wall.drawn_at(time, thickness)
     return _by_name(scene, moved)

@@ -13,6 +13,7 @@ from warpgrains.analysis.profiles import radial_profile
 from warpgrains.analysis.snapshot import Snapshot, snapshot
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError
+from warpgrains.scene.energy import kinetic_energy
 from warpgrains.scene.scene import SceneLike, as_scene
 from warpgrains.scene.walls import OUTER
 from warpgrains.shown import Shown, number_of
@@ -151,7 +152,7 @@ def _is_at_rest(simulation: Simulation) -> bool:
     radius, speed = state.driven[OUTER]
     wall = 0.5 * speed**2 / scene.bodies.drives[OUTER].inverse_mass
     # without rotation: a rattler without drag on its spin never stops turning
-    energy = wall + 0.5 * float(scene.mass @ (state.velocity**2).sum(axis=1))
+    energy = wall + float(kinetic_energy(scene.mass, scene.radius, state.velocity, 0.0))
     least = 0.5 * float(scene.mass.sum()) * (TOLERANCES * scene.tolerance) ** 2
     excess = _wall_pressure(simulation) / scene.pressure - 1.0
     return abs(excess) <= BALANCE and energy <= max(ENERGY * scene.pressure * np.pi * radius**2, least)

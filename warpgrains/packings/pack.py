@@ -17,6 +17,7 @@ from warpgrains.files import require_writable_path, suffix_of, table_text, write
 from warpgrains.packings.compress import carrying_contacts
 from warpgrains.packings.settling import TESTED, Settling
 from warpgrains.scene import checks
+from warpgrains.scene.energy import kinetic_energy
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State
@@ -195,7 +196,7 @@ def _test(scene: Scene, settling: Settling, threads: int | None) -> _Test:
     energy, overlap, iterations = 0.0, 0.0, 0
     for _ in range(TESTED):
         report = simulation.step()
-        kinetic = 0.5 * float(scene.mass @ (simulation.velocity**2).sum(axis=1))
+        kinetic = float(kinetic_energy(scene.mass, scene.radius, simulation.velocity, 0.0))
         energy = max(energy, kinetic / (float(scene.mass.sum()) * settling.gravity * settling.diameter))
         overlap, iterations = max(overlap, report.overlap), iterations + report.iterations
     return _Test(start, simulation, energy, overlap, iterations)

@@ -31,7 +31,7 @@ def extent_of(scene: Scene) -> Box:
     """
     borders = enumerate(scene.annulus.borders)
     lines = {number: ring(border, 0.0).first for number, border in borders if border.radius > 0.0}
-    for number, wall in enumerate(scene.walls, INNER + 1):
+    for number, wall in scene.numbered_walls.items():
         times = np.linspace(0.0, scene.duration, _TIMES) if wall.moves else np.zeros(1)
         lines[number] = np.concatenate([wall.drawn_at(time, 0.0).first for time in times])
     box = box_of_discs(scene.position, scene.radius)
@@ -49,7 +49,7 @@ def _touched(scene: Scene, box: Box, lines: dict[int, FloatArray]) -> list[int]:
     left, bottom, right, top = box.grown(largest + 2.0 * step)
     x, y = np.arange(left, right, step), np.arange(bottom, top, step)
     cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    mobile = [number for number in lines if number > INNER and scene.walls[number - INNER - 1].is_mobile]
+    mobile = [number for number, wall in scene.numbered_walls.items() if wall.is_mobile]
     with np.errstate(invalid="ignore", divide="ignore"):  # of normals, at the centers of circles
         point = np.zeros(len(cells))
         gaps = {k: scene.side(k, cells, point).gap for k in lines if k not in mobile}

@@ -25,6 +25,7 @@ from warpgrains.scene.geometry import distance, left_of, overlapping_pairs, pair
 from warpgrains.scene.gravity import TurningGravity
 from warpgrains.scene.joints import Joints, joints_of
 from warpgrains.scene.keywords import SceneChanges
+from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
 from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
@@ -287,10 +288,10 @@ class Scene(SceneFields, Shown):
         for number in np.unique(wall[:, 1]).tolist():
             own = wall[:, 1] == number
             found[own, 1] = self.surface_speed(number)
-            if number > INNER:
+            if number in self.numbered_walls:
                 grain, n = wall[own, 0], normal[own]
                 foot = position[grain] + (self.radius[grain] + gap[own])[:, np.newaxis] * n
-                velocity = self.walls[number - INNER - 1].motion.velocities(foot, time, self.dt)
+                velocity = self.numbered_walls[number].motion.velocities(foot, time, self.dt)
                 found[own] = np.stack([(velocity * along).sum(axis=1) for along in (n, left_of(n))], axis=1)
         return found
 
@@ -351,7 +352,17 @@ class Scene(SceneFields, Shown):
     def wall_numbers(self) -> list[int]:
         """Numbers of the walls: 0 the outer, 1 the inner circle (if any), 2, 3, ... those of `walls`."""
         inner = [INNER] if self.radius_in > 0.0 else []
-        return [OUTER, *inner, *range(INNER + 1, INNER + 1 + len(self.walls))]
+        return [OUTER, *inner, *self.numbered_walls]
+
+    @property
+    def numbered_walls(self) -> dict[int, Obstacle]:
+        """`walls` by their numbers."""
+        return dict(enumerate(self.walls, INNER + 1))
+
+    @property
+    def wall_count(self) -> int:
+        """One more than the largest number of a wall: an array by wall also counts a missing inner circle."""
+        return INNER + 1 + len(self.walls)
 
     @property
     def wall_names(self) -> tuple[str, ...]:
@@ -374,8 +385,8 @@ class Scene(SceneFields, Shown):
         """
         if number > INNER and self.joints.of(number - INNER - 1):
             return self.joints.side(number - INNER - 1, time, position, radius, self.annulus.diameter)
-        if number > INNER:
-            return self.walls[number - INNER - 1].side_at(time, position, radius)
+        if number in self.numbered_walls:
+            return self.numbered_walls[number].side_at(time, position, radius)
         return self.annulus.side(number, position, radius, move)
 
     def is_without_normal(

@@ -133,8 +133,7 @@ def _stays(number: int, was: Scene, put: Scene, now: float) -> bool:
 
 def _wall(scene: Scene, number: int) -> float | Obstacle:
     """Return the radius of a circle, or a wall inside."""
-    circles = (scene.radius_out, scene.radius_in)
-    return circles[number] if number <= INNER else scene.walls[number - INNER - 1]
+    return ({OUTER: scene.radius_out, INNER: scene.radius_in} | scene.numbered_walls)[number]
 
 
 def _move_alike(wall: Obstacle, other: Obstacle) -> bool:

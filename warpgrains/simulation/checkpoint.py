@@ -69,7 +69,7 @@ def lock_checkpoint(path: Path) -> Lock:
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
-    """Write a locked checkpoint atomically; the old one stays until the new one has been read back."""
+    """Write a locked checkpoint atomically; the old one stays until the new one is on the disk."""
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **_entries(checkpoint, path))
     write_atomically(path, buffer.getbuffer())

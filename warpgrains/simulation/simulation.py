@@ -152,7 +152,7 @@ class Simulation(Stepper):
             )
         if observer is not None:
             require_observer(observer)
-        with self._use.changing():
+        with self._use.held():
             run = OpenRun(self.scene, options, RunStatistics(), self.steps, until, observer)
             with run.opened():
                 carry_out(self, run, progress)

@@ -23,7 +23,7 @@ from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.present import PresentState
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import threads_for
-from warpgrains.turns import ExclusiveUse
+from warpgrains.turns import NOTHING, READ, ExclusiveUse
 from warpgrains.warp_start import find_device
 
 Begun = TypeVar("Begun", bound="Stepper")
@@ -121,7 +121,7 @@ class Stepper(PresentState, Shown):
             "raise" (the state is then that before the step); or a history of `max_iterations` does not fit in
             memory; or another thread advances this simulation.
         """
-        with self._use.changing():
+        with self._use.held():
             report = self._advance(1, None, history).report(0)
             return replace(report, history=self._engine.history(0)) if history else report
 
@@ -146,13 +146,13 @@ class Stepper(PresentState, Shown):
         steps = checks.whole_number("steps", steps, least=0)
         if on_progress is not None:
             checks.function("on_progress", on_progress)
-        with self._use.changing():
+        with self._use.held():
             return self._advance(steps, on_progress).statistics(0)
 
     def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> LastSteps:
         self._engine.keep_history(0, history)
         self._engine.submit([steps])
-        with self._use.advancing():
+        with self._use.held(allowed=NOTHING):
             advance([self._engine], self._threads, on_progress)
         last_steps = self._engine.last_steps
         if last_steps.errors:
@@ -180,7 +180,7 @@ class Stepper(PresentState, Shown):
             A value is invalid, a field is one of the start, such as `position`, or a new wall is where a
             grain is.
         """
-        with self._use.changing():
+        with self._use.held():
             change = change_of(self.scene, fields, self.steps, self.position, self.driven)
             if change.is_local and self._engine.change(self._index, change.scene, change.keeps_list):
                 self.scene = change.scene
@@ -207,11 +207,11 @@ class Stepper(PresentState, Shown):
 
     def observed(self) -> AbstractContextManager[None]:
         """Return the context in which callbacks of a run may read the simulation, but not change it."""
-        return self._use.observed()
+        return self._use.held(READ, allowed=READ)
 
     def state(self) -> State:
         """Return the exact state. After `restore`, a simulation continues from it with the same bits."""
-        with self._use.exclusive():
+        with self._use.held(READ):
             return super().state()
 
     def restore(self, state: State) -> None:
@@ -223,7 +223,7 @@ class Stepper(PresentState, Shown):
             `state` is invalid or belongs to other grains. The message names field, grain and value.
         """
         require_state(state, self.scene)
-        with self._use.changing():
+        with self._use.held():
             self._engine.load(0, state)
 
 

@@ -71,7 +71,7 @@ class UnilateralConstraints(StepConstraints):
 
         Walls that move are where they are at a time [s].
         """
-        wall, key = every_wall(scene), np.array([len(scene.walls) + 2, 1])
+        wall, key = every_wall(scene), np.array([scene.wall_count, 1])
         every = cls.at(scene, position, corrections.pair, wall, time)
         carry = np.isin(wall @ key, (corrections.wall @ key)[corrections.wall_correction > 0.0])
         return every.only(carry | (every.gap_rate[len(every.second) :] < 0.0))

@@ -206,7 +206,7 @@ class SceneRecords:
 
     def _at_walls(self, which: IndexArray, contact: np.ndarray[Any, Any], dv: FloatArray) -> FloatArray:
         scene = self._scenes[which[0]]
-        n, walls = scene.n, 2 + len(scene.walls)
+        n, walls = scene.n, scene.wall_count
         carried, count = np.zeros((len(which), n, walls)), self.host["contacts"]["count"][which]
         index, pairs = np.arange(contact.shape[1]), count["pairs"][:, np.newaxis]
         row, place = np.nonzero((index >= pairs) & (index < pairs + count["walls"][:, np.newaxis]))

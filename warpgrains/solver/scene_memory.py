@@ -203,7 +203,7 @@ class SceneMemory:
             for rows in ("neighbors", "workspace.old"):
                 self.array(f"{rows}.start")[:] = 0
             return
-        n, key = self._scene.n, np.array([self._scene.n + len(self._scene.walls) + 2, 1])
+        n, key = self._scene.n, np.array([self._scene.n + self._scene.wall_count, 1])
         carrying, body = (self._in_bodies(*of) for of in ((corrections.pair, corrections.wall), (pair, wall)))
         sign = self._bodies.sign(corrections.wall[:, 1])
         dv, order = np.zeros(count), np.lexsort(body.T[::-1])
