@@ -14,10 +14,8 @@ from same_bits import contents
 from warpgrains import InputError, Scene, Simulation
 from warpgrains.grade.grader import Grader
 from warpgrains.usd.reader import RecordingReader
-from warpgrains.view import pace
 from warpgrains.view.homework import Homework
-from warpgrains.view.pace import FRAMES, Pace
-from warpgrains.view.players import AXES, Live, Recorded
+from warpgrains.view.players import AXES, FRAMES, Live, Pace, Recorded
 
 
 @pytest.fixture
@@ -213,8 +211,8 @@ def test_playback_never_is_a_step_away_from_its_speed(dt):
 
 def test_frames_keep_their_rate_and_do_not_hurry_after_a_slow_one(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr(pace, "perf_counter", lambda: now[0])
-    monkeypatch.setattr(pace, "sleep", lambda seconds: now.__setitem__(0, now[0] + seconds))
+    monkeypatch.setattr("warpgrains.view.players.perf_counter", lambda: now[0])
+    monkeypatch.setattr("warpgrains.view.players.sleep", lambda seconds: now.__setitem__(0, now[0] + seconds))
     paced, at = Pace(0.01), []
     for work in [0.02] * 10 + [0.2] + [0.001] * 10:
         now[0] += work

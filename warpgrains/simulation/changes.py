@@ -48,15 +48,7 @@ class Change(NamedTuple):
 def change_of(
     before: Scene, fields: SceneChanges, steps: int, position: FloatArray, driven: FloatArray | None
 ) -> Change:
-    """Return the change of some fields of a scene after `steps` steps.
-
-    `position` and `driven` are those of the present state.
-
-    Raises
-    ------
-    InputError
-        A value is invalid, a field is one of the start, or a new wall is where a grain is.
-    """
+    """Return the change of fields after some steps; InputError for fields of the start or walls on grains."""
     now = before.time_after(steps)
     scene = _changed(before, fields, steps)
     if driven is not None and scene.wall_numbers != before.wall_numbers:

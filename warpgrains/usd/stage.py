@@ -169,10 +169,7 @@ def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:
 
 
 def numbers(attribute: Usd.Attribute, code: float = 0.0, shape: tuple[int, ...] | None = None) -> FloatArray:
-    """Return the value at a time code as float64.
-
-    Raises TypeError if it is no array of numbers, ValueError if it has another shape or one is not finite.
-    """
+    """Return a value as float64; TypeError if it is no array, ValueError of another shape or not finite."""
     array = values_of(attribute, code)
     if array is None:
         raise TypeError(f"{attribute.GetPath()} has no value")

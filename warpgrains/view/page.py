@@ -17,8 +17,7 @@ from viser import uplot
 
 from warpgrains.errors import InputError
 from warpgrains.pictures.shots import Setting
-from warpgrains.view.pace import Pace
-from warpgrains.view.players import AXES, Live, Player, Recorded
+from warpgrains.view.players import AXES, Live, Pace, Player, Recorded
 from warpgrains.view.server import HOST, serve_page
 from warpgrains.view.sliders import add_physics, value_of
 from warpgrains.view.stage import Stage

@@ -1,9 +1,10 @@
-"""Players for the page: a simulation, or the frames of a recording."""
+"""Players for the page: a simulation, or the frames of a recording; and the pace at which they play."""
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
+from time import perf_counter, sleep
 from typing import TYPE_CHECKING, TypeAlias, Unpack
 
 import numpy as np
@@ -31,8 +32,34 @@ AXES = {
 }
 """Titles of the axes of each curve, by the curve's title."""
 
+FRAMES = 30.0  # a second, at most
+_ROUNDING = 1e-6  # steps
 _REMEMBERED = 500  # steps in the curve of energy
 _LEAST = 1e-16  # smallest zeta that is plotted [m/s]
+
+
+class Pace:
+    """Frames at a constant rate, each with the steps of `dt` [s] that are due since the last one."""
+
+    def __init__(self, dt: float) -> None:
+        self._dt = dt
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin with a frame now, and owe nothing."""
+        self._owed, self._next = 0.0, perf_counter()
+
+    def due(self, speed: float) -> int:
+        """Return the number of steps of the next frame at a speed, 1 in real time."""
+        self._owed += speed / FRAMES / self._dt
+        steps = int(self._owed + _ROUNDING)
+        self._owed -= steps
+        return steps
+
+    def wait(self) -> None:
+        """Wait until the next frame. What is late stays late, so that a slow player does not hurry later."""
+        self._next = max(self._next + 1.0 / FRAMES, perf_counter())
+        sleep(max(0.0, self._next - perf_counter()))
 
 
 class Live:
