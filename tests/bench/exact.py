@@ -23,7 +23,7 @@ import numpy as np
 from warpgrains import Scene, Simulation, State
 from warpgrains.accuracy.exact_step import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.document import shipped_scenes
+from warpgrains.scene.toml import shipped_scenes
 from warpgrains.warp_start import start_warp
 
 from ..support.sample_scenes import dense_start

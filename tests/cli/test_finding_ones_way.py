@@ -9,8 +9,8 @@ from command import exit_code, require_refusal
 
 from warpgrains import Scene, console
 from warpgrains.cli.scenes import REQUIRED, keys, parameters_of
-from warpgrains.scene.document import shipped
 from warpgrains.scene.layouts import LAYOUTS
+from warpgrains.scene.toml import shipped
 
 
 def test_nothing_at_all_prints_help(capfd):

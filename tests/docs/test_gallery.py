@@ -14,7 +14,7 @@ from pages import PAGES, ROOT
 
 from warpgrains.drawing.colors import QUANTITIES, colormap
 from warpgrains.pictures.still import FrameArtists
-from warpgrains.scene.document import shipped_scenes
+from warpgrains.scene.toml import shipped_scenes
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from warpgrains import Recording, Scene, Segment, Simulation, analysis
-from warpgrains.scene.document import parameters_text, read_parameters
 from warpgrains.scene.gravity import TurningGravity
+from warpgrains.scene.toml import parameters_text, read_parameters
 
 G, RATE = complex(3.0, -9.0), -2.5
 TURNING = {"vector": (G.real, G.imag), "rotate": RATE}

@@ -19,7 +19,7 @@ from sweeps import batch
 
 from warpgrains import InputError, Scene, Simulation
 from warpgrains.files import csv_line, read_table
-from warpgrains.scene.document import toml_text, toml_value
+from warpgrains.scene.toml import toml_text, toml_value
 from warpgrains.simulation.checkpoint import read_checkpoint
 
 SCENE = """

@@ -5,8 +5,8 @@ import pytest
 from sample_scenes import SCENE_FILE
 
 from warpgrains import InputError, Scene
-from warpgrains.scene.document import shipped_scenes
 from warpgrains.scene.layouts import LAYOUTS
+from warpgrains.scene.toml import shipped_scenes
 
 
 @pytest.fixture

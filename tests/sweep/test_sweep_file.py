@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpgrains import InputError, Scene
-from warpgrains.scene.document import toml_text
+from warpgrains.scene.toml import toml_text
 from warpgrains.sweep.axes import axis_values
 from warpgrains.sweep.sweep import Sweep
 

@@ -12,7 +12,7 @@ from warpgrains.drawing.colors import speed_scale
 from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError
-from warpgrains.scene.document import read_parameters
+from warpgrains.scene.toml import read_parameters
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import Recorder
 from warpgrains.usd.writer import _freeing_in_this_thread

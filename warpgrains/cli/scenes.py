@@ -14,10 +14,10 @@ from warpgrains.console import in_columns
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import require_writable_path, write_atomically
 from warpgrains.scene import checks
-from warpgrains.scene.document import Table, parse_toml, read_text, shipped, toml_value
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
 from warpgrains.scene.reader import PROPERTIES, SOURCES, keyword_parameters, section_fields
+from warpgrains.scene.toml import Table, parse_toml, read_text, shipped, toml_value
 from warpgrains.scene.wall_kinds import WRITTEN_KINDS
 
 REQUIRED = object()

@@ -11,8 +11,8 @@ from warpgrains.console import in_columns, stdout_to_stderr
 from warpgrains.drawing.kinds import FILMS, require_drawing
 from warpgrains.errors import InputError, requiring
 from warpgrains.files import require_writable_path, suffix_of
-from warpgrains.scene.document import shipped_scenes
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.toml import shipped_scenes
 from warpgrains.shown import number_of
 from warpgrains.warp_start import start_warp
 

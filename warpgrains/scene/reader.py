@@ -1,9 +1,14 @@
-"""Reader of scene files: TOML text in, the fields of `Scene` out.
+"""Reader of scene files and of the files of grains that they name: text in, the fields of `Scene` out.
 
-``warpgrains scenes NAME`` lists their keys.
+``warpgrains scenes NAME`` lists the keys of scene files. An `.npz` file of grains holds the array `position`
+(n, 2), and any of `velocity` (n, 2), `radius`, `mass` and `spin`, shape (n,). A `.csv` file names its columns
+in the first line: `x` and `y`, and any of `vx` and `vy`, `radius`, `mass` and `spin`.
 """
 
+import csv
 import inspect
+import io
+import re
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
@@ -11,13 +16,14 @@ from typing import Any
 
 import numpy as np
 
+from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
+from warpgrains.files import open_regular, suffix_of
 from warpgrains.scene import checks
-from warpgrains.scene.document import Table, overridden, parse_toml, wall_key
 from warpgrains.scene.fields import SECTIONS
-from warpgrains.scene.grain_file import is_file_of_radii, read_grains, read_radii
 from warpgrains.scene.layouts import LAYOUTS, Placement
 from warpgrains.scene.obstacle import Obstacle
+from warpgrains.scene.toml import Table, overridden, parse_toml, wall_key
 from warpgrains.scene.wall_kinds import WALL_KINDS, checked_walls
 from warpgrains.scene.walls import Annulus
 
@@ -34,6 +40,11 @@ PROPERTIES = {
     "spin": "Angular velocity of all grains at the start, or a list [rad/s]. By default none rotates.",
 }
 """Keys that give other properties of the grains."""
+
+_ARRAYS = ("position", "velocity", "radius", "mass", "spin")
+_COLUMNS = ("x", "y", "vx", "vy", "radius", "mass", "spin")
+
+_SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 
 def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
@@ -183,3 +194,100 @@ def _refuse_unknown_keys(
     for key in table:
         if key not in every:
             raise checks.unknown(f"key in [{section}]", key, every)
+
+
+def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
+    """Read `position` and any other arrays of a file of grains; `folder` is that of the scene file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or holds no grains.
+    """
+    grains = _grains_of_file(folder, name)
+    if "position" not in grains:
+        raise InputError(
+            f"grains.file {name!r} has no positions: it needs an array position, or columns x and y"
+        )
+    return grains
+
+
+def is_file_of_radii(radius: Any) -> bool:
+    """Return whether a radius is a table ``{file = NAME}``, see `read_radii`."""
+    return isinstance(radius, dict) and "file" in radius
+
+
+def read_radii(folder: Path, table: dict[str, Any]) -> FloatArray:
+    """Read the radii [m] of the file that ``{file = NAME}`` names; its other columns are ignored.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or holds no radii.
+    """
+    if len(table) > 1:
+        raise InputError(f"grains.radius is {table!r}: next to file it takes no other key")
+    grains = _grains_of_file(folder, table["file"])
+    if "radius" not in grains:
+        raise InputError(f"grains.radius: file {table['file']!r} has no radii")
+    return checks.positive_per_grain("radius", grains["radius"], np.size(grains["radius"]))
+
+
+def _grains_of_file(folder: Path, name: Any) -> dict[str, FloatArray]:
+    if not isinstance(name, str):
+        raise InputError(f"grains.file is {name!r}: it must be the name of a file")
+    path = folder / name
+    readers = {".npz": _read_npz, ".csv": _read_csv}
+    if suffix_of(path) not in readers:
+        raise InputError(f"grains.file is {name!r}: it must end in .npz or .csv")
+    try:
+        grains = readers[suffix_of(path)](path)
+    except InputError as error:
+        raise InputError(f"grains.file {name!r}: {error}") from None
+    except Exception as error:  # readers of untrusted files raise exceptions of any type
+        raise InputError(f"grains.file {name!r} cannot be read: {error}") from None
+    return grains
+
+
+def _read_npz(path: Path) -> dict[str, FloatArray]:
+    with open_regular(path) as stream, np.load(stream, allow_pickle=False) as archive:
+        for name in archive.files:
+            checks.one_of("array", name, _ARRAYS)
+        return dict(archive)
+
+
+def _read_csv(path: Path) -> dict[str, FloatArray]:
+    with open_regular(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8-sig")
+        header = [name.strip() for name in next(csv.reader([next(text, "")]), [])]
+        lines = {number: line for number, line in enumerate(text, 2) if line.strip()}
+    if not header:
+        raise InputError("the first line must name the columns")
+    for separator, name in _SEPARATORS.items():
+        if len(header) == 1 and separator in header[0]:
+            raise InputError(f"its columns are separated by {name}: they must be separated by commas")
+    for name in header:
+        checks.one_of("column", name, _COLUMNS)
+    column = np.zeros(0, [(name, np.float64) for name in header])
+    if lines:
+        try:
+            column = np.loadtxt([*lines.values()], column.dtype, None, ",", quotechar='"', ndmin=1)
+        except ValueError as error:
+            raise InputError(_complaint(str(error), header, [*lines])) from None
+    grains: dict[str, FloatArray] = {name: column[name] for name in header if name in _ARRAYS}
+    for field, (x, y) in {"position": ("x", "y"), "velocity": ("vx", "vy")}.items():
+        if (x in header) != (y in header):
+            raise InputError(f"column {x if y in header else y!r} is missing")
+        if x in header:
+            grains[field] = np.column_stack([column[x], column[y]])
+    return grains
+
+
+def _complaint(error: str, header: list[str], lines: list[int]) -> str:
+    """Return what NumPy complains of, by the numbers of the lines and the names of the columns."""
+    if found := re.search(r"string (.*) to float64 at row (\d+), column (\d+)", error):
+        where = f"line {lines[int(found[2])]}, column {header[int(found[3]) - 1]!r}"
+        return f"{where}: {found[1]} is not a number"
+    if found := re.search(r"(\d+) were found at row (\d+)", error):
+        return f"line {lines[int(found[2]) - 1]} has {found[1]} values for {len(header)} columns"
+    return error

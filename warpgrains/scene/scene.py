@@ -18,7 +18,6 @@ from warpgrains.scene import checks
 from warpgrains.scene.bodies import Bodies
 from warpgrains.scene.box import Box
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
-from warpgrains.scene.document import read_text
 from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked_settings, frozen
 from warpgrains.scene.geometry import distance, left_of, overlapping_pairs, pair_gaps
@@ -28,6 +27,7 @@ from warpgrains.scene.keywords import SceneChanges
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
+from warpgrains.scene.toml import read_text
 from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
 from warpgrains.shown import Shown, number_of
 

@@ -30,7 +30,8 @@ from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.errors import InputError
 from warpgrains.files import Row, read_regular
 from warpgrains.scene import checks
-from warpgrains.scene.document import (
+from warpgrains.scene.reader import is_file_of_radii, read_radii, require_key
+from warpgrains.scene.toml import (
     Table,
     parse_toml,
     read_text,
@@ -41,8 +42,6 @@ from warpgrains.scene.document import (
     toml_value,
     with_key,
 )
-from warpgrains.scene.grain_file import is_file_of_radii, read_radii
-from warpgrains.scene.reader import require_key
 from warpgrains.sweep.axes import KINDS as AXIS_KINDS
 from warpgrains.sweep.axes import MOST_VALUES, axis_values
 from warpgrains.sweep.results import COLUMNS

@@ -16,7 +16,7 @@ from warpgrains.errors import InputError
 from warpgrains.files import require_writable_path
 from warpgrains.locks import Lock, lock_own
 from warpgrains.scene import checks
-from warpgrains.scene.document import parameters_text, read_parameters
+from warpgrains.scene.toml import parameters_text, read_parameters
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
