@@ -53,101 +53,28 @@ def levels(rows: NeighborList, next_level: Ints, group: Ints):
 
 
 @wp.func
-def renumber_extra_colors(s: Scene) -> int:
-    """Renumber the kept colors above 64 without gaps, in their order. Returns the first free one.
-
-    Each belongs to one pair, and with gaps they would grow from list to list. Without, there are never more
-    sets than the largest list so far has contacts, for which `set_start` has capacity. A color that is given
-    belongs to a list with at least as many other pairs: those of lower colors that keep it from these. A
-    color that is kept was given in an earlier list, and renumbering only lowers it.
-    """
-    listed, color, rank = listed_count(s), s.workspace.color, s.workspace.color_rank
-    old_listed = at(s.workspace.old.start, grain_count(s))
-    k = int(0)
-    while k < old_listed:
-        put(rank, k, 0)
-        k += 1
-    k = int(0)
-    while k < listed:
-        if at(color, k) >= MASK_COLORS:
-            put(rank, at(color, k) - MASK_COLORS, 1)
-        k += 1
-    extra = int(MASK_COLORS)
-    k = int(0)
-    while k < old_listed:
-        kept = at(rank, k)
-        put(rank, k, extra)
-        extra += kept
-        k += 1
-    k = int(0)
-    while k < listed:
-        if at(color, k) >= MASK_COLORS:
-            put(color, k, at(rank, at(color, k) - MASK_COLORS))
-        k += 1
-    return extra
-
-
-@wp.func
-def keep_colors(s: Scene) -> int:
-    """Copy the colors of pairs of the old list; other contacts get -1. Returns the first extra color."""
-    rows, used, color, n = s.neighbors, s.workspace.used_colors, s.workspace.color, grain_count(s)
-    extra = int(0)
-    for i in range(n):
-        own = at(used, i)
-        k, end = at(rows.start, i), at(rows.start, i + 1)
-        while k < end:
-            kept = int(-1)
-            j, k_old = at(rows.neighbor, k), at(s.workspace.old_place, k)
-            if k_old >= 0 and j < n:
-                kept = at(s.workspace.old_color, k_old)
-                if kept < MASK_COLORS:
-                    bit = wp.uint64(1) << wp.uint64(kept)
-                    own = own | bit
-                    put(used, j, at(used, j) | bit)
-                else:
-                    extra += 1
-            put(color, k, kept)
-            k += 1
-        put(used, i, own)
-    if extra == 0:
-        return int(MASK_COLORS)
-    return renumber_extra_colors(s)
-
-
-@wp.func
-def colors(s: Scene):
-    """Color pairs by first-fit. A pair that does not fit in 64 colors gets a color that no other pair has.
-
-    Contacts with walls have no color, -1. While an attempt resumes, pairs that stay listed keep their colors,
-    so that all its sweeps have one order.
-    """
-    rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
-    n = grain_count(s)
+def colors(rows: NeighborList, used: wp.array(dtype=wp.uint64), group: Ints):
+    """Color pairs by first-fit, contacts with walls by -1. A pair beyond 64 colors gets one of its own."""
+    n = rows.start.shape[0] - 1
     for i in range(n):
         put(used, i, wp.uint64(0))
     extra = int(MASK_COLORS)
-    resuming = s.control.resuming != 0
-    if resuming:
-        extra = keep_colors(s)
     for i in range(n):
         own = at(used, i)  # no later row reads it
         k, end = at(rows.start, i), at(rows.start, i + 1)
         while k < end:
-            j, found = at(rows.neighbor, k), at(color, k)
-            if j >= n:
-                found = -1
-            elif not resuming or found < 0:
+            j, color = at(rows.neighbor, k), int(-1)
+            if j < n:
                 its = at(used, j)
-                found = lowest_free(own | its)
-                if found < MASK_COLORS:
-                    bit = wp.uint64(1) << wp.uint64(found)
+                color = lowest_free(own | its)
+                if color < MASK_COLORS:
+                    bit = wp.uint64(1) << wp.uint64(color)
                     own = own | bit
                     put(used, j, its | bit)
                 else:
-                    found = extra
-                    extra = extra + 1
-                put(color, k, found)
-            put(s.workspace.group, k, found)
+                    color = extra
+                    extra += 1
+            put(group, k, color)
             k += 1
 
 
@@ -194,12 +121,6 @@ def place_pairs(s: Scene):
 
 
 @wp.func
-def is_tiled(s: Scene) -> bool:
-    """Return whether the list is long enough to be swept tile after tile."""
-    return s.merge != 0 and pair_count(s) > s.tuning.tile
-
-
-@wp.func
 def place_walls(s: Scene):
     """Give every contact with a wall its index, after the pairs, and put them in independent sets.
 
@@ -234,53 +155,6 @@ def place_walls(s: Scene):
 def group_pairs(s: Scene):
     """Give every pair its set."""
     if s.by_color != 0:
-        colors(s)
+        colors(s.neighbors, s.workspace.used_colors, s.workspace.group)
     else:
         levels(s.neighbors, s.workspace.next_level, s.workspace.group)
-
-
-@wp.func
-def gather(s: Scene, i: int):
-    """Write the pairs of grain i in sweeping order, as (i, j, index in the neighbor list)."""
-    k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
-    while k < end:
-        j = at(s.neighbors.neighbor, k)
-        if j < grain_count(s):
-            put(s.workspace.sequence, at(s.workspace.sweep_index, k), wp.vec3i(i, j, k))
-        k += 1
-
-
-@wp.func
-def tile_pairs(s: Scene):
-    """Sweep tile after tile of the rows, each in the order given: close by in time and in memory.
-
-    A pair is in no earlier tile than any pair before it on its grains, so that it reads the same velocities
-    as without tiles: the same bits.
-    """
-    pairs, length = pair_count(s), s.tuning.tile
-    tiles = (listed_count(s) + length - 1) // length
-    sequence, next_tile, tile = s.workspace.sequence, s.workspace.next_tile, s.workspace.tile
-    tile_end = s.workspace.tile_end
-    for i in range(grain_count(s)):
-        put(next_tile, i, 0)
-    for w in range(tiles + 1):
-        put(tile_end, w, 0)
-    c = int(0)
-    while c < pairs:
-        pair = at(sequence, c)
-        earlier = wp.max(at(next_tile, pair[0]), at(next_tile, pair[1]))
-        w = wp.max(pair[2] // length, earlier)
-        put(next_tile, pair[0], w)
-        put(next_tile, pair[1], w)
-        put(tile, c, w)
-        put(tile_end, w + 1, at(tile_end, w + 1) + 1)
-        c += 1
-    for w in range(tiles):
-        put(tile_end, w + 1, at(tile_end, w + 1) + at(tile_end, w))
-    c = int(0)
-    while c < pairs:
-        w = at(tile, c)
-        place = at(tile_end, w)
-        put(s.workspace.sweep_index, at(sequence, c)[2], place)
-        put(tile_end, w, place + 1)
-        c += 1

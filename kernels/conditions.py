@@ -50,9 +50,3 @@ def fresh(s: Scene) -> bool:
 def rejected(s: Scene) -> bool:
     """Return whether the last sweep is to be rolled back."""
     return s.control.rejected != 0
-
-
-@wp.func
-def recoloring(s: Scene) -> bool:
-    """Return whether the next step needs new colors."""
-    return s.control.recoloring != 0

@@ -5,9 +5,8 @@ import warp as wp
 from . import law
 from .access import at, put, raise_to, set_bodies
 from .friction import find_rim_weights
-from .record import Phase, Scene, grain_count, has_friction, has_weights, is_accelerated, may_have_missed
+from .record import Phase, Scene, grain_count, has_friction, has_weights, is_accelerated
 from .types import NeighborList
-from .verlet import stayed_silent
 from .walls import wall_body_count
 
 f64 = wp.float64
@@ -47,7 +46,7 @@ def save_row(s: Scene, i: int):
 
 @wp.func
 def save_contact(s: Scene, k: int):
-    """Save contact k of the list, with its corrections and its color."""
+    """Save contact k of the list, with its corrections."""
     c = at(s.workspace.sweep_index, k)
     last = f64(0.0)
     if is_accelerated(s):
@@ -55,7 +54,6 @@ def save_contact(s: Scene, k: int):
     dv = wp.vec3d(at(s.contacts.dv, c), at(s.contacts.dv_start, c), last)
     put(s.workspace.old_dv, k, dv)
     put(s.workspace.old.neighbor, k, at(s.neighbors.neighbor, k))
-    put(s.workspace.old_color, k, at(s.workspace.color, k))
     put(s.workspace.old_place, k, k)
     if has_friction(s):
         last = f64(0.0)
@@ -66,22 +64,17 @@ def save_contact(s: Scene, k: int):
 
 @wp.func
 def expire(s: Scene):
-    """Ask for a new list in the same step; sweeps that have begun resume with it."""
+    """Ask for a new list in the same step. Accelerated sweeps resume with it, others begin again."""
     n = grain_count(s)
     put(s.workspace.old.start, n, at(s.neighbors.start, n))
     s.step.rebuilds = s.step.rebuilds + 1
-    s.control.resuming = 1 if s.step.iterations > 0 else 0
+    s.control.resuming = 0
+    if s.step.iterations > 0:
+        if is_accelerated(s):
+            s.control.resuming = 1
+        else:
+            s.step.restarts = s.step.restarts + 1
     s.control.phase = Phase.SEARCH
-    s.verlet.flags.missed = 0
-
-
-@wp.func
-def color_anew(s: Scene):
-    """Ask for the sweeping order that follows from the list alone, before the next step."""
-    n = grain_count(s)
-    put(s.workspace.old.start, n, at(s.neighbors.start, n))
-    s.control.recoloring = 0
-    s.control.unordered = 1
 
 
 @wp.func
@@ -157,8 +150,6 @@ def transfer_warm_start(s: Scene, i: int):
         dv = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
         if k_old >= 0:
             dv = at(s.workspace.old_dv, k_old)
-        elif may_have_missed(s) and not stayed_silent(s, i, j):
-            s.verlet.flags.missed = 1
         set_bodies(s.contacts.contact, c, i, j)
         put(s.contacts.dv, c, dv[0])
         put(s.contacts.dv_start, c, dv[1])

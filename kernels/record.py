@@ -93,8 +93,7 @@ class Control:
     phase: wp.int32
     cancelled: wp.int32  # whether the host wants the step given up
     unordered: wp.int32  # whether the list is not in sweeping order
-    recoloring: wp.int32  # whether pairs have kept colors that do not follow from the list alone
-    resuming: wp.int32  # whether sweeps continue from velocities, peaks and momentum that they have
+    resuming: wp.int32  # whether accelerated sweeps continue from the velocities and momentum that they have
     may_stop: wp.int32  # whether sweeps end here, if a measurement or a scan that follows agrees
     rejected: wp.int32  # whether the last sweep was rolled back
     holds: wp.int32  # on a GPU: whether the condition tested last holds (gpu.py)
@@ -151,7 +150,6 @@ class Tuning:
     reserve: f64  # of a base skin, that must be left before the iteration starts
     monitor_threshold: f64  # change of velocity that need not be monitored, in base skins [1/s]
     nearest: f64  # how near to a violation contacts are swept, at most [m/s]
-    tile: wp.int32  # pairs that are interleaved
 
 
 @wp.struct
@@ -278,9 +276,3 @@ def pair_count(s: Scene) -> int:
 def is_accelerated(s: Scene) -> bool:
     """Return whether the method has momentum, and so keeps the state of one sweep before."""
     return s.momentum.last_dv.shape[0] > 0
-
-
-@wp.func
-def may_have_missed(s: Scene) -> bool:
-    """Return whether the list was made during sweeps, in which its new contacts may have been missing."""
-    return s.control.resuming != 0 and not is_accelerated(s)

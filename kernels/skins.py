@@ -32,13 +32,13 @@ def adapt_base_skin(s: Scene):
 def renew_skin(s: Scene, i: int):
     """Choose v0_i, and skin_i: the base skin plus a multiple of the need of this step or of the last.
 
-    A Gauss-Seidel step that resumes keeps its v0_i, with v_f, and its peaks; otherwise v0_i is the grain's
-    velocity now. An accelerated step that resumes needs the skin for its remaining sweeps only.
+    v0_i is the grain's velocity now, or v0_i + v_f where plain sweeps begin again. Accelerated sweeps that
+    resume need the skin for the remaining ones only.
     """
     w = at(s.grains.next_velocity, i)
     needed = at(s.verlet.recent_deviation, i)
     margin = FORESEEN
-    if s.control.resuming != 0:
+    if s.step.iterations > 0:
         seen = peak_of(s, i)
         needed = wp.max(needed, seen)
         if is_accelerated(s):
@@ -48,7 +48,6 @@ def renew_skin(s: Scene, i: int):
             margin = FOUND_OUT
             w = at(s.verlet.reference_velocity, i) + s.verlet.work.frame_velocity
             put(s.verlet.recent_deviation, i, needed)  # so that skins only grow as long as the step goes on
-            put(s.verlet.peak_square, i, seen * seen)
     put(s.verlet.skin, i, s.verlet.numbers.base_skin + margin * s.dt * needed)
     put(s.verlet.reference_position, i, at(s.grains.position, i))
     put(s.verlet.reference_velocity, i, w)
@@ -59,8 +58,7 @@ def renew_numbers(s: Scene):
     """Renew the numbers of the list, so that its paths and its time begin now.
 
     The lifetime is that of the steps in which no grain moves further than `Tuning.room` from the mean. The
-    frame's skin allows for a free fall of that duration. `unmonitored_change` is 0 from now on, because the
-    peaks of `renew_skin` hold it: `stayed_silent` adds it to them, before the next attempt clears the check.
+    frame's skin allows for a free fall of that duration.
     """
     n = body_count(s)
     mean = wp.vec2d(f64(0.0), f64(0.0))
@@ -76,7 +74,6 @@ def renew_numbers(s: Scene):
     steps = wp.clamp(wp.floor(s.tuning.room / (s.dt * wp.sqrt(spread))), f64(1.0), LONGEST)
     lifetime = steps * s.dt
     fall = f64(1.2) * s.tuning.acceleration * lifetime * (f64(0.5) * lifetime + s.dt)
-    s.verlet.work.unmonitored_change = f64(0.0)
     s.verlet.numbers.frame_shift = wp.vec2d(f64(0.0), f64(0.0))
     s.verlet.numbers.elapsed = f64(0.0)
     s.verlet.work.mean_velocity = mean

@@ -4,11 +4,9 @@ A step returns to the host in two cases: the list exceeds its capacity (WITHOUT_
 slowly and the host solves the step (SLOW). Conditions read the phase of the step (conditions.py); stopping.py
 chooses it.
 
-An attempt whose list expires during its sweeps resumes with another list (`Control.resuming`). It keeps its
-velocities, corrections and momentum (START), and the colors of its pairs (coloring.colors). Plain sweeps keep
-their peaks too, in the same frame (skins.renew_skin, verlet.find_frame, verlet.begin_peak), and find out
-whether a contact that was missing may have acted (contact_list.transfer_warm_start); then the attempt starts
-again (stopping.start_attempt).
+If the list expires during the sweeps, accelerated ones resume with another list (`Control.resuming`): they
+keep their velocities, corrections and momentum (START). Plain ones may have missed a contact, and begin again
+with wider skins (contact_list.expire, skins.renew_skin).
 
 A scene without a list begins like one whose list has expired: no skin suffices, so its first attempt iterates
 nothing and asks for a list.
@@ -48,7 +46,6 @@ from .conditions import (
     iterating,
     listed,
     measuring,
-    recoloring,
     recomputing,
     rejected,
     scanning,
@@ -79,12 +76,9 @@ SEARCH = [
     ),
 ]
 
-TILES = [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]
-
 ORDER = [
     Serial(coloring.group_pairs),
     Serial(coloring.place_pairs),
-    If(coloring.is_tiled, TILES),
     Serial(coloring.place_walls),
     Each(grain_count, contact_list.transfer_warm_start),
     Serial(contact_list.find_row_sums),
@@ -197,7 +191,6 @@ FINISH = [
     Shared(statistics.overlaps),
     Serial(statistics.report),
     Serial(statistics.add_step),
-    If(recoloring, [*SAVE, Serial(contact_list.color_anew)]),
 ]
 """Move the grains, and report."""
 

@@ -282,17 +282,8 @@ def begin(s: Scene):
 
 @wp.func
 def start_attempt(s: Scene):
-    """Start an attempt to solve the step, with a list that is sorted now, unless the list does not fit.
-
-    An attempt whose list expired resumes, unless a contact that was missing may have acted.
-    """
-    is_new = s.control.unordered != 0
+    """Start an attempt to solve the step, with a list that is sorted now, unless the list does not fit."""
     s.control.unordered = 0
-    if is_new and s.control.resuming != 0:
-        s.control.recoloring = s.by_color
-        if s.verlet.flags.missed != 0:
-            s.control.resuming = 0
-            s.step.restarts = s.step.restarts + 1
     if s.control.phase == Phase.BEGIN or s.control.phase == Phase.LISTED:
         s.control.phase = Phase.START
         s.verlet.flags.without_normal = 0

@@ -196,7 +196,6 @@ class VerletFlags:
     """The findings of the list's check."""
 
     list_expired: wp.int32  # whether a contact may be missing
-    missed: wp.int32  # whether one that was missing may have acted
     without_normal: wp.int32  # whether a grain is where a wall has no normal
     bad_body: wp.int32  # a grain or wall that is no longer finite, or leaves a round wall or no room; or -1
 
@@ -268,13 +267,6 @@ class Workspace:
     old_place: Ints  # of every contact in the list before, or -1
     sweep_index: Ints  # of every contact: its index in sweeping order
     group: Ints  # independent set of every pair; -1 of contacts with walls
-    color: Ints  # of every pair, where pairs are swept by colors
-    old_color: Ints  # of the list before
-    color_rank: Ints  # new number of every color above 64 (coloring.py)
-    sequence: wp.array(dtype=wp.vec3i)  # pairs in sweeping order: (i, j, place in the neighbor list)
-    tile: Ints  # of every pair, in the order without tiles
-    tile_end: Ints  # of every tile: the end of its pairs in sweeping order
     row_sum: Floats  # of every grain: its shares of its contacts
     next_level: Ints  # by grain
-    next_tile: Ints  # by grain
     used_colors: wp.array(dtype=wp.uint64)  # by grain

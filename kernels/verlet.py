@@ -26,10 +26,8 @@ when the residual is measured (working_set.py).
 
 import warp as wp
 
-from . import law
 from .access import at, larger, put
 from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, body_count, grain_count, is_driven
-from .walls import is_near_wall
 
 f64 = wp.float64
 ROUNDED = wp.constant(f64(1.0 + 1e-13))  # above the rounding of `elapsed`, a sum of at most 64 steps
@@ -89,21 +87,6 @@ def monitor(s: Scene, i: int, velocity: wp.vec2d):
 def peak_of(s: Scene, i: int) -> f64:
     """Return p_i [m/s], with the changes that were not monitored since."""
     return wp.sqrt(at(s.verlet.peak_square, i)) + s.verlet.work.unmonitored_change
-
-
-@wp.func
-def stayed_silent(s: Scene, i: int, j: int) -> bool:
-    """Return whether a contact cannot have acted in the iterations so far (eq. 11b), with v_f in the v0_i."""
-    x, radius, n = at(s.grains.position, i), at(s.grains.radius, i), grain_count(s)
-    if j >= n:
-        path = s.dt * (wp.length(at(s.verlet.reference_velocity, i)) + peak_of(s, i))
-        if is_driven(s):
-            path = path + s.dt * (wp.length(at(s.verlet.reference_velocity, j)) + peak_of(s, j))
-        return not is_near_wall(j - n, x, radius, s.walls, path + s.tuning.rounding)
-    normal, distance = law.normal(x, at(s.grains.position, j))
-    gap = law.pair_gap(distance, radius, at(s.grains.radius, j))
-    vn = wp.dot(at(s.verlet.reference_velocity, i) - at(s.verlet.reference_velocity, j), normal)
-    return gap - s.dt * (vn + peak_of(s, i) + peak_of(s, j)) >= s.tuning.rounding
 
 
 @wp.func

@@ -15,9 +15,9 @@ from warpgrains import Batch, Disc, InputError, Scene, Simulation
 from warpgrains.batch import resident
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.reference.reference import Reference
-from warpgrains.scene.fields import METHODS, ORDERS
+from warpgrains.scene.fields import METHODS
 from warpgrains.simulation.until import CountedRun, criterion
-from warpgrains.solver import engine, sizes, threads, tuning
+from warpgrains.solver import engine, sizes, threads
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.warp_start import find_device
 
@@ -66,7 +66,6 @@ def test_step_by_step(scenes: list[Scene], expected: list[Alone]) -> None:
     [
         pytest.param(resident, "free_memory", lambda _: 200_000.0, id="sets take turns in memory"),
         pytest.param(sizes, "first_pairs", np.ones_like, id="lists grow during a step"),
-        pytest.param(tuning, "TILE", dict.fromkeys(ORDERS, 5), id="tiles of pairs"),
     ],
 )
 def test_in_other_ways(

@@ -160,9 +160,9 @@ def test_mutants_are_changes_of_the_kernels_as_they_are() -> None:
 
 def test_a_mutant_is_detected(tmp_path: Path) -> None:
     file = tmp_path / "mutations.csv"
-    test = "tests/kernels/test_resumed.py::test_new_list_keeps_what_11b_needs"
+    test = "tests/kernels/test_verlet.py::test_new_list_begins_now"
     command("mutations", "--only", "skins", "--most", 1, "--tests", test, "-o", file)
     as_it_is, mutant = csv.DictReader(file.open())
     assert as_it_is["detected by"] == "none"
-    assert mutant["detected by"] == f"{test}[goes on]"
+    assert mutant["detected by"] == f"{test}[begins again]"
     assert (mutant["file"], mutant["effect"]) == ("skins", "result")

@@ -3,12 +3,11 @@
 import graphs
 import numpy as np
 import pytest
-from stages import OneRecord, grain_total, listed, record_of_graph, write_rows
+from stages import OneRecord, grain_total, listed, record_of_graph
 
 from warpgrains.arrays import IntArray
-from warpgrains.kernels.coloring import gather, group_pairs, place_pairs, place_walls, tile_pairs
-from warpgrains.kernels.record import grain_count
-from warpgrains.kernels.stages import Each, Serial
+from warpgrains.kernels.coloring import group_pairs, place_pairs, place_walls
+from warpgrains.kernels.stages import Serial
 
 GRAPHS = {
     "empty": graphs.empty(),
@@ -118,64 +117,3 @@ def test_walls_come_last(pairs: IntArray, by_color: bool, merge: bool, most: int
     assert (count["pairs"], count["walls"], count["wall_sets"]) == (len(pairs), len(walls), sets)
     start += (len(pairs) + np.cumsum([(at_walls > k).sum() for k in range(sets)], dtype=int)).tolist()
     assert record["contacts.set_start"][: len(start)].tolist() == start
-
-
-@pytest.mark.parametrize("most_walls", [0, 2])
-@pytest.mark.parametrize("name", ["star", "complete", "dense"])
-def test_kept_colors_stay_within_the_capacity(name: str, most_walls: int) -> None:
-    """Of lists that follow each other within a step, colors keep their order, and sets stay few."""
-    every, rng = GRAPHS[name], np.random.default_rng(0)
-    n = grain_total(every)
-    is_listed = np.ones(len(every), bool)
-    record, color = grouped(every, np.full(n, most_walls), by_color=True)
-    record.record["control"]["resuming"] = 1
-    for _ in range(20):
-        before, old = listed_places(record), color
-        record["workspace.old.start"][:] = record["neighbors.start"]
-        record["workspace.old_color"][list(before.values())] = old
-        is_listed = rng.random(len(every)) < 0.8
-        pairs = every[is_listed]
-        write_rows(record, listed(pairs, rng.integers(0, most_walls + 1, n)))
-        now = listed_places(record)
-        for pair, k in now.items():
-            record["workspace.old_place"][k] = before.get(pair, -1)
-        record.run(Serial(group_pairs), Serial(place_pairs))
-        color = of_pairs(record, "group")
-        colors = dict(zip(before, old.tolist(), strict=True))
-        kept = np.array([pair in before for pair in now])
-        first, second = np.array([colors[pair] for pair in now if pair in before]), color[kept]
-        assert np.array_equal(first[first < 64], second[first < 64])
-        assert np.array_equal(np.argsort(first, kind="stable"), np.argsort(second, kind="stable"))
-        assert_no_shared_grain(pairs, color)
-        sets = record.record["contacts"]["count"]["sets"]
-        assert sets == color.max() + 1 <= len(every)
-        assert np.array_equal(np.unique(color[color >= 64]), np.arange(64, max(sets, 64)))
-
-
-def listed_places(record: OneRecord) -> dict[tuple[int, int], int]:
-    """Return where each pair is in the list."""
-    rows = record["neighbors.start"]
-    first = np.repeat(np.arange(len(rows) - 1), np.diff(rows))
-    second = record["neighbors.neighbor"][: rows[-1]]
-    places = zip(first.tolist(), second.tolist(), range(len(first)), strict=True)
-    return {(i, j): k for i, j, k in places if j < len(rows) - 1}
-
-
-@pytest.mark.parametrize("tile", [1, 7, 100])
-def test_tiles(pairs: IntArray, at_walls: IntArray, tile: int, by_color: bool) -> None:
-    """Of two pairs that share a grain, the one that was swept first still is; tiles follow each other."""
-    record, _ = grouped(pairs, at_walls, by_color, merge=True)
-    before = of_pairs(record, "sweep_index")
-    record.record["tuning"]["tile"] = tile
-    record["workspace.sweep_index"][of_walls(record)] = 0  # which are no pairs
-    record["workspace.next_tile"][:] = 2
-    record.run(Each(grain_count, gather), Serial(tile_pairs))
-    places = np.array(list(listed_places(record).values()), int)
-    assert np.array_equal(record["workspace.sequence"][before], np.column_stack([pairs, places]))
-    after = of_pairs(record, "sweep_index")
-    assert np.array_equal(np.sort(after), np.arange(len(pairs)))
-    for grain in range(grain_total(pairs)):
-        on_grain = (pairs == grain).any(axis=1)
-        assert np.array_equal(np.argsort(after[on_grain]), np.argsort(before[on_grain]))
-    if not by_color:
-        assert (np.diff(places[np.argsort(after)] // tile) >= 0).all()

@@ -162,54 +162,20 @@ def test_shares_and_their_sums() -> None:
     assert equal.record.verlet_work["max_row_sum"] == halves.max() + 1.0
 
 
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
 @pytest.mark.parametrize("iterations", [0, 1, 7])
-def test_list_that_expires(iterations: int) -> None:
-    """Iterations that were begun go on; before them, the attempt starts anew."""
-    listed = Listed(cloud("sequential", "gauss-seidel", True), NARROW)
+def test_list_that_expires(iterations: int, method: str) -> None:
+    """Accelerated sweeps that were begun resume; plain ones begin again."""
+    listed = Listed(cloud("sequential", method, True), NARROW)
     record = listed.record.record
     record["step"]["iterations"], record["step"]["rebuilds"] = iterations, 3
-    record["verlet"]["flags"]["missed"] = 1
-    record["control"]["resuming"] = int(iterations == 0)
+    record["step"]["restarts"], record["control"]["resuming"] = 5, int(iterations == 0)
     record["control"]["phase"] = Phase.EXPIRE
     listed.record.run(Serial(contact_list.expire))
-    assert record["control"]["resuming"] == int(iterations > 0)
+    begun, resumes = iterations > 0, method == "accelerated"
+    assert record["control"]["resuming"] == int(begun and resumes)
+    assert record["step"]["restarts"] == 5 + int(begun and not resumes)
     assert (record["control"]["phase"], record["step"]["rebuilds"]) == (Phase.SEARCH, 4)
-    assert record["verlet"]["flags"]["missed"] == 0
-
-
-def test_new_colors_are_asked_for_once() -> None:
-    """The list stays, and every contact carries what it did."""
-    listed = Listed(cloud("color", "gauss-seidel", True), NARROW)
-    listed.carry()
-    carried, control = listed.carried(), listed.record.record["control"]
-    control["recoloring"], control["unordered"] = 1, 0
-    listed.record["workspace.old.start"][:], listed.record["workspace.old_place"][:] = -7, -7
-    listed.record.run(*SAVE, Serial(contact_list.color_anew))
-    assert (control["recoloring"], control["unordered"]) == (0, 1)
-    assert np.array_equal(listed.record["workspace.old.start"], listed.record["neighbors.start"])
-    listed.record[NOW][:] = np.nan
-    listed.record.run(*ORDER)
-    assert listed.carried() == carried
-
-
-def test_pairs_keep_their_colors_as_long_as_a_step_goes_on() -> None:
-    listed = Listed(cloud("color", "gauss-seidel", True), WIDE)
-
-    def colors() -> dict[Bodies, int]:
-        each = zip(listed.bodies, listed.record["workspace.color"].tolist(), strict=False)
-        return {(i, j): color for (i, j), color in each if j < N}
-
-    renamed = np.random.default_rng(0).permutation(64)[: max(colors().values()) + 1]
-    listed.record["workspace.color"][:] = renamed[listed.record["workspace.color"] % len(renamed)]
-    for skin in (NARROW, WIDE):
-        before = colors()
-        listed.record.record["step"]["iterations"] = 1
-        listed.expire()
-        listed.search(skin)
-        after = colors()
-        both = before.keys() & after.keys()
-        assert len(both) > 20
-        assert {pair: before[pair] for pair in both} == {pair: after[pair] for pair in both}
 
 
 @wp.func

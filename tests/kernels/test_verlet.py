@@ -15,14 +15,16 @@ from checked_list import (
     ELAPSED,
     RESERVE,
     ROUNDING,
+    STRAIGHT,
     UNMONITORED,
+    U,
     W,
     flag,
     record_with,
     set_flags,
 )
 
-from warpgrains.kernels import verlet
+from warpgrains.kernels import skins, verlet
 from warpgrains.kernels.record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
 from warpgrains.kernels.stages import Each, If, Serial, Stage
 
@@ -44,7 +46,7 @@ EACH: dict[str, Stage] = {
 BEFORE = ROUNDING + RESERVE * BASE_SKIN
 CHECKS = {
     "the peak of the iteration": ("verify", 0, 6.0, 100.0, 6.0, ROUNDING),
-    "the same, for an attempt that went on": ("verify", 1, 6.0, 100.0, 6.0, ROUNDING),
+    "the same, for sweeps that resumed": ("verify", 1, 6.0, 100.0, 6.0, ROUNDING),
     "the velocity now": ("begin_check", 0, 100.0, 0.0, DEVIATION, BEFORE),
     "the last step's peak": ("begin_check", 0, 0.0, 16.0, 16.0 - UNMONITORED, BEFORE),
     "a peak before the list": ("begin_check", 1, 7.0, 100.0, 7.0, BEFORE),
@@ -163,3 +165,29 @@ def test_step_leaves_its_peaks_for_the_next_list() -> None:
     record["verlet.peak_square"][:] = 4.0, 9.0
     record.run(Each(grain_count, verlet.remember))
     assert record["verlet.recent_deviation"].tolist() == [2.0 + UNMONITORED, 3.0 + UNMONITORED]
+
+
+@pytest.mark.parametrize("how", ["step begins", "begins again", "resumes"])
+def test_new_list_begins_now(how: str) -> None:
+    """Its v0_i are the present velocities, or the old ones with v_f where plain sweeps begin again."""
+    record = record_with(accelerated=how == "resumes")
+    record.record["step"]["iterations"] = int(how != "step begins")
+    record["verlet.peak_square"][:], record["verlet.recent_deviation"][:] = (4.0, 9.0), 0.5
+    record.run(Each(grain_count, skins.renew_skin), Serial(skins.renew_numbers))
+    velocity = W + U if how == "begins again" else W + U + np.array([3.0, 4.0])
+    assert (record["verlet.reference_velocity"] == velocity).all()
+    assert (record["verlet.reference_position"] == STRAIGHT + np.array([3.0, 4.0]) / 8.0).all()
+    margin = {"step begins": skins.FORESEEN, "begins again": skins.FOUND_OUT, "resumes": skins.STILL_TO_COME}
+    needed = np.full(2, 0.5) if how == "step begins" else np.array([2.0, 3.0]) + UNMONITORED
+    assert (record["verlet.skin"] == BASE_SKIN + float(margin[how]) * DT * needed).all()
+    numbers = record.verlet_numbers
+    assert (numbers["frame_shift"].tolist(), numbers["elapsed"]) == ([0.0, 0.0], 0.0)
+    assert numbers["lifetime"] >= DT
+
+
+def test_list_serves_one_step_at_least() -> None:
+    """However fast its grains are: one that served none would be built anew for ever."""
+    record = record_with()
+    record["verlet.reference_velocity"][:] = [[1e6, 0.0], [-1e6, 0.0]]
+    record.run(Serial(skins.renew_numbers))
+    assert record.verlet_numbers["lifetime"] == DT

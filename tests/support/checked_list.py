@@ -37,7 +37,7 @@ def record_with(accelerated: bool = False, **numbers: Any) -> OneRecord:
     for name, value in (known | numbers).items():
         part = record.verlet_work if name in record.verlet_work.dtype.names else record.verlet_numbers
         part[name] = value
-    set_flags(record, list_expired=0, missed=0, bad_body=-1)
+    set_flags(record, list_expired=0, bad_body=-1)
     return record
 
 

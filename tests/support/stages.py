@@ -110,13 +110,8 @@ def record_of_graph(pairs: IntArray, at_walls: IntArray | None = None) -> OneRec
     write_rows(record, contacts)
     for name in (
         "group",
-        "color_rank",
         "sweep_index",
-        "sequence",
-        "tile",
-        "tile_end",
         "next_level",
-        "next_tile",
     ):
         record[f"workspace.{name}"][:] = -7
     record["workspace.used_colors"][:] = 2**64 - 1

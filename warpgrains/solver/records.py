@@ -114,7 +114,6 @@ class SceneRecords:
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
         for name in ("room", "rounding", "monitor_threshold", "nearest"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
-        host["tuning"]["tile"] = [tuning.TILE[scene.order] for scene in scenes]
         host["tuning"]["smallest_radius"] = [scene.smallest_radius for scene in scenes]
         host["tuning"]["reserve"] = tuning.RESERVE
         host["stopping"]["patience"] = [tuning.patience(scene) for scene in scenes]

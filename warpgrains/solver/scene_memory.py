@@ -244,7 +244,6 @@ class SceneMemory:
         if control["phase"] == Phase.FULL:
             for rows, count in (("start", self._scene.n + 1), ("neighbor", self.contacts)):
                 self.array(f"neighbors.{rows}")[:count] = self.array(f"workspace.old.{rows}")[:count]
-        if control["phase"] == Phase.FULL or control["recoloring"]:
             self.record["control"] = 0
             self.array("verlet.skin")[:] = tuning.NO_SKIN
         control["phase"] = Phase.ENDED

@@ -207,12 +207,9 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "neighbors": rows | search,
         "workspace": {
             "old": rows | dict.fromkeys(search, 0),
-            **dict.fromkeys(("old_dv", "old_color", "old_place", "color", "color_rank"), contacts),
-            **dict.fromkeys(("sweep_index", "group", "sequence"), contacts),
+            **dict.fromkeys(("old_dv", "old_place"), contacts),
+            **dict.fromkeys(("sweep_index", "group"), contacts),
             "old_dvt": friction * contacts,
-            "tile": (1 - ahead) * contacts,
-            "tile_end": (1 - ahead) * (contacts + 1),
-            "next_tile": (1 - ahead) * n,
             **dict.fromkeys(("row_sum", "next_level", "used_colors"), n),
         },
         "partial": {

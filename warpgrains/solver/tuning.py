@@ -24,7 +24,6 @@ NO_SKIN = -1.0  # marks a scene without a list: the next step requests one
 RESERVE = 0.1  # in base skins: margin of a skin at the start of the iteration
 MONITOR_THRESHOLD = 0.3  # in base skins: largest deviation in a step without monitoring
 NEAREST = 0.5 * NARROWEST.value  # radii per step: half of the narrowest skin
-TILE = {"sequential": 32768, "color": 4096}  # interleaved pairs: many hide latency, few fit in the cache
 HOST_FEW, HOST_MANY = 750.0, 0.15  # the host's solution of a step costs a + b n sweeps
 WAITING = 1.0 / 3.0  # fraction of its time that a team's first thread may wait; above, the team shrinks
 PAUSE = 0.03  # shortest time of one thread alone before more are tried [s]
