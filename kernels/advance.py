@@ -8,11 +8,10 @@ from functools import cache
 
 import warp as wp
 
-from .pace import barrier, count_rest, is_to_grow, join, leave
 from .record import SOLVED, Phase, Scene, SceneRecord
 from .stages import OPTIONS
-from .threads import Team, TeamRecord, is_member
-from .waiting import seconds
+from .threads import Team, TeamRecord
+from .waiting import barrier, seconds
 
 f64 = wp.float64
 TIME_SLICE = wp.constant(f64(1.0e-3))  # seconds after which a team looks for another scene
@@ -84,11 +83,10 @@ def count_step(s: Scene, queue: Queue, k: int):
 
 
 @wp.func
-def slice_goes_on(team: Team, queue: Queue, k: int, begun: f64) -> int:
+def slice_goes_on(queue: Queue, k: int, begun: f64) -> int:
     """Return 1 if the team continues with scene k; if not, add up the time spent on it."""
     spent = seconds() - begun
-    count_rest(team)
-    if has_work(queue, k) and queue.cancel[0] == 0 and spent < TIME_SLICE and not is_to_grow(team):
+    if has_work(queue, k) and queue.cancel[0] == 0 and spent < TIME_SLICE:
         return 1
     queue.seconds[k] = queue.seconds[k] + spent
     return 0
@@ -113,30 +111,28 @@ def kernel(name: str, solve: wp.Function) -> wp.Kernel:
         """Advance a scene until its steps are done, it waits for the host, or its time slice is over."""
         begun = seconds()
         going_on = int(1)
-        while going_on != 0 and is_member(team):
+        while going_on != 0:
             solve(team, s)
             if team.rank == 0:
                 count_step(s, queue, k)
-                team.going_on[0] = slice_goes_on(team, queue, k, begun)
+                team.going_on[0] = slice_goes_on(queue, k, begun)
             barrier(team)
             going_on = team.going_on[0]
             barrier(team)  # all have read it before it is written again
 
     @wp.kernel(module=module)
     def advance(records: wp.array(dtype=SceneRecord), queue: Queue, team: TeamRecord):
-        """Advance scenes until none is free, or until a larger team is to be tried."""
-        join(team)
+        """Advance scenes until none is free."""
         k = int(0)
-        while k >= 0 and is_member(team):
+        while k >= 0:
             if team.rank == 0:
-                team.scene[0] = -1 if is_to_grow(team) else take(queue)
+                team.scene[0] = take(queue)
             barrier(team)
             k = team.scene[0]
-            if k >= 0 and is_member(team):
+            if k >= 0:
                 advance_scene(team, records[k], queue, k)
                 if team.rank == 0:
                     give_back(queue.taken, k)
             barrier(team)  # the same of `scene`
-        leave(team)
 
     return advance

@@ -16,9 +16,9 @@ import warp as wp
 
 from .access import CHECKED
 from .contacts import set_count
-from .pace import barrier
 from .record import Scene
-from .threads import Team, is_member, thread_range
+from .threads import Team, thread_range
+from .waiting import barrier
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
@@ -171,13 +171,10 @@ def _each(count: wp.Function, stage: wp.Function, atomic: bool) -> wp.Function:
     def each(team: Team, s: Scene):
         begin = int(0)
         end = count(s)
-        if not is_member(team):
-            end = 0
-        elif wp.static(atomic):
-            if team.rank > 0:
-                end = 0
-        else:
+        if wp.static(not atomic):
             begin, end = thread_range(team, 0, end)
+        elif team.rank > 0:
+            end = 0
         k = int(begin)
         while k < end:
             stage(s, k)
@@ -193,8 +190,7 @@ def _shared(stage: wp.Function) -> wp.Function:
 
     @wp.func(inline=False)
     def shared(team: Team, s: Scene):
-        if is_member(team):
-            stage(team, s)
+        stage(team, s)
         note(team, s)
         barrier(team)
 
@@ -207,7 +203,7 @@ def _sets(stage: wp.Function) -> wp.Function:
     @wp.func(inline=False)
     def sets(team: Team, s: Scene):
         k = int(0)
-        while k < set_count(s) and is_member(team):
+        while k < set_count(s):
             stage(team, s, k)
             barrier(team)
             k += 1
@@ -221,7 +217,7 @@ def _if(condition: wp.Function, body: wp.Function) -> wp.Function:
     def run_if(team: Team, s: Scene):
         holds = condition(s)
         barrier(team)  # before a stage of the body changes what others have still to read
-        if holds and is_member(team):
+        if holds:
             body(team, s)
 
     return run_if
@@ -232,7 +228,7 @@ def _while(condition: wp.Function, body: wp.Function) -> wp.Function:
     def run_while(team: Team, s: Scene):
         holds = condition(s)
         barrier(team)
-        while holds and is_member(team):
+        while holds:
             body(team, s)
             holds = condition(s)
             barrier(team)

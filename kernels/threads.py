@@ -1,32 +1,18 @@
 """A team of threads, among which the elements of a stage are divided.
 
-On a CPU every OS thread is one thread of the team, and they meet at a barrier after every stage. On a GPU the
-team is a launch, and its end is the barrier. No result depends on the size of the team, so that a team may
-lose members at any barrier: where cores are busy with other work, waiting for each other costs more than the
-threads gain (pace.py).
+On a CPU every OS thread is one thread of the team, and they meet at a barrier after every stage (waiting.py).
+On a GPU the team is a launch, and its end is the barrier. No result depends on the size of the team.
 """
+
+from typing import Any
 
 import warp as wp
 
 from .access import at, put, raise_to
 from .types import Floats
 
+WORDS = 24  # of a team, by which its threads wait
 GPU_PARTIALS = 64  # over which a GPU's threads spread their parts of a maximum
-
-
-@wp.struct
-class Pace:
-    """The cost of waiting to a team. The first thread writes it, and between two launches the host."""
-
-    size: wp.int32  # threads that take part
-    most: wp.int32  # threads that may ever take part
-    share: wp.float64  # of its time that the first thread may wait
-    shortest: wp.float64  # pause before a larger team is tried [s]
-    window: wp.float64  # time since which waiting is counted; between two launches, for how long [s]
-    waited: wp.float64  # seconds of it
-    clock: wp.float64  # time up to which `rest` is counted [s]
-    rest: wp.float64  # left of the pause [s]
-    pause: wp.float64  # before the last trial [s]
 
 
 @wp.struct
@@ -35,13 +21,30 @@ class TeamRecord:
 
     rank: wp.int32
     size: wp.int32
-    words: wp.array(dtype=wp.int64)  # by which they wait for each other (waiting.py)
+    words: wp.array(dtype=wp.int64)  # by which CPU threads wait for each other (waiting.py); empty of one
     scene: wp.array(dtype=wp.int32)  # that the team works on (advance.py)
     going_on: wp.array(dtype=wp.int32)  # whether it goes on with it
-    pace: wp.array(dtype=Pace)
 
 
 Team = wp.ref[TeamRecord]
+
+
+def team_records(size: int) -> list[TeamRecord]:
+    """Return the record of a new team of CPU threads for each of them."""
+    shared: dict[str, Any] = {
+        "scene": wp.zeros(1, dtype=wp.int32, device="cpu"),
+        "going_on": wp.zeros(1, dtype=wp.int32, device="cpu"),
+    }
+    if size > 1:
+        shared["words"] = wp.zeros(WORDS, dtype=wp.int64, device="cpu")
+    records = []
+    for rank in range(size):
+        record = TeamRecord()
+        record.rank, record.size = rank, size
+        for name, array in shared.items():
+            setattr(record, name, array)
+        records.append(record)
+    return records
 
 
 @wp.func
@@ -50,12 +53,6 @@ def member(team: TeamRecord, rank: int) -> TeamRecord:
     one = team
     one.rank = rank
     return one
-
-
-@wp.func
-def is_member(team: Team) -> bool:
-    """Return whether this thread is in the team; a thread that has left skips the rest of a step."""
-    return team.rank < team.size
 
 
 @wp.func

@@ -94,8 +94,7 @@ def stop_at(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 @pytest.fixture(autouse=True)
 def whole_teams(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let as many threads work as a test asks for, also where they do not pay and on a busy machine."""
-    monkeypatch.setattr(tuning, "crew", lambda scene, team: (team, team))
-    monkeypatch.setattr(tuning, "WAITING", math.inf)
+    monkeypatch.setattr(tuning, "useful_threads", lambda scene, threads: threads)
 
 
 @pytest.fixture(scope="session", autouse=True)

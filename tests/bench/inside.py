@@ -11,7 +11,7 @@ from warpgrains.kernels.integrate import free_velocity
 from warpgrains.kernels.record import Phase, grain_count
 from warpgrains.kernels.stages import Each, Stage, While
 from warpgrains.kernels.step import EXPIRE, METHODS, ORDER, SEARCH, START
-from warpgrains.solver.crew import Crew
+from warpgrains.kernels.threads import team_records
 from warpgrains.solver.sizes import kind_of
 from warpgrains.solver.tuning import paying_threads
 
@@ -46,7 +46,7 @@ class Record:
 
     def command(self, stages: Sequence[Stage]) -> wp.Launch:
         """Return the launch of some stages."""
-        inputs = (self._records.device, Crew().members[0])
+        inputs = (self._records.device, team_records(1)[0])
         return wp.launch(kernel_of(*stages), dim=1, inputs=inputs, device="cpu", record_cmd=True)
 
     def _keep(self) -> None:

@@ -64,29 +64,6 @@ def test_threads(order: str, method: str, threads: int, steps: int) -> None:
     assert_same_lists(state, expected)
 
 
-@pytest.mark.parametrize(("threads", "members"), [(2, 1), (4, 3)])
-def test_fewer_threads_than_the_team_is_for(
-    order: str, method: str, expected: State, threads: int, members: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(tuning, "crew", lambda scene, team: (min(members, team),) * 2)
-    assert_same_bits(final_state(order, method, threads=threads), expected)
-
-
-@pytest.mark.parametrize("threads", [2, 4])
-def test_a_team_that_shrinks_and_grows(
-    order: str, method: str, expected: State, threads: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(tuning, "WAITING", 0.1)
-    monkeypatch.setattr(tuning, "PAUSE", 1e-4)
-    simulation = Simulation(scene(order, method), threads=threads)
-    sizes = set()
-    for _ in range(STEPS):
-        simulation.step()
-        sizes.add(simulation._engine._crew.size)
-    assert_same_bits(simulation.state(), expected)
-    assert min(sizes) < threads
-
-
 def test_a_thread_that_waits_sleeps() -> None:
     """A second thread is launched alone: it waits for the first, which has nothing to do."""
     engine = Simulation(scene("sequential"), threads=2)._engine

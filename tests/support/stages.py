@@ -9,8 +9,7 @@ from warpgrains import Scene
 from warpgrains.arrays import IntArray
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import OPTIONS, Stage, fuse
-from warpgrains.kernels.threads import TeamRecord
-from warpgrains.solver.crew import Crew
+from warpgrains.kernels.threads import TeamRecord, team_records
 from warpgrains.solver.engine import CPU_BLOCK
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
@@ -71,7 +70,7 @@ class OneRecord:
         return self.record["verlet"]["work"]
 
     def run(self, *stages: Stage) -> None:
-        inputs = (self._records.device, Crew().members[0])
+        inputs = (self._records.device, team_records(1)[0])
         wp.launch(kernel_of(*stages), dim=1, inputs=inputs, device="cpu")
 
 

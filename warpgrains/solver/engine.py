@@ -29,9 +29,8 @@ from warpgrains.kernels.record import (
 )
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import fused_step, step
+from warpgrains.kernels.threads import team_records
 from warpgrains.scene.state import State
-from warpgrains.solver import tuning
-from warpgrains.solver.crew import Crew
 from warpgrains.solver.final_states import FinalStates, counted
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.records import SceneRecords
@@ -101,7 +100,6 @@ class Engine:
         self.last_steps = LastSteps(scenes, *arrays, service.proofs, service.errors)
         self._sums = host["statistics"].view(np.void)  # filled ten times as fast as by fields
         self._no_steps = np.zeros((), self._sums.dtype)
-        self._crew = Crew(*tuning.crew(scenes[0], team))
         self._graphs: dict[int, wp.Graph] = {}
 
     @property
@@ -212,17 +210,16 @@ class Engine:
     def tasks(self, threads: int) -> list[Callable[[], None]]:
         """Return one task per thread. A task advances free scenes until none is left.
 
-        There are `threads` tasks if no team shares a scene. A team has one for each thread that pays off now
-        (pace.py).
+        There are `threads` tasks if no team shares a scene, and otherwise one for each thread of the team.
         """
         if self._device.is_cuda:
             return [self._work_on_gpu]
-        count = self._crew.threads_of_next_launch() if self._team > 1 else threads
+        count = self._team if self._team > 1 else threads
         begun = len(self._tasks)
         if count > begun:
             self.load_kernels()
-            teams = self._crew.members if self._team > 1 else [Crew().members[0] for _ in range(count)]
-            for team in teams[begun:count]:
+            teams = team_records(count) if self._team > 1 else [team_records(1)[0] for _ in range(count)]
+            for team in teams[begun:]:
                 inputs = (self._records.device, self._queue, team)
                 with BUILDING:
                     command = wp.launch(self.kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
@@ -274,7 +271,7 @@ class Engine:
 
     def service(self) -> bool:
         """Serve the requests of scenes; return True if one of the scenes can continue."""
-        if not np.count_nonzero(self._outcome):  # all are solved; a team changes its size between launches
+        if not np.count_nonzero(self._outcome):  # all are solved
             return bool(np.count_nonzero(self.left) and not self._cancel[0])
         unproved = np.flatnonzero(self._outcome == UNPROVED).tolist()
         for k in unproved:

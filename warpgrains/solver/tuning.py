@@ -6,7 +6,6 @@ result.
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,9 +24,8 @@ RESERVE = 0.1  # in base skins: margin of a skin at the start of the iteration
 MONITOR_THRESHOLD = 0.3  # in base skins: largest deviation in a step without monitoring
 NEAREST = 0.5 * NARROWEST.value  # radii per step: half of the narrowest skin
 HOST_FEW, HOST_MANY = 750.0, 0.15  # the host's solution of a step costs a + b n sweeps
-WAITING = 1.0 / 3.0  # fraction of its time that a team's first thread may wait; above, the team shrinks
-PAUSE = 0.03  # shortest time of one thread alone before more are tried [s]
 SHARED_SET = 1000  # pairs of a set above which threads that synchronize after each set gain
+FEWEST = 400  # grains of each thread of a team
 
 
 def first_skin(scene: Scene) -> float:
@@ -70,10 +68,9 @@ def paying_threads(scene: Scene) -> int:
     return cores() if 3.0 * scene.n / sets > SHARED_SET else 1
 
 
-def crew(scene: Scene, team: int) -> tuple[int, int]:
-    """Return the number of threads with which a team begins a scene, and the most that it may use."""
-    most = min(team, cores())
-    return most if paying_threads(scene) > 1 or not sys.platform.startswith("linux") else 1, most
+def useful_threads(scene: Scene, threads: int) -> int:
+    """Return how many of some threads have a core and enough grains each."""
+    return max(1, min(threads, cores(), scene.n // FEWEST))
 
 
 def patience(scene: Scene) -> int:
@@ -84,5 +81,7 @@ def patience(scene: Scene) -> int:
 
 
 def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
-    """Return the largest number of CPU threads for a scene: `threads`, or the number that pays off."""
-    return 1 if device.is_cuda else threads or paying_threads(scene)
+    """Return the number of CPU threads that share a scene: the useful ones of `threads`, or those that pay."""
+    if device.is_cuda:
+        return 1
+    return useful_threads(scene, threads) if threads else paying_threads(scene)
