@@ -17,7 +17,7 @@ from typing import Any
 
 import warp as wp
 
-from .types import Contact, Drive, Motion, Pose, Shape, WorkingContact
+from .types import Contact, Drive, Motion, Pose, Shape
 
 f64 = wp.float64
 CHECKED = os.environ.get("WARPGRAINS_CHECK_BOUNDS") == "1"
@@ -109,9 +109,9 @@ def lowest_bit(bits: wp.uint64) -> int:
     ...
 
 
-@wp.func_native(checked("working.data[c] = {all.data[k].n, 2u * all.data[k].i, 2u * all.data[k].j};"))
-def copy_contact(working: wp.array(dtype=WorkingContact), c: int, all: wp.array(dtype=Contact), k: int):
-    """Make a contact of the working set of one of all."""
+@wp.func_native(checked("target.data[c] = source.data[k];"))
+def copy_contact(target: wp.array(dtype=Contact), c: int, source: wp.array(dtype=Contact), k: int):
+    """Copy contact k to index c of another array."""
     ...
 
 
@@ -121,7 +121,7 @@ def normal_of(contact: wp.array(dtype=Contact), c: int) -> wp.vec2d:
     ...
 
 
-@wp.func_native(checked("contact.data[c].i = i; contact.data[c].j = j;"))
+@wp.func_native(checked("contact.data[c].i = 2u * i; contact.data[c].j = 2u * j;"))
 def set_bodies(contact: wp.array(dtype=Contact), c: int, i: int, j: int):
     """Write a contact's grain, and its other grain or wall."""
     ...
@@ -139,31 +139,13 @@ def gap_rate_of(contact: wp.array(dtype=Contact), c: int) -> f64:
     ...
 
 
-@wp.func_native(checked("return contact.data[c].i;"))
+@wp.func_native(checked("return (int)contact.data[c].i / 2;"))
 def first_of(contact: wp.array(dtype=Contact), c: int) -> int:
     """Read a contact's grain, the first of two."""
     ...
 
 
-@wp.func_native(checked("return contact.data[c].j;"))
+@wp.func_native(checked("return (int)contact.data[c].j / 2;"))
 def second_of(contact: wp.array(dtype=Contact), c: int) -> int:
     """Read a contact's second grain, or its wall."""
-    ...
-
-
-@wp.func_native(checked("return (int)working.data[c].i / 2;"))
-def working_first_of(working: wp.array(dtype=WorkingContact), c: int) -> int:
-    """Read the grain, the first of two, of a contact of the working set."""
-    ...
-
-
-@wp.func_native(checked("return (int)working.data[c].j / 2;"))
-def working_second_of(working: wp.array(dtype=WorkingContact), c: int) -> int:
-    """Read the second grain, or the wall, of a contact of the working set."""
-    ...
-
-
-@wp.func_native(checked("return working.data[c].n;"))
-def working_normal_of(working: wp.array(dtype=WorkingContact), c: int) -> wp.vec2d:
-    """Read the unit normal of a contact of the working set."""
     ...

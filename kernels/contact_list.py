@@ -50,7 +50,7 @@ def save_contact(s: Scene, k: int):
     c = at(s.workspace.sweep_index, k)
     last = f64(0.0)
     if is_accelerated(s):
-        last = at(s.momentum.last_dv, c)
+        last = at(s.contacts.last_dv, c)
     dv = wp.vec3d(at(s.contacts.dv, c), at(s.contacts.dv_start, c), last)
     put(s.workspace.old_dv, k, dv)
     put(s.workspace.old.neighbor, k, at(s.neighbors.neighbor, k))
@@ -58,7 +58,7 @@ def save_contact(s: Scene, k: int):
     if has_friction(s):
         last = f64(0.0)
         if is_accelerated(s):
-            last = at(s.momentum.last_dvt, c)
+            last = at(s.contacts.last_dvt, c)
         put(s.workspace.old_dvt, k, wp.vec3d(at(s.contacts.dvt, c), at(s.contacts.dvt_start, c), last))
 
 
@@ -134,7 +134,7 @@ def transfer_tangential(s: Scene, k: int, c: int, i: int, j: int):
     put(s.contacts.dvt, c, dvt[0])
     put(s.contacts.dvt_start, c, dvt[1])
     if is_accelerated(s):
-        put(s.momentum.last_dvt, c, dvt[2])
+        put(s.contacts.last_dvt, c, dvt[2])
     if has_weights(s):
         put(s.contacts.rim_weights, c, find_rim_weights(s, i, j))
 
@@ -154,7 +154,7 @@ def transfer_warm_start(s: Scene, i: int):
         put(s.contacts.dv, c, dv[0])
         put(s.contacts.dv_start, c, dv[1])
         if is_accelerated(s):
-            put(s.momentum.last_dv, c, dv[2])
+            put(s.contacts.last_dv, c, dv[2])
         if has_weights(s):
             put(s.contacts.weights, c, mass_shares(s, i, j))
         if has_friction(s):

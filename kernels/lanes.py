@@ -11,10 +11,10 @@ from typing import Any
 import warp as wp
 
 from .access import CHECKED, checked
-from .types import Floats, Vectors, WorkingContact
+from .types import Contact, Floats, Vectors
 
 f64 = wp.float64
-Pairs = wp.array(dtype=WorkingContact)
+Pairs = wp.array(dtype=Contact)
 FOUR = wp.constant(4)
 
 
@@ -31,14 +31,16 @@ class Lanes:
     sum_of, product_of, larger_of : wp.Function
         Of two numbers of each pair. Compilers do not see that Warp's own could be one instruction.
     approach : wp.Function
-        Velocities at which working pairs close their gaps, `(velocity, pairs, c)` [m/s].
+        Velocities at which pairs close their gaps, `(velocity, pairs, c)` [m/s].
+    gap_rates : wp.Function
+        Their gaps over dt, `(pairs, c)` [m/s].
     push_apart : wp.Function
-        Share changes of corrections out to grains, `(velocity, pairs, c, dv, share_i, share_j)`.
+        Share changes of corrections out to grains, `(velocity, pairs, c, dv, share_i, share_j, kept, place)`.
     slip : wp.Function
-        Velocities at which the surfaces of working pairs slip, `(velocity, rim, pairs, c)` [m/s].
+        Velocities at which the surfaces of pairs slip, `(velocity, rim, pairs, c)` [m/s].
     push_and_turn : wp.Function
         Share changes of normal and tangential corrections out to grains and their rims,
-        `(velocity, rim, pairs, c, dv, dvt, share_i, share_j, rim_i, rim_j)`.
+        `(velocity, rim, pairs, c, dv, dvt, share_i, share_j, rim_i, rim_j, kept, place)`.
     """
 
     vector: Any
@@ -48,6 +50,7 @@ class Lanes:
     product_of: wp.Function
     larger_of: wp.Function
     approach: wp.Function
+    gap_rates: wp.Function
     push_apart: wp.Function
     slip: wp.Function
     push_and_turn: wp.Function
@@ -93,10 +96,20 @@ VELOCITIES = """
 """C++ by which both numbers of a velocity, and of a normal, are computed at once."""
 
 
+KEEP = """
+    #if !defined(__CUDA_ARCH__)
+        *(couple *)&kept.data[place + 2 * k] = *vi;
+        *(couple *)&kept.data[place + 2 * k + 1] = *vj;
+    #endif
+"""
+"""C++ that keeps the velocities of a pair after its correction, because a later pair may change them."""
+
+
 @cache
-def lanes(count: int) -> Lanes:
-    """Return the functions of `count` pairs at once."""
+def lanes(count: int, keep: bool = False) -> Lanes:
+    """Return the functions of `count` pairs at once. With `keep`, those that push keep the velocities."""
     vector = wp.types.vector(length=count, dtype=f64)
+    keeping = KEEP if keep else ""
 
     @wp.func_native(
         checked(f"""
@@ -134,16 +147,36 @@ def lanes(count: int) -> Lanes:
     def approach(velocity: Vectors, pairs: Pairs, c: int) -> vector: ...
 
     @wp.func_native(
+        checked(f"""
+        wp::vec_t<{count}, double> values;
+        for (int k = 0; k < {count}; k++)
+            values.c[k] = pairs.data[c + k].gap_rate;
+        return values;
+    """)
+    )
+    def gap_rates(pairs: Pairs, c: int) -> vector: ...
+
+    @wp.func_native(
         checked(f"""{VELOCITIES}
         for (int k = 0; k < {count}; k++) {{
             const couple push = *(const couple *)&pairs.data[c + k].n * dv.c[k];
             couple *vi = velocity_at(pairs.data[c + k].i), *vj = velocity_at(pairs.data[c + k].j);
             *vi = *vi - push * share_i.c[k];
             *vj = *vj + push * share_j.c[k];
+            {keeping}
         }}
     """)
     )
-    def push_apart(velocity: Vectors, pairs: Pairs, c: int, dv: vector, share_i: vector, share_j: vector): ...
+    def push_apart(
+        velocity: Vectors,
+        pairs: Pairs,
+        c: int,
+        dv: vector,
+        share_i: vector,
+        share_j: vector,
+        kept: Vectors,
+        place: int,
+    ): ...
 
     @wp.func_native(
         checked(f"""{VELOCITIES}
@@ -166,8 +199,10 @@ def lanes(count: int) -> Lanes:
             const auto n = pairs.data[c + k].n;
             const wp::vec_t<2, double> t(-n[1], n[0]);
             const couple push = *(const couple *)&n * dv.c[k] + *(const couple *)&t * dvt.c[k];
-            *velocity_at(i) = *velocity_at(i) - push * share_i.c[k];
-            *velocity_at(j) = *velocity_at(j) + push * share_j.c[k];
+            couple *vi = velocity_at(i), *vj = velocity_at(j);
+            *vi = *vi - push * share_i.c[k];
+            *vj = *vj + push * share_j.c[k];
+            {keeping}
             rim.data[i / 2] = rim.data[i / 2] - dvt.c[k] * rim_i.c[k];
             rim.data[j / 2] = rim.data[j / 2] - dvt.c[k] * rim_j.c[k];
         }}
@@ -184,6 +219,8 @@ def lanes(count: int) -> Lanes:
         share_j: vector,
         rim_i: vector,
         rim_j: vector,
+        kept: Vectors,
+        place: int,
     ): ...
 
     return Lanes(
@@ -194,6 +231,7 @@ def lanes(count: int) -> Lanes:
         product_of,
         larger_of,
         approach,
+        gap_rates,
         push_apart,
         slip,
         push_and_turn,

@@ -275,4 +275,4 @@ def pair_count(s: Scene) -> int:
 @wp.func
 def is_accelerated(s: Scene) -> bool:
     """Return whether the method has momentum, and so keeps the state of one sweep before."""
-    return s.momentum.last_dv.shape[0] > 0
+    return s.contacts.last_dv.shape[0] > 0

@@ -17,13 +17,10 @@ from functools import cache
 import warp as wp
 
 from . import (
-    accelerated,
-    accelerated_friction,
     cells,
     coloring,
     contact_list,
     exact,
-    gauss_seidel,
     integrate,
     momentum,
     neighbors,
@@ -31,6 +28,7 @@ from . import (
     skins,
     statistics,
     stopping,
+    sweep,
     verlet,
     warm_start,
     working_set,
@@ -111,8 +109,8 @@ def plain_sweeps(has_friction: bool) -> list[Stage]:
         While(
             sweeping,
             [
-                Sets(gauss_seidel.sweep_with_friction if has_friction else gauss_seidel.sweep),
-                Serial(gauss_seidel.end_sweep),
+                Sets(sweep.sweeping(has_friction, ahead=False)),
+                Serial(sweep.end_sweep),
                 If(verlet.is_sampling_due, [Serial(verlet.begin_sampling), Each(body_count, verlet.sample)]),
                 If(measuring, [*recompute(has_friction), Serial(stopping.end_measurement)]),
             ],
@@ -120,18 +118,15 @@ def plain_sweeps(has_friction: bool) -> list[Stage]:
     ]
 
 
-SWEEP = [
-    Shared(momentum.extrapolate),
-    Sets(accelerated.sweep_ahead),
-    Serial(momentum.end_sweep_ahead),
-    If(rejected, [Each(part_count, momentum.roll_back), Each(body_count, momentum.roll_back_velocity)]),
-]
-
-SWEEP_WITH_FRICTION = [
-    Shared(momentum.extrapolate_with_friction),
-    Sets(accelerated_friction.sweep_ahead_with_friction),
-    Serial(momentum.end_sweep_ahead_with_friction),
-]
+def sweep_ahead(has_friction: bool) -> list[Stage]:
+    """Extrapolate and sweep the working set; without friction, a sweep may be rejected."""
+    roll_back = [Each(part_count, momentum.roll_back), Each(body_count, momentum.roll_back_velocity)]
+    return [
+        Shared(momentum.extrapolate_with_friction if has_friction else momentum.extrapolate),
+        Sets(sweep.sweeping(has_friction, ahead=True)),
+        Serial(sweep.end_sweep),
+        *([] if has_friction else [If(rejected, roll_back)]),
+    ]
 
 
 def accelerated_sweeps(has_friction: bool) -> list[Stage]:
@@ -155,7 +150,7 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
                 ),
                 If(measuring, measure),
                 If(scanning, [Sets(working_set.select_set), Serial(working_set.end_scan)]),
-                If(sweeping, SWEEP_WITH_FRICTION if has_friction else SWEEP),
+                If(sweeping, sweep_ahead(has_friction)),
             ],
         ),
     ]

@@ -58,24 +58,13 @@ Drive = wp.types.vector(length=len(DriveOf), dtype=f64)
 class Contact:
     """A candidate contact of grains i < j, or of grain i and wall j - n, where n is the number of grains.
 
-    A correction reads its 32 bytes and never writes them.
+    A correction reads its 32 bytes and never writes them. They hold the indices at which the velocities of
+    its bodies begin in an array of numbers: a processor reads these at no cost, while to compute indices of
+    vectors takes a tenth of a sweep.
     """
 
     n: wp.vec2d  # unit normal from i to j
     gap_rate: f64  # gap / dt [m/s]
-    i: wp.int32
-    j: wp.int32
-
-
-@wp.struct
-class WorkingContact:
-    """Normal and bodies of a contact of the working set, 24 bytes.
-
-    It holds the indices at which the velocities of its grains begin, in an array of numbers: a processor
-    reads these at no cost, while to compute indices of vectors takes a tenth of a sweep.
-    """
-
-    n: wp.vec2d  # unit normal from i to j
     i: wp.uint32  # 2 i
     j: wp.uint32  # 2 j
 
@@ -119,19 +108,28 @@ class ContactCount:
 
 @wp.struct
 class Contacts:
-    """Candidate contacts in the order in which they are swept: pairs, then contacts with walls."""
+    """Candidate contacts in the order in which they are swept: pairs, then contacts with walls.
+
+    The working set of accelerated sweeps has copies of some of the arrays; the others are empty there.
+    """
 
     contact: wp.array(dtype=Contact)
     dv: Floats  # accumulated corrections dv_c [m/s]; < 0 only where the other side of a wall pushes
     dv_start: Floats  # dv_c of the last good step, with which a step starts, again if need be
+    last_dv: Floats  # dv_c before the last sweep [m/s]; empty without acceleration
     weights: Vectors  # mass shares of i and j; empty where they are equal (`has_equal_shares`)
     limits: Vectors  # at walls: gap / dt on the other side, A_i / dt of eq. 18 [m/s]; or empty (`has_limits`)
     wall_speed: Floats  # of contacts with walls: that of the surface [m/s] (eq. 23); empty if none is mobile
     dvt: Floats  # accumulated tangential corrections [m/s]; empty without friction
     dvt_start: Floats  # those with which a step starts
+    last_dvt: Floats  # those before the last sweep
     rim_weights: wp.array(dtype=wp.vec3d)  # 1 / K_t, and parts for the rims of i and j (eq. 22); as `weights`
     set_start: Ints  # first contact of every set of `stages.Sets`, and the end of the last
     count: ContactCount
+
+
+ContactsByRef = wp.ref[Contacts]
+"""All contacts, or those of the working set: what a sweep visits."""
 
 
 @wp.struct
@@ -217,7 +215,7 @@ class Verlet:
 
 @wp.struct
 class MomentumState:
-    """The momentum of the accelerated method (accelerated.py)."""
+    """The momentum of the accelerated method (momentum.py)."""
 
     t: f64
     beta: f64
@@ -230,8 +228,6 @@ class MomentumState:
 class Momentum:
     """State before the last sweep, and sums by part (contacts.py). Empty in scenes that do not accelerate."""
 
-    last_dv: Floats  # corrections before the last sweep [m/s]
-    last_dvt: Floats  # tangential ones; empty without friction
     last_rim: Floats  # rim speeds that go with them
     last_velocity: Vectors  # velocities that go with them [m/s]
     contact_part: (
@@ -245,15 +241,9 @@ class Momentum:
 class WorkingSet:
     """The contacts that are swept, by part (working_set.py). Empty in scenes that do not accelerate."""
 
-    contact: wp.array(dtype=WorkingContact)
-    gap_rate: Floats  # [m/s]
+    contacts: Contacts
     index: Ints  # among all contacts
-    dv: Floats  # [m/s]
-    last_dv: Floats  # before the last sweep [m/s]
-    dvt: Floats  # tangential ones [m/s]; empty without friction
-    last_dvt: Floats
-    weights: wp.array(dtype=wp.vec3d)  # shares of i and j, and mu_c; empty where all masses are equal
-    limits: Vectors  # as in Contacts
+    mass: Floats  # mu_c of pairs [kg]; empty where all masses are equal
     range: wp.array(dtype=wp.vec2i)  # first contact, and end, of every part
 
 

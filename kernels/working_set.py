@@ -28,6 +28,7 @@ from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, has_friction, has_weights, is_driven, pair_count
 from .stopping import stop_or_sweep, stops_on_zeta
 from .threads import Team, reduce_max, thread_range, update_max
+from .types import Floats, WorkingSet
 from .verlet import keep_peak
 
 f64 = wp.float64
@@ -64,35 +65,34 @@ def empty(s: Scene, k: int):
 @wp.func
 def scatter(s: Scene, part: int):
     """Copy the corrections of a part of the working set back to all contacts."""
-    working = s.working
-    bounds = at(working.range, part)
+    working, bounds = s.working, at(s.working.range, part)
+    scatter_numbers(working, bounds, s.contacts.dv, working.contacts.dv)
+    scatter_numbers(working, bounds, s.contacts.last_dv, working.contacts.last_dv)
+    if has_friction(s):
+        scatter_numbers(working, bounds, s.contacts.dvt, working.contacts.dvt)
+        scatter_numbers(working, bounds, s.contacts.last_dvt, working.contacts.last_dvt)
+
+
+@wp.func
+def scatter_numbers(working: WorkingSet, bounds: wp.vec2i, target: Floats, source: Floats):
+    """Copy numbers of a part of the working set back to those of all contacts."""
     c = int(bounds[0])
     while c < bounds[1]:
-        k = at(working.index, c)
-        put(s.contacts.dv, k, at(working.dv, c))
-        put(s.momentum.last_dv, k, at(working.last_dv, c))
+        put(target, at(working.index, c), at(source, c))
         c += 1
-    if has_friction(s):
-        c = int(bounds[0])
-        while c < bounds[1]:
-            k = at(working.index, c)
-            put(s.contacts.dvt, k, at(working.dvt, c))
-            put(s.momentum.last_dvt, k, at(working.last_dvt, c))
-            c += 1
 
 
 @wp.func
 def select(s: Scene, c: int, k: int):
     """Copy contact k to index c of the working set."""
     put(s.working.index, c, k)
-    copy_contact(s.working.contact, c, s.contacts.contact, k)
-    put(s.working.gap_rate, c, gap_rate_of(s.contacts.contact, k))
-    put(s.working.dv, c, at(s.contacts.dv, k))
-    put(s.working.last_dv, c, at(s.momentum.last_dv, k))
+    copy_contact(s.working.contacts.contact, c, s.contacts.contact, k)
+    put(s.working.contacts.dv, c, at(s.contacts.dv, k))
+    put(s.working.contacts.last_dv, c, at(s.contacts.last_dv, k))
     if has_weights(s):
         weight = at(s.contacts.weights, k)
-        mu = weight[0] * at(s.grains.contact_mass, first_of(s.contacts.contact, k))
-        put(s.working.weights, c, wp.vec3d(weight[0], weight[1], mu))
+        put(s.working.contacts.weights, c, weight)
+        put(s.working.mass, c, weight[0] * at(s.grains.contact_mass, first_of(s.contacts.contact, k)))
 
 
 @wp.func
@@ -121,7 +121,7 @@ def selecting(count: int) -> wp.Function:
             vn = vector()
             for k in range(wp.static(count)):
                 vn[k] = closing_speed_of(s, c + k)
-            carried = numbers_at(contacts.dv, c) + numbers_at(s.momentum.last_dv, c)
+            carried = numbers_at(contacts.dv, c) + numbers_at(s.contacts.last_dv, c)
             for k in range(wp.static(count)):
                 excess = vn[k] - gap_rate_of(contacts.contact, c + k)
                 carries = carried[k] > f64(0.0)
@@ -160,7 +160,7 @@ def selecting_walls(driven: bool) -> wp.Function:
         c = int(begin)
         while c < end:
             i, n, dv = first_of(contact, c), normal_of(contact, c), at(s.contacts.dv, c)
-            carries = dv != f64(0.0) or at(s.momentum.last_dv, c) != f64(0.0)
+            carries = dv != f64(0.0) or at(s.contacts.last_dv, c) != f64(0.0)
             if wp.static(driven):
                 change = closing_speed(s, velocity, i, second_of(contact, c), n) - gap_rate_of(contact, c)
                 is_near = change + near > f64(0.0)
@@ -172,8 +172,9 @@ def selecting_walls(driven: bool) -> wp.Function:
             violation = larger(violation, wp.where(carries, f64(0.0), change))
             if carries or is_near:
                 select(s, free, c)
-                if wp.static(not driven) and s.working.limits.shape[0] > 0:
-                    put(s.working.limits, free - pair_count(s), at(s.contacts.limits, c - pair_count(s)))
+                if wp.static(not driven) and s.contacts.limits.shape[0] > 0:
+                    limits = at(s.contacts.limits, c - pair_count(s))
+                    put(s.working.contacts.limits, free - pair_count(s), limits)
                 free += 1
             c += 1
         return free, violation
@@ -186,12 +187,14 @@ select_walls, select_driven_walls = selecting_walls(False), selecting_walls(True
 
 @wp.func
 def select_tangential(s: Scene, begin: int, end: int):
-    """Copy the tangential corrections of selected contacts, from index begin to end of the working set."""
+    """Copy what selected contacts have with friction, from index begin to end of the working set."""
     c = int(begin)
     while c < end:
         k = at(s.working.index, c)
-        put(s.working.dvt, c, at(s.contacts.dvt, k))
-        put(s.working.last_dvt, c, at(s.momentum.last_dvt, k))
+        put(s.working.contacts.dvt, c, at(s.contacts.dvt, k))
+        put(s.working.contacts.last_dvt, c, at(s.contacts.last_dvt, k))
+        if has_weights(s):
+            put(s.working.contacts.rim_weights, c, at(s.contacts.rim_weights, k))
         c += 1
 
 

@@ -19,7 +19,7 @@ from ..support.stages import kernel_of
 from .timing import seconds
 
 VEC = ("<f8", (2,))
-CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")], align=True)
+CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<u4"), ("j", "<u4")], align=True)
 
 UP_TO_THE_LIST = (Each(grain_count, free_velocity), *START)
 """What a step does before it finds that its list will not do."""

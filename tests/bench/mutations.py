@@ -32,11 +32,11 @@ TABLE = Path(__file__).with_suffix(".toml")
 COLUMNS = ("file", "line", "old", "new", "effect", "detected by", "seconds")
 TIME_LIMIT = 300.0  # seconds a mutant: one that never ends is detected as well
 DECIDING = {
-    "verlet": ("verlet", "resumed", "monitoring", "missing_contacts", "driven_walls"),
+    "verlet": ("verlet", "monitoring", "missing_contacts", "driven_walls"),
     "neighbors": ("driven_walls",),
-    "gauss_seidel": ("driven_walls",),
-    "skins": ("resumed", "missing_contacts"),
-    "contact_list": ("contact_list", "resumed", "missing_contacts"),
+    "wall_sweep": ("driven_walls",),
+    "skins": ("verlet", "missing_contacts"),
+    "contact_list": ("contact_list", "missing_contacts"),
     "working_set": ("accelerated_stages", "working_set"),
     "momentum": ("momentum", "accelerated_stages", "working_set"),
     "stopping": ("momentum", "accelerated_stages", "working_set", "monitoring", "missing_contacts"),

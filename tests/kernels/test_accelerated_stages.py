@@ -28,7 +28,7 @@ PARTS = {  # first contact and end, by number: those of a set begin with the num
     8: (430, 450),
 }
 TOLERANCE = 2.0**-4
-NOW, LAST = "contacts.dv", "momentum.last_dv"
+NOW, LAST = "contacts.dv", "contacts.last_dv"
 
 
 def eighths(rng: np.random.Generator, low: int, high: int, shape: object) -> FloatArray:
@@ -52,8 +52,8 @@ class Accelerated:
         self.limits = record["contacts.limits"] if inner or slides else np.empty((N, 2))
         self.is_wall = np.arange(CONTACTS) >= PAIRS
         pairs, walls = self.contact[:PAIRS], self.contact[PAIRS:]
-        pairs["i"], pairs["j"] = np.sort(rng.permuted(np.tile(np.arange(N), (PAIRS, 1)), axis=1)[:, :2]).T
-        walls["i"], walls["j"] = rng.permutation(N), N
+        pairs["i"], pairs["j"] = 2 * np.sort(rng.permuted(np.tile(np.arange(N), (PAIRS, 1)), axis=1)[:, :2]).T
+        walls["i"], walls["j"] = 2 * rng.permutation(N), 2 * N
         axes = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
         self.contact["n"] = axes[rng.integers(0, 4, CONTACTS)]
         pairs["gap_rate"], walls["gap_rate"] = eighths(rng, 0, 20, PAIRS), eighths(rng, 0, 12, N)
@@ -61,7 +61,7 @@ class Accelerated:
         self.limits[:, 1] = 5.0 if slides else np.inf
         record["grains.next_velocity"][:] = eighths(rng, -8, 9, (N, 2))
         if slides:  # along = 3 of reach = 5: the circle leaves 1 less
-            record["grains.next_velocity"][walls["i"]] = (
+            record["grains.next_velocity"][walls["i"] // 2] = (
                 eighths(rng, -8, 9, N)[:, None] * walls["n"]
                 + rng.choice([0.0, 3.0], N)[:, None] * walls["n"][:, ::-1]
             )
@@ -114,7 +114,7 @@ def test_selection(iterations: int, zeta: float, nearest: float, h: float, inner
     whole["step"]["iterations"], whole["step"]["zeta"], whole["tuning"]["nearest"] = iterations, zeta, nearest
     contact["gap_rate"][[0, PAIRS]], record[NOW][[0, PAIRS]] = (-50.0, -40.0), 1.0  # what is swept anyway
     v, n = record["grains.next_velocity"], contact["n"]
-    own, other = v[contact["i"]], v[np.where(is_wall, 0, contact["j"])]
+    own, other = v[contact["i"] // 2], v[np.where(is_wall, 0, contact["j"] // 2)]
     vn = ((own - np.where(is_wall[:, None], 0.0, other)) * n).sum(axis=1)
     slide = is_wall & (np.abs((own * n[:, ::-1]).sum(axis=1)) == 3.0) & slides
     gap = contact["gap_rate"] - np.where(slide, 1.0, 0.0)
@@ -155,21 +155,18 @@ def test_working_contacts_are_copies_that_are_put_back(equal: bool) -> None:
     record = ahead.record
     ahead.select()
     k, at = np.array(ahead.chosen()), np.array(ahead.indices())
-    copies, contacts = record["working.contact"][at], ahead.contact[k]
-    assert np.array_equal(copies["n"], contacts["n"])
-    assert np.array_equal(copies["i"], 2 * contacts["i"])
-    assert np.array_equal(copies["j"], 2 * contacts["j"])
-    assert np.array_equal(record["working.gap_rate"][at], contacts["gap_rate"])
-    assert np.array_equal(record["working.dv"][at], record[NOW][k])
-    assert np.array_equal(record["working.last_dv"][at], record[LAST][k])
+    for name in ("contact", "dv", "last_dv"):
+        assert np.array_equal(record[f"working.contacts.{name}"][at], record[f"contacts.{name}"][k])
     wall = k >= PAIRS
-    assert np.array_equal(record["working.limits"][at[wall] - PAIRS], ahead.limits[k[wall] - PAIRS])
+    limits = record["working.contacts.limits"]
+    assert np.array_equal(limits[at[wall] - PAIRS], ahead.limits[k[wall] - PAIRS])
     if not equal:
         share = record["contacts.weights"][k]
-        mu = share[:, 0] * record["grains.contact_mass"][contacts["i"]]
-        assert np.array_equal(record["working.weights"][at], np.column_stack([share, mu]))
+        mu = share[:, 0] * record["grains.contact_mass"][ahead.contact["i"][k] // 2]
+        assert np.array_equal(record["working.contacts.weights"][at], share)
+        assert np.array_equal(record["working.mass"][at], mu)
     rng, expected = np.random.default_rng(0), {}
-    for name, all_contacts in (("working.dv", NOW), ("working.last_dv", LAST)):
+    for name, all_contacts in (("working.contacts.dv", NOW), ("working.contacts.last_dv", LAST)):
         expected[all_contacts], new = record[all_contacts].copy(), rng.uniform(1.0, 2.0, len(k))
         expected[all_contacts][k] = record[name][at] = new
     record.run(Each(part_count, working_set.scatter))
@@ -180,11 +177,11 @@ def test_rejected_sweep_is_taken_back() -> None:
     ahead = Accelerated()
     record = ahead.record
     ahead.select()
-    expected, at = record["working.dv"].copy(), ahead.indices()
-    expected[at] = record["working.last_dv"][at]
+    expected, at = record["working.contacts.dv"].copy(), ahead.indices()
+    expected[at] = record["working.contacts.last_dv"][at]
     record["momentum.last_velocity"][:] = np.arange(2 * N).reshape(N, 2)
     record.run(Each(part_count, momentum.roll_back), Each(grain_count, momentum.roll_back_velocity))
-    assert np.array_equal(record["working.dv"], expected)
+    assert np.array_equal(record["working.contacts.dv"], expected)
     assert np.array_equal(record["grains.next_velocity"], record["momentum.last_velocity"])
 
 

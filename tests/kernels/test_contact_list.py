@@ -18,7 +18,7 @@ from warpgrains.kernels.step import ORDER, SAVE, SEARCH
 N, WIDE, NARROW, NOTHING = 120, 0.35, 0.05, 0.0
 EXPIRE = [*SAVE, Serial(contact_list.expire)]
 LISTED = [While(searching, SEARCH), *ORDER]
-NOW, START, LAST = "contacts.dv", "contacts.dv_start", "momentum.last_dv"
+NOW, START, LAST = "contacts.dv", "contacts.dv_start", "contacts.last_dv"
 Bodies = tuple[int, int]  # a grain, and another one or the wall, which is body N
 
 
@@ -78,7 +78,8 @@ class Listed:
     def carried(self) -> dict[Bodies, list[float]]:
         """Return what every listed contact carries, by its bodies, once those are found to be in order."""
         bodies, swept = self.bodies, self.record["contacts.contact"][self.index]
-        assert list(zip(swept["i"].tolist(), swept["j"].tolist(), strict=True)) == bodies == sorted(bodies)
+        found = np.stack([swept["i"], swept["j"]], axis=1) // 2
+        assert [tuple(pair) for pair in found.tolist()] == bodies == sorted(bodies)
         dv = np.stack([self.record[name][self.index] for name in self.names], axis=1)
         return dict(zip(bodies, dv.tolist(), strict=True))
 
@@ -90,7 +91,7 @@ class Listed:
         self.record.run(*EXPIRE)
         for name in (*self.names, "contacts.weights"):
             self.record[name][:] = np.nan
-        self.record["contacts.contact"]["i"], self.record["contacts.contact"]["j"] = -7, -7
+        self.record["contacts.contact"]["i"], self.record["contacts.contact"]["j"] = 7, 7
         self.record["workspace.sweep_index"][:] = -7
 
 

@@ -57,7 +57,7 @@ def test_every_array_has_a_length(sizes: Sizes) -> None:
     assert (length["grains.position"] == GRAINS + np.array([0, 0, 2, 0])).all()
     assert (length["walls.drive"] == [0, 0, 2, 0]).all()
     assert (length["contacts.weights"] == CONTACTS * sizes.weighted).all()
-    assert (length["momentum.last_dv"] == CONTACTS * sizes.accelerated).all()
+    assert (length["contacts.last_dv"] == CONTACTS * sizes.accelerated).all()
     assert (length["grains.spin"] == GRAINS * sizes.friction).all()
     assert (length["contacts.rim_weights"] == CONTACTS * sizes.weighted * sizes.friction).all()
     assert (length["walls.motion"] == [0, 2, 0, 0]).all()

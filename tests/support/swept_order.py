@@ -16,7 +16,7 @@ def swept_pairs(simulation: Simulation) -> IntArray:
     records = simulation._engine._records
     listed = records.host["contacts"]["count"]["pairs"][0]
     pairs = records.array(0, "contacts.contact")[:listed]
-    return np.stack([pairs["i"], pairs["j"]], axis=1)
+    return np.stack([pairs["i"], pairs["j"]], axis=1).astype(np.int64) // 2
 
 
 def full_order(simulation: Simulation) -> IntArray:

@@ -209,9 +209,9 @@ class SceneRecords:
         carried, count = np.zeros((len(which), n, walls)), self.host["contacts"]["count"][which]
         index, pairs = np.arange(contact.shape[1]), count["pairs"][:, np.newaxis]
         row, place = np.nonzero((index >= pairs) & (index < pairs + count["walls"][:, np.newaxis]))
-        body = contact["j"][row, place] - n
+        body = contact["j"][row, place].astype(np.int64) // 2 - n
         wall, correction = scene.bodies.carried(body, dv[row, place])
-        carried[row, contact["i"][row, place], wall] = correction
+        carried[row, contact["i"][row, place] // 2, wall] = correction
         return carried
 
     def _block(self, k: int) -> Block:

@@ -219,7 +219,7 @@ class SceneMemory:
                 self.array(f"contacts.{name}")[:count] = dvt
             self.array("workspace.old_dvt")[:count] = dvt[order, np.newaxis]
         contact = self.array("contacts.contact")[:count]
-        contact["i"], contact["j"] = body.T
+        contact["i"], contact["j"] = 2 * body.T
         for rows in ("neighbors", "workspace.old"):
             self.array(f"{rows}.start")[:] = np.searchsorted(body[order, 0], np.arange(n + 1))
             self.array(f"{rows}.neighbor")[:count] = body[order, 1]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from warpgrains.kernels.cells import AT_ONCE
 from warpgrains.kernels.contacts import CHUNK
-from warpgrains.kernels.gauss_seidel import KEPT
+from warpgrains.kernels.pair_sweep import KEPT
 from warpgrains.kernels.record import Kind
 from warpgrains.kernels.threads import GPU_PARTIALS
 
@@ -153,6 +153,18 @@ def lengths(size: Sizes) -> dict[str, Any]:
     ahead = size.accelerated
     at_walls = np.minimum(n * size.walls, contacts)
     parts = contacts + contacts // CHUNK + 2 + size.walls
+    listed = {
+        **dict.fromkeys(("contact", "dv", "dv_start"), contacts),
+        **dict.fromkeys(("dvt", "dvt_start"), friction * contacts),
+        "last_dv": ahead * contacts,
+        "last_dvt": ahead * friction * contacts,
+        "weights": contacts * size.weighted,
+        "rim_weights": friction * contacts * size.weighted,
+        "limits": size.limited * at_walls,
+        "wall_speed": friction * size.mobile * at_walls,
+        "set_start": contacts + 2 + size.walls,
+    }
+    not_swept = dict.fromkeys(("dv_start", "dvt_start", "wall_speed", "set_start"), 0)
     return {
         "grains": {
             **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), bodies),
@@ -163,15 +175,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("spin", "last_spin", "angle", "rim_mass"), friction * n),
             **dict.fromkeys(("free_rim", "next_rim", "recomputed_rim"), friction * n),
         },
-        "contacts": {
-            **dict.fromkeys(("contact", "dv", "dv_start"), contacts),
-            **dict.fromkeys(("dvt", "dvt_start"), friction * contacts),
-            "weights": contacts * size.weighted,
-            "rim_weights": friction * contacts * size.weighted,
-            "limits": size.limited * at_walls,
-            "wall_speed": friction * size.mobile * at_walls,
-            "set_start": contacts + 2 + size.walls,
-        },
+        "contacts": listed,
         "walls": {
             "shape": size.walls - 1,
             "joint": size.joined,
@@ -185,18 +189,15 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("reference_position", "reference_velocity"), bodies),
         },
         "momentum": {
-            "last_dv": ahead * contacts,
-            "last_dvt": ahead * friction * contacts,
             "last_rim": ahead * friction * n,
             "contact_part": ahead * parts,
             "last_velocity": ahead * bodies,
             "grain_part": ahead * -(-bodies // CHUNK),
         },
         "working": {
-            **dict.fromkeys(("contact", "gap_rate", "index", "dv", "last_dv"), ahead * contacts),
-            **dict.fromkeys(("dvt", "last_dvt"), ahead * friction * contacts),
-            "weights": ahead * contacts * size.weighted,
-            "limits": ahead * size.limited * at_walls,
+            "contacts": {name: ahead * length for name, length in listed.items()} | not_swept,
+            "index": ahead * contacts,
+            "mass": ahead * contacts * size.weighted,
             "range": ahead * parts,
         },
         "grid": {

@@ -81,7 +81,7 @@ def patience(scene: Scene) -> int:
 
 
 def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
-    """Return the number of CPU threads that share a scene: the useful ones of `threads`, or those that pay."""
+    """Return the number of CPU threads that share a scene: those useful of `threads`, or those that pay."""
     if device.is_cuda:
         return 1
     return useful_threads(scene, threads) if threads else paying_threads(scene)

@@ -1,0 +1,199 @@
+"""The sweep over pairs: corrections contact by contact, in place (MODEL.md, eqs. 5 to 7, 13 and 23).
+
+One loop serves all methods, by static flags. A plain sweep visits all pairs, one at a time, from the
+corrections that they have. A sweep `ahead` visits the working set from y, further along, four at a time,
+goes a little too far, and sums what it does to phi (momentum.py). With friction, a visit corrects the
+normal velocity and then the velocity at which the surfaces slip. For discs the two depend on each other by
+Coulomb's bound alone, so one visit solves a contact exactly.
+
+Plain sweeps monitor grains where a correction is large (verlet.py), a block of pairs at a time: whether a
+correction is large cannot be foreseen, and to find it out pair by pair costs a processor as much as the
+correction.
+"""
+
+import warp as wp
+
+from . import law
+from .access import at, checked, first_of, larger, lowest_bit, second_of
+from .friction import THIRD
+from .lanes import end_of_fours, lanes
+from .momentum import ENOUGH, relaxation_factor
+from .record import Scene, has_weights
+from .types import ContactsByRef, Vectors
+from .verlet import least_monitored_correction, monitor
+
+f64 = wp.float64
+BLOCK = wp.constant(64)  # pairs that a thread corrects before it monitors the grains of large corrections
+KEPT = wp.constant(2 * BLOCK + 8)  # velocities of a thread: two a pair, and a gap that no cache line bridges
+NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
+
+
+@wp.func_native(
+    checked("""
+#if defined(__CUDA_ARCH__)
+    return velocity.data[i];
+#else
+    return kept.data[k];
+#endif
+""")
+)
+def kept_velocity(kept: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
+    """Return a kept velocity. A GPU reads that of grain i: the pairs of a launch are one independent set."""
+    ...
+
+
+def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> wp.Function:
+    """Return the function that corrects pairs, `count` at a time: `(scene, contacts, begin, end, kept)`.
+
+    It returns the largest change of a correction, the sums of momentum.py, and bits of the pairs of large
+    changes, whose velocities are kept from index `kept` on. A plain sweep has no sums, one ahead no bits.
+    """
+    several = lanes(count, keep=not ahead)
+    vector, numbers_at, set_numbers = several.vector, several.numbers_at, several.set_numbers
+    sum_of, product_of, larger_of = several.sum_of, several.product_of, several.larger_of
+    approach, gap_rates, slip = several.approach, several.gap_rates, several.slip
+    push_apart, push_and_turn = several.push_apart, several.push_and_turn
+
+    @wp.func(inline=ahead)
+    def sweep(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int):
+        velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every pair
+        rim = s.grains.next_rim
+        pairs = contacts.contact
+        dvs = contacts.dv
+        dvts = contacts.dvt
+        last_dvs = contacts.last_dv
+        last_dvts = contacts.last_dvt
+        weights = contacts.weights
+        rim_weights = contacts.rim_weights
+        masses = s.working.mass
+        kept_velocity = s.partial.kept_velocity
+        beta, mu, omega = s.momentum.state.beta, f64(s.friction), f64(1.0)
+        if wp.static(ahead and not friction):
+            omega = relaxation_factor(s)
+        large, half, one = least_monitored_correction(s), f64(0.5), f64(1.0)
+        share_i, share_j, mass = vector(half), vector(half), vector(half)  # by unit mass where all are equal
+        rim_i, rim_j, narrow, wide = vector(one), vector(one), vector(THIRD), vector(f64(3.0))
+        zeta, cost, slope, bits = vector(), vector(), vector(), wp.uint64(0)
+        c = int(begin)
+        while c < end:
+            place = kept + 2 * (c - begin)
+            if wp.static(weighted):
+                for k in range(wp.static(count)):
+                    share = at(weights, c + k)
+                    share_i[k] = share[0]
+                    share_j[k] = share[1]
+                    if wp.static(ahead):
+                        mass[k] = at(masses, c + k)
+                    if wp.static(friction):
+                        part = at(rim_weights, c + k)
+                        narrow[k] = part[0]
+                        rim_i[k] = part[1]
+                        rim_j[k] = part[2]
+                        if wp.static(ahead):
+                            wide[k] = f64(1.0) / part[0]
+            x = numbers_at(dvs, c)
+            y, step = x, vector()
+            if wp.static(ahead):
+                step = beta * (x - numbers_at(last_dvs, c))
+                y = x + step
+            gap_rate, vn = gap_rates(pairs, c), approach(velocity, pairs, c)
+            excess = vn - gap_rate
+            dv = vector()
+            for k in range(wp.static(count)):
+                if wp.static(ahead and not friction):
+                    dv[k] = law.normal_change(omega * excess[k], y[k], f64(0.0))
+                else:
+                    dv[k] = law.normal_change(vn[k], y[k], gap_rate[k])
+            change = larger_of(dv, -dv)
+            if wp.static(friction):
+                xt = numbers_at(dvts, c)
+                yt, step_t = xt, vector()
+                if wp.static(ahead):
+                    step_t = beta * (xt - numbers_at(last_dvts, c))
+                    yt = xt + step_t
+                vt, dvt = slip(velocity, rim, pairs, c), vector()
+                for k in range(wp.static(count)):
+                    dvt[k] = law.tangential_change(narrow[k] * vt[k], yt[k], mu * (y[k] + dv[k]))
+                push_and_turn(
+                    velocity, rim, pairs, c, dv, dvt, share_i, share_j, rim_i, rim_j, kept_velocity, place
+                )
+                set_numbers(dvts, c, yt + dvt)
+                change = larger_of(change, larger_of(dvt, -dvt))
+                if wp.static(ahead):
+                    set_numbers(last_dvts, c, xt)
+                    wide_dvt = product_of(wide, dvt)
+                    size = sum_of(product_of(dv, dv), product_of(wide_dvt, dvt))
+                    cost = sum_of(cost, product_of(mass, size))
+                    slope = sum_of(slope, product_of(mass, product_of(wide_dvt, step_t + dvt)))
+            else:
+                push_apart(velocity, pairs, c, dv, share_i, share_j, kept_velocity, place)
+                if wp.static(ahead):
+                    gain = product_of(dv, excess - half * dv)
+                    cost = sum_of(cost, product_of(mass, product_of(gap_rate, step) - ENOUGH * gain))
+            set_numbers(dvs, c, y + dv)
+            zeta = larger_of(zeta, change)
+            if wp.static(ahead):
+                set_numbers(last_dvs, c, x)
+                slope = sum_of(slope, product_of(mass, product_of(dv, step + dv)))
+            else:
+                bits = (bits << ONE) | wp.where(change[0] > large, ONE, NONE)
+            c += wp.static(count)
+        total = wp.vec3d()
+        for k in range(wp.static(count)):
+            total = wp.vec3d(larger(total[0], zeta[k]), total[1] + cost[k], total[2] - slope[k])
+        return total, bits
+
+    return sweep
+
+
+@wp.func
+def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
+    """Monitor both grains of the pairs of a block that have a bit."""
+    velocity, contact, kept = s.grains.next_velocity, s.contacts.contact, s.partial.kept_velocity
+    left = bits
+    while left != NONE:
+        c = end - 1 - lowest_bit(left)
+        left = left & (left - ONE)
+        i, j = first_of(contact, c), second_of(contact, c)
+        place = k + 2 * (c - begin)
+        monitor(s, i, kept_velocity(kept, place, velocity, i))
+        monitor(s, j, kept_velocity(kept, place + 1, velocity, j))
+
+
+def pairs_sweep(friction: bool, ahead: bool) -> wp.Function:
+    """Return the function that corrects pairs of [begin, end): `(scene, contacts, begin, end, kept)`.
+
+    It returns the largest change of a correction, and the sums of momentum.py.
+    """
+    equal, weighted = (sweeping_pairs(4 if ahead else 1, flag, friction, ahead) for flag in (False, True))
+    rest_equal, rest_weighted = (sweeping_pairs(1, flag, friction, ahead) for flag in (False, True))
+
+    @wp.func
+    def sweep_ahead(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int) -> wp.vec3d:
+        rest = end_of_fours(begin, end)
+        four, one = wp.vec3d(), wp.vec3d()
+        if has_weights(s):
+            four, _ = weighted(s, contacts, begin, rest, kept)
+            one, _ = rest_weighted(s, contacts, rest, end, kept)
+        else:
+            four, _ = equal(s, contacts, begin, rest, kept)
+            one, _ = rest_equal(s, contacts, rest, end, kept)
+        return wp.vec3d(larger(four[0], one[0]), four[1] + one[1], four[2] + one[2])
+
+    @wp.func
+    def sweep_blocks(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int) -> wp.vec3d:
+        zeta = f64(0.0)
+        c = int(begin)
+        while c < end:
+            stop = wp.min(c + BLOCK, end)
+            total, bits = wp.vec3d(), wp.uint64(0)
+            if has_weights(s):
+                total, bits = weighted(s, contacts, c, stop, kept)
+            else:
+                total, bits = equal(s, contacts, c, stop, kept)
+            zeta = larger(zeta, total[0])
+            monitor_block(s, c, stop, kept, bits)
+            c = stop
+        return wp.vec3d(zeta, f64(0.0), f64(0.0))
+
+    return sweep_ahead if ahead else sweep_blocks

@@ -1,0 +1,66 @@
+"""One sweep over a set of contacts: pairs by pair_sweep.py, contacts with walls by wall_sweep.py."""
+
+import warp as wp
+
+from .access import at, larger, named, put
+from .contacts import chunks_of_set, contacts_of, is_wall_set, range_of_set
+from .momentum import choose_momentum
+from .pair_sweep import KEPT, pairs_sweep
+from .record import Scene, is_accelerated, is_driven
+from .stopping import end_iteration
+from .threads import Team, partial_index, reduce_max, update_max
+from .types import ContactsByRef
+from .verlet import add_unmonitored
+from .wall_sweep import sweeping_walls
+
+f64 = wp.float64
+
+
+def sweeping(friction: bool, ahead: bool) -> wp.Function:
+    """Return the stage that corrects the contacts of a set, those of the working set in a sweep ahead."""
+    sweep_pairs = pairs_sweep(friction, ahead)
+    sweep_walls, sweep_driven = (sweeping_walls(driven, friction, ahead) for driven in (False, True))
+
+    @wp.func
+    def sweep_range(s: Scene, contacts: ContactsByRef, k: int, begin: int, end: int, kept: int) -> wp.vec3d:
+        """Correct contacts of set k; return the largest change and the sums of momentum.py."""
+        total = wp.vec3d()
+        if is_wall_set(s, k) and is_driven(s):
+            total = sweep_driven(s, contacts, begin, end)
+        elif is_wall_set(s, k):
+            total = sweep_walls(s, contacts, begin, end)
+        else:
+            total = sweep_pairs(s, contacts, begin, end, kept)
+        return total
+
+    @named(f"sweep{'_ahead' * ahead}{'_with_friction' * friction}")
+    def sweep_set(team: Team, s: Scene, k: int):
+        zeta = f64(0.0)
+        if wp.static(ahead):
+            begin, end, _, part = chunks_of_set(s, k)
+            first, last = range_of_set(team, s, k, begin, end)
+            for chunk in range(first, last):
+                bounds = at(s.working.range, part + chunk)
+                total = sweep_range(s, s.working.contacts, k, bounds[0], bounds[1], 0)
+                put(s.momentum.contact_part, part + chunk, wp.vec2d(total[1], total[2]))
+                zeta = larger(zeta, total[0])
+        else:
+            begin, end = contacts_of(team, s, k)
+            kept = KEPT * partial_index(team, s.partial.zeta.shape[0])
+            total = sweep_range(s, s.contacts, k, begin, end, kept)
+            zeta = total[0]
+        update_max(team, s.partial.zeta, zeta)
+
+    return sweep_set
+
+
+@wp.func
+def end_sweep(s: Scene):
+    """Count a sweep, and choose what follows; one ahead may be rejected."""
+    zeta = reduce_max(s.partial.zeta)
+    if is_accelerated(s):
+        choose_momentum(s, zeta)
+        end_iteration(s, zeta)
+    else:
+        end_iteration(s, zeta)
+        add_unmonitored(s)

@@ -1,0 +1,101 @@
+"""The sweep over contacts with walls: corrections in place (MODEL.md, eqs. 8, 13, 18, 23 and 29).
+
+One loop serves all methods, by the static flags of pair_sweep.py; `driven`: a force drives one of the walls.
+"""
+
+import warp as wp
+
+from . import law
+from .access import at, first_of, gap_rate_of, larger, normal_of, put, second_of
+from .contacts import limits_at, surface_of
+from .driven import correct_wall
+from .friction import rim_weights
+from .momentum import ENOUGH, mass_in_phi, relaxation_factor
+from .record import Scene, pair_count
+from .types import ContactsByRef
+from .verlet import least_monitored_correction, monitor
+
+f64 = wp.float64
+
+
+def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
+    """Return the function that corrects contacts with walls: `(scene, contacts, begin, end)`.
+
+    It returns the largest change of a correction and, of a sweep ahead, the sums of momentum.py.
+    """
+
+    @wp.func(inline=not driven)
+    def sweep_walls(s: Scene, contacts: ContactsByRef, begin: int, end: int) -> wp.vec3d:
+        contact = contacts.contact
+        velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
+        rim = s.grains.next_rim
+        beta, omega = s.momentum.state.beta, f64(1.0)
+        if wp.static(ahead and not friction):
+            omega = relaxation_factor(s)
+        large, first_wall = least_monitored_correction(s), pair_count(s)
+        total = wp.vec3d()
+        c = int(begin)
+        while c < end:
+            i, n, gap_rate = first_of(contact, c), normal_of(contact, c), gap_rate_of(contact, c)
+            v, x, listed = at(velocity, i), at(contacts.dv, c), c
+            y = x
+            if wp.static(ahead):
+                y = x + beta * (x - at(contacts.last_dv, c))
+                put(contacts.last_dv, c, x)
+                listed = at(s.working.index, c)
+            limits, compliance = limits_at(contacts.limits, c - first_wall), f64(1.0)
+            if wp.static(driven):
+                j = second_of(contact, c)
+                found = correct_wall(s, velocity, i, j, n, y, gap_rate, omega)
+                dv, compliance, excess = found[0], found[1], found[2]
+            else:
+                gap_rate = law.round_gap_rate(gap_rate, law.speed_along(v, n), limits[1])
+                vn = wp.dot(v, n)
+                dv = law.projection(omega * vn, y, omega * gap_rate, omega * limits[0]) - y
+                excess = vn - gap_rate
+            new, wide_dv, push = y + dv, compliance * dv, dv * n
+            change, cost, slope = wp.abs(wide_dv), f64(0.0), wide_dv * (new - x)
+            put(contacts.dv, c, new)
+            if wp.static(friction):
+                surface, part = surface_of(s, listed), rim_weights(s, listed, True)
+                u, xt = at(rim, i), at(contacts.dvt, c)
+                yt = xt
+                if wp.static(ahead):
+                    yt = xt + beta * (xt - at(contacts.last_dvt, c))
+                    put(contacts.last_dvt, c, xt)
+                vt = law.wall_slip(v, n, u, surface[1])
+                dvt = law.tangential_change(part[0] * vt, yt, surface[0] * new)
+                push = push + dvt * law.tangent(n)
+                put(rim, i, u - dvt * part[1])
+                put(contacts.dvt, c, yt + dvt)
+                change = larger(change, wp.abs(dvt))
+                if wp.static(ahead):
+                    wide_dvt = dvt / part[0]
+                    cost = wide_dv * dv + wide_dvt * dvt
+                    slope = slope + wide_dvt * (yt + dvt - xt)
+            elif wp.static(ahead):
+                cost = rise_of_phi(x, y, dv, excess, gap_rate, limits[0], compliance)
+            put(velocity, i, v - push)
+            zeta = larger(total[0], change)
+            if wp.static(ahead):
+                mass = mass_in_phi(s, i)
+                total = wp.vec3d(zeta, total[1] + mass * cost, total[2] - mass * slope)
+            else:
+                total[0] = zeta
+                if change > large:
+                    monitor(s, i, at(velocity, i))
+                if wp.static(driven):  # its changes add up: the wall has more contacts than a grain
+                    monitor(s, second_of(contact, c), at(velocity, second_of(contact, c)))
+            c += 1
+        return total
+
+    return sweep_walls
+
+
+@wp.func
+def rise_of_phi(x: f64, y: f64, dv: f64, excess: f64, gap_rate: f64, back_rate: f64, compliance: f64) -> f64:
+    """Return what the way from x to y adds to phi, less the gain of the correction, by unit mass (eq. 14)."""
+    cost_y = law.wall_cost(y, gap_rate, back_rate)
+    linear = law.wall_cost(y + dv, gap_rate, back_rate) - cost_y
+    gain = dv * (excess + gap_rate - f64(0.5) * compliance * dv) - linear
+    return cost_y - law.wall_cost(x, gap_rate, back_rate) - ENOUGH * gain
