@@ -5,7 +5,7 @@ import pytest
 import warp as wp
 from stages import OneRecord, grains_apart
 
-from warpgrains.kernels import momentum
+from warpgrains.kernels import momentum, sweep
 from warpgrains.kernels.record import Phase, Scene, grain_count
 from warpgrains.kernels.stages import Each, Serial, Shared
 from warpgrains.kernels.stopping import end_list_check
@@ -128,7 +128,7 @@ def test_when_all_contacts_are_scanned(zeta: float, rejected: int, last: int) ->
         record["partial.zeta"][0], record["momentum.contact_part"][0, 0] = zeta, rejected
         control["rejected"] = 1 - rejected
         record.record["step"]["measured"] = 0
-        record.run(Serial(momentum.end_sweep_ahead))
+        record.run(Serial(sweep.end_sweep))
         assert control["rejected"] == rejected
         ends = last == 0
         checks = not rejected and (k == 1 or k % 10 == 0) and zeta <= 2.0 * TOLERANCE

@@ -65,12 +65,17 @@ CASES: dict[str, tuple[Callable[[], Scene], int]] = {
 }
 
 
+LEAVING = {"deep overlap", "anywhere"}  # a round wall, at which their steps are refused
+
+
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("stop", ["residual", "zeta"])
 @pytest.mark.parametrize("case", CASES)
 def test_against_all_pairs(case: str, stop: str, scheme: dict[str, str]) -> None:
     make, steps = CASES[case]
     scene = make().replace(method="accelerated", stop=stop, **scheme)
+    if case in LEAVING:
+        scene = scene.replace(wall="tangent")
     simulation, twin = Simulation(scene, threads=1), AcceleratedTwin(scene)
     for _ in range(steps):
         report = simulation.step()

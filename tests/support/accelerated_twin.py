@@ -92,7 +92,8 @@ class Wall:
         projected = max(0.0, vn + y - omega * self.outer(v))
         if self.inner is not None:
             projected -= max(0.0, -vn - y - omega * self.inner)
-        return projected, projected - y
+        dv = projected - y
+        return y + dv, dv
 
     def violation(self, v: Velocities) -> float:
         return abs(self.corrected(v, 0.0, 1.0)[1])
