@@ -62,13 +62,13 @@ def inwards(end: int, p: wp.vec2d, shape: Shape) -> wp.vec2d:
 
 @wp.func
 def face_normal(p: wp.vec2d, x: wp.vec2d, shape: Shape) -> wp.vec2d:
-    """Return the normal, at a point p of a wall, of the face that a grain at x touches between the ends.
+    """Return the normal, at a point p of a wall, of the face on the side of a grain at x.
 
     It points into the wall, as `shape_normal` does. It is 0 where the face bulges towards the grain.
     """
-    n = shape_normal(x, shape)
     if shape[0] == segment.KIND:
-        return n
+        left = law.tangent(segment.inwards(0, shape))
+        return wp.where(wp.dot(shape_normal(x, shape), left) > f64(0.0), left, -left)
     center = wp.vec2d(shape[1], shape[2])
     radial, _ = law.normal(center, p)
-    return wp.where(wp.dot(n, x - center) > f64(0.0), radial, wp.vec2d(f64(0.0), f64(0.0)))
+    return wp.where(law.distance(center, x) < shape[3], radial, wp.vec2d(f64(0.0), f64(0.0)))

@@ -127,12 +127,15 @@ def frame_at_joint(b: int, x: wp.vec2d, radius: f64, n: wp.vec2d, gap: f64, wall
     other_shape = at(walls.shape, nearest)
     p = nearest_on(x, shape)
     along = inwards(end, p, shape)
-    shorter = f64(2.0) * wp.min(shape[CIRCLE_RADIUS], other_shape[CIRCLE_RADIUS])
-    rises = wp.dot(along, face_normal(p, x, other_shape)) < -FLUSH
-    if rises and end_of(x, other_shape) < 0 and shorter >= radius:
+    shorter = wp.min(shape[CIRCLE_RADIUS], other_shape[CIRCLE_RADIUS])
+    rises = wp.dot(along, face_normal(p, x, other_shape)) < -FLUSH and f64(2.0) * shorter >= radius
+    if rises and end_of(x, other_shape) < 0:
         left = law.tangent(along)
         height = wp.dot(left, x - p)
         return wp.where(height > f64(0.0), -left, left), wp.max(wp.abs(height) - radius, least)
+    apart = law.distance(p, nearest_on(x, other_shape))
+    if rises and apart > f64(2.0) * FLUSH * wp.max(shape[CIRCLE_RADIUS], other_shape[CIRCLE_RADIUS]):
+        return n, gap
     return n, gap + f64(2.0) * walls.annulus.radius_out
 
 

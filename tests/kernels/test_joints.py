@@ -127,6 +127,19 @@ def test_a_corner_takes_the_speed_across_the_wall_behind_it(turn: float, dt: flo
     assert simulation.velocity[0] == pytest.approx(left, abs=1e-10)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_ramp_just_behind_a_joint_is_seen_from_its_side_only(side: float) -> None:
+    """A grain on the floor is before the joint, and past the foot of the ramp after the next step."""
+    ramp = Segment((0.03, 0.0), (1.0, 0.6))
+    floor = [Segment((-2.0, 0.0), (0.0, 0.0)), Segment((0.0, 0.0), (2.0, 0.0))]
+    simulation = alone((-0.68, 0.1 * side), (7.0, 0.0), [*floor, ramp], gravity=(0.0, 0.0))
+    for _ in range(20):
+        simulation.step()
+        assert ramp.side(simulation.position, simulation.scene.radius).gap[0] > -1e-13
+    assert (simulation.velocity[0, 1] > 1.0) == (side > 0.0)
+    assert side > 0.0 or simulation.velocity[0] == pytest.approx((7.0, 0.0), abs=1e-10)
+
+
 @pytest.mark.parametrize("walls", [(0, 1, 2), (1, 0, 2), (2, 1, 0)])
 def test_a_convex_corner_lets_a_grain_go(walls: tuple[int, ...]) -> None:
     """Without gravity it flies on, past a third wall that hangs from the corner."""

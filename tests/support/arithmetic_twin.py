@@ -127,11 +127,17 @@ def frame_at_joint(
         else turned(0.0, 1.0, unit(minus(p, wall.center)))
     )
     t = t if end == 0 else (-t[0], -t[1])
-    is_face = end_of(walls[k], x) < 0
-    if not isinstance(walls[k], Segment):
-        is_face = is_face and dot(m, minus(x, walls[k].center)) > 0.0
+    rises, sizes = True, sorted((length(wall), length(walls[k])))
+    if isinstance(walls[k], Segment):
+        left = turned(0.0, 1.0, unit(minus(walls[k].end, walls[k].start)))
+        m = left if dot(m, left) > 0.0 else (-left[0], -left[1])
+    else:
+        rises = size(minus(x, walls[k].center)) < walls[k].radius
         m = unit(minus(p, walls[k].center))
-    if not is_face or not dot(t, m) < -1e-9 or min(length(wall), length(walls[k])) < r:
+    rises = rises and dot(t, m) < -1e-9 and sizes[0] >= r
+    if rises and end_of(walls[k], x) >= 0 and size(minus(foot(walls[k], x), p)) > 1e-9 * sizes[1]:
+        return n, gap
+    if not rises or end_of(walls[k], x) >= 0:
         return n, gap + 2.0 * radius_out
     left = -t[1], t[0]
     h = dot(left, minus(x, p))

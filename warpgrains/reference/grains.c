@@ -253,16 +253,28 @@ static double jointGap(const femGrains *g, int k, double x, double y, double r, 
     tx = sign * (tx / length);
     ty = sign * (ty / length);
     wallGap(other, x, y, r, &ox, &oy);
-    int isFace = nearestPoint(other, x, y, &cx, &cy) < 0 && 2.0 * fmin(wall[SHAPE - 1], other[SHAPE - 1]) >= r;
-    if (other[0] != SEGMENT) {
-        isFace = isFace && ox * (x - other[1]) + oy * (y - other[2]) > 0.0;
+    int isOver = nearestPoint(other, x, y, &cx, &cy) < 0, rises = 2.0 * fmin(wall[SHAPE - 1], other[SHAPE - 1]) >= r;
+    if (other[0] == SEGMENT) {
+        double ex = other[3] - other[1], ey = other[4] - other[2];
+        length = sqrt(ex * ex + ey * ey);
+        int isLeft = ox * -(ey / length) + oy * (ex / length) > 0.0;
+        ox = isLeft ? -(ey / length) : ey / length;
+        oy = isLeft ? ex / length : -(ex / length);
+    } else {
+        double mx = x - other[1], my = y - other[2];
+        rises = rises && sqrt(mx * mx + my * my) < other[3];
         ox = px - other[1];
         oy = py - other[2];
         length = sqrt(ox * ox + oy * oy);
         ox /= length;
         oy /= length;
     }
-    if (!isFace || !(tx * ox + ty * oy < -1e-9)) return gap + 2.0 * g->radiusOut;
+    rises = rises && tx * ox + ty * oy < -1e-9;
+    if (!rises || !isOver) {
+        double close = 2.0 * 1e-9 * fmax(wall[SHAPE - 1], other[SHAPE - 1]);
+        int isOtherEnd = sqrt((cx - px) * (cx - px) + (cy - py) * (cy - py)) > close;
+        return rises && isOtherEnd ? gap : gap + 2.0 * g->radiusOut;
+    }
     double height = -ty * (x - px) + tx * (y - py);
     *nx = height > 0.0 ? ty : -ty;
     *ny = height > 0.0 ? -tx : tx;

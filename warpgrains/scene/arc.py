@@ -108,8 +108,7 @@ class Arc(ThinWall):
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
         """Return the normals of the inner face, or 0, shape (n, 2)."""
-        hollow = hollow_normals(self.center, self.radius, point, position)
-        return np.where(self.end_of(position)[:, np.newaxis] < 0, hollow, 0.0)
+        return hollow_normals(self.center, self.radius, point, position)
 
     def drawn(self, thickness: float) -> Band:
         """Return the drawing of the arc, half as thick as a circle, because grains touch both sides."""

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.geometry import left_of
+from warpgrains.scene.geometry import distance, left_of
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.walls import Side
 
@@ -58,17 +58,22 @@ class Joints:
             gaps = np.array([self._walls[k].side(x[grain], radius[grain]).gap for k in known])
             nearest, least = gaps.argmin(axis=0), gaps.min(axis=0)
             for place, other in enumerate(known):
-                own = grain[nearest == place]
+                own, k = grain[nearest == place], self._walls[other]
                 if other != number and len(own) > 0:
-                    along, p = wall.inwards[which], wall.ends[which]
+                    along, p, at_end = wall.inwards[which], wall.ends[which], k.end_of(x[own])
+                    sizes = wall.circle[2], k.circle[2]
+                    rises = k.face_normals(p, x[own]) @ along < -FLUSH
+                    rises &= 2.0 * min(sizes) >= radius[own]
+                    to_ends = np.append([np.inf] * (len(k.ends) == 0), distance(k.ends - p))
+                    is_apart = to_ends[at_end] > 2.0 * FLUSH * max(sizes)
                     left = left_of(along[np.newaxis])
                     height = (left * (x[own] - p)).sum(axis=1)
-                    rises = self._walls[other].face_normals(p, x[own]) @ along < -FLUSH
-                    rises &= 2.0 * min(wall.circle[2], self._walls[other].circle[2]) >= radius[own]
                     line = np.where(height > 0.0, -1.0, 1.0)[:, np.newaxis] * left
                     tangent = np.maximum(np.abs(height) - radius[own], least[nearest == place])
-                    normal[own] = np.where(rises[:, np.newaxis], line, normal[own])
-                    gap[own] = np.where(rises, tangent, gap[own] + free)
+                    takes_tangent = rises & (at_end < 0)
+                    normal[own] = np.where(takes_tangent[:, np.newaxis], line, normal[own])
+                    gap[own] += np.where(rises & is_apart, 0.0, free)
+                    gap[own] = np.where(takes_tangent, tangent, gap[own])
         return Side(pose.turn(normal) if wall.moves else normal, gap)
 
 

@@ -253,13 +253,12 @@ class Obstacle:
 
     def end_of(self, position: FloatArray) -> Indices:
         """Return which ends are nearest to points, shape (n,): -1 where a point between them is."""
-        raise NotImplementedError
+        return np.full(len(position), -1)
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the normals at a point of the wall of the faces that points touch [m], shape (n, 2).
+        """Return the normals at a point of the wall of the faces on the side of points [m], shape (n, 2).
 
-        They point into the wall, and are 0 where an end of it is nearest, or the face bulges (`face_normal`
-        of kernels/shapes.py).
+        They point into the wall, and are 0 where the face bulges (`face_normal` of kernels/shapes.py).
         """
         raise NotImplementedError
 

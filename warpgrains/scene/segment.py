@@ -11,6 +11,7 @@ from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band, strip
+from warpgrains.scene.geometry import left_of
 from warpgrains.scene.obstacle import Drive, Obstacle, ThinWall, kind_of_wall
 from warpgrains.scene.walls import SMALLEST
 
@@ -116,9 +117,10 @@ class Segment(ThinWall):
         return np.array([along, -along])
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the normals of the side at which points are, or 0, shape (n, 2)."""
-        normal = self.side(position, np.zeros(len(position))).normal
-        return np.where(self.end_of(position)[:, np.newaxis] < 0, normal, 0.0)
+        """Return the normals of the side at which points are, shape (n, 2)."""
+        left = left_of(self.inwards[:1])
+        is_left = (self.side(position, np.zeros(len(position))).normal * left).sum(axis=1) > 0.0
+        return np.where(is_left[:, np.newaxis], left, -left)
 
     @property
     def drive(self) -> Drive | None:
