@@ -227,11 +227,10 @@ def test_the_host_has_normal_and_gap_of_the_kernels(corners: str) -> None:
     simulation = Simulation(scene, threads=1)
     for _ in range(60):
         simulation.step()
-        records = simulation._engine._records
-        count = records.host["contacts"]["count"][0]
-        frozen = records.array(0, "contacts.contact")[count["pairs"] : count["pairs"] + count["walls"]]
-        frozen = frozen[frozen["j"] > scene.n]  # not the annulus
-        wall = np.stack([frozen["i"], frozen["j"] - scene.n + 1], axis=1)
+        memory = simulation._engine._memory[0]
+        body, index = memory.listed_walls()
+        inside = body[:, 1] > 0  # the annulus is body 0
+        wall, frozen = body[inside] + (0, 1), memory.array("contacts.contact")[index[inside]]
         normal, gap = scene.wall_frames(simulation.last_start().position, wall)
         assert np.array_equal(normal, frozen["n"])
         assert np.array_equal(gap / scene.dt, frozen["gap_rate"])
