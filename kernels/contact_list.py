@@ -4,7 +4,7 @@ import warp as wp
 
 from . import law
 from .access import at, put, raise_to, set_bodies
-from .friction import find_rim_weights
+from .contacts import find_rim_weights
 from .record import Phase, Scene, grain_count, has_friction, has_weights, is_accelerated
 from .types import NeighborList
 from .walls import wall_body_count

@@ -21,23 +21,20 @@ def begin_step(s: Scene):
 
 
 @wp.func
-def free_spin(s: Scene, i: int):
-    """Find the rim speed without contacts (eq. 21)."""
-    radius, spin = at(s.grains.radius, i), at(s.grains.spin, i)
-    inertia = law.inertia(at(s.grains.mass, i), radius)
-    if s.scheme.leapfrog != 0:
-        spin = law.leapfrog_spin(spin, s.spin_drag, inertia, s.dt, s.scheme.staggered != 0)
-    else:
-        spin = law.free_spin(spin, s.spin_drag, inertia, s.dt)
-    put(s.grains.free_rim, i, radius * spin)
-
-
-@wp.func
 def velocity_after_kick(s: Scene, v: wp.vec2d, acceleration: wp.vec2d, drag: f64, m: f64) -> wp.vec2d:
     """Return the velocity after acceleration [m/s2] and drag [kg/s] of a body of mass m (eqs. 2, 16, 17)."""
     if s.scheme.leapfrog != 0:
         return law.leapfrog_velocity(v, acceleration, drag, m, s.dt, s.scheme.staggered != 0)
     return law.free_velocity(v, acceleration, drag, m, s.dt)
+
+
+@wp.func
+def free_rim(s: Scene, i: int):
+    """Find the rim speed without contacts: the spin obeys the law of velocities, with inertia (eq. 21)."""
+    radius, spin = at(s.grains.radius, i), wp.vec2d(at(s.grains.spin, i), f64(0.0))
+    inertia = law.inertia(at(s.grains.mass, i), radius)
+    spin = velocity_after_kick(s, spin, wp.vec2d(f64(0.0), f64(0.0)), s.spin_drag, inertia)
+    put(s.grains.free_rim, i, radius * spin[0])
 
 
 @wp.func
@@ -50,7 +47,7 @@ def free_velocity(s: Scene, i: int):
         v = velocity_after_kick(s, v, acceleration_of_wall(s, i), f64(0.0), f64(1.0))
     put(s.grains.free_velocity, i, v)
     if rotates(s, i):
-        free_spin(s, i)
+        free_rim(s, i)
 
 
 @wp.func

@@ -95,22 +95,6 @@ def tangential_change(vt: f64, dvt: f64, limit: f64) -> f64:
 
 
 @wp.func
-def free_spin(spin: f64, drag: f64, inertia: f64, dt: f64) -> f64:
-    """Spin after its drag, without contacts [rad/s] (eq. 21)."""
-    return spin - dt * ((drag / inertia) * spin)
-
-
-@wp.func
-def leapfrog_spin(spin: f64, drag: f64, inertia: f64, dt: f64, staggered: bool) -> f64:
-    """The same in the middle of the step; a `staggered` spin is of the middle of the last one."""
-    a = drag * dt / (f64(2.0) * inertia)
-    kicked = spin
-    if staggered:
-        kicked = (f64(1.0) - a) * spin
-    return kicked / (f64(1.0) + a)
-
-
-@wp.func
 def inertia(mass: f64, radius: f64) -> f64:
     """Moment of inertia of a disc [kg m2]."""
     return f64(0.5) * mass * radius * radius

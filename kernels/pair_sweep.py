@@ -15,7 +15,7 @@ import warp as wp
 
 from . import law
 from .access import at, checked, first_of, larger, lowest_bit, second_of
-from .friction import THIRD
+from .contacts import THIRD
 from .lanes import end_of_fours, lanes
 from .momentum import ENOUGH, relaxation_factor
 from .record import Scene, has_weights

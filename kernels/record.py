@@ -43,7 +43,7 @@ class Kind(NamedTuple):
 
 
 class Phase(IntEnum):
-    """The next part of a step. Serial stages choose it, mostly in stopping.py; conditions.py reads it.
+    """The next part of a step. Serial stages choose it, mostly in stopping.py; conditions of step.py read it.
 
     Besides, the host answers steps that are FULL or SLOW, and `contact_list.keep_pair` repeats a search.
     """

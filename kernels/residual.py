@@ -6,16 +6,22 @@ both walls apart, for the velocities that the corrections make of the free ones,
 wall leaves to these. No contact closes faster than gap/dt + eta. The velocities are the exact solution of a
 step whose gaps are changed by at most dt * eta, and whose free velocities by what letting go contacts still
 carry, at most eta each.
+
+Steps on which sweeps converge too slowly are solved by the host (warpgrains/solver/exact.py): such a step
+ends as SLOW (stopping.py). Velocities are then recomputed from the host's corrections, and sweeps continue
+until they meet the tolerance, mostly none. If the host finds no better ones, the sweeps continue from
+where they were. The way in which corrections were found does not matter: a contact that is not listed and
+that the final velocities do not violate is satisfied without a correction (eq. 10). So the check of the
+list starts again from these.
 """
 
 import warp as wp
 
 from . import law
 from .access import at, first_of, gap_rate_of, larger, named, normal_of, put, second_of
-from .contacts import apply, contact_count, contacts_of, gap_rates_now, surface_of, tangential_at
+from .contacts import apply, contact_count, contacts_of, gap_rates_now, rim_weights, surface_of, tangential_at
 from .driven import missing_correction
-from .friction import rim_weights
-from .record import Scene, is_driven, pair_count, rotates
+from .record import Phase, Scene, is_driven, pair_count, rotates
 from .threads import Team, thread_range, update_max
 
 f64 = wp.float64
@@ -94,3 +100,10 @@ def measurement(friction: bool) -> wp.Function:
 
 
 measure_residual, measure_with_friction = measurement(False), measurement(True)
+
+
+@wp.func
+def take_corrected_velocity(s: Scene, i: int):
+    """Start from the velocity that the host's corrections make, if they are better than those before."""
+    if s.control.phase == Phase.CORRECTED:
+        put(s.grains.next_velocity, i, at(s.grains.recomputed_velocity, i))

@@ -1,7 +1,7 @@
 """A step as data: stages, loops and conditions, and `fuse`, which compiles them into one function.
 
 Every CPU thread of a team calls that function, `(team, scene)`, with a barrier after every stage; gpu.py
-launches the stages instead. Conditions are predicates of the record, such as those of conditions.py.
+launches the stages instead. Conditions are predicates of the record, such as those of step.py.
 
 Each stage is compiled separately (`inline=False`) and called: that takes a third of the time that a step in
 one function takes to compile, and costs a step nothing. Warp detects changed kernels by the functions that a

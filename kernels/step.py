@@ -1,12 +1,11 @@
 """One step: a list of stages that reads as the algorithm (MODEL.md, "One step").
 
 A step returns to the host in two cases: the list exceeds its capacity (WITHOUT_ROOM), or sweeps converge too
-slowly and the host solves the step (SLOW). Conditions read the phase of the step (conditions.py); stopping.py
-chooses it.
+slowly and the host solves the step (SLOW). Conditions read the phase of the step, which stopping.py chooses.
 
 If the list expires during the sweeps, accelerated ones resume with another list (`Control.resuming`): they
 keep their velocities, corrections and momentum (START). Plain ones may have missed a contact, and begin again
-with wider skins (contact_list.expire, skins.renew_skin).
+with wider skins (contact_list.expire, verlet.renew_skin).
 
 A scene without a list begins like one whose list has expired: no skin suffices, so its first attempt iterates
 nothing and asks for a list.
@@ -20,12 +19,10 @@ from . import (
     cells,
     coloring,
     contact_list,
-    exact,
     integrate,
     momentum,
     neighbors,
     residual,
-    skins,
     statistics,
     stopping,
     sweep,
@@ -33,29 +30,57 @@ from . import (
     warm_start,
     working_set,
 )
-from .conditions import (
-    accepted,
-    answered,
-    attempting,
-    beginning,
-    checking_list,
-    expired,
-    fresh,
-    iterating,
-    listed,
-    measuring,
-    recomputing,
-    rejected,
-    scanning,
-    searching,
-    starting,
-    sweeping,
-    unordered,
-    unsolved,
-)
+from .access import named
 from .contacts import contact_count, part_count
-from .record import Kind, body_count, grain_count
+from .record import Kind, Phase, Scene, body_count, grain_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
+
+
+def in_phase(*phases: Phase) -> wp.Function:
+    """Return the condition that a step is in one of these phases."""
+    bits = sum(1 << phase for phase in phases)
+
+    @named("_or_".join(phase.name.lower() for phase in phases))
+    def holds(s: Scene) -> bool:
+        return (wp.static(bits) >> s.control.phase) & 1 != 0
+
+    return holds
+
+
+unsolved = in_phase(*set(Phase) - {Phase.ENDED, Phase.ACCEPTED, Phase.FULL})
+beginning = in_phase(Phase.BEGIN)
+searching = in_phase(Phase.SEARCH)
+listed = in_phase(Phase.LISTED)
+starting = in_phase(Phase.START)
+answered = in_phase(Phase.CORRECTED, Phase.DECLINED)
+attempting = in_phase(Phase.START, Phase.CORRECTED, Phase.DECLINED)
+sweeping = in_phase(Phase.SWEEP)
+checking_list = in_phase(Phase.CHECK_LIST)
+measuring = in_phase(Phase.MEASURE, Phase.RECOMPUTE, Phase.RECORD)
+recomputing = in_phase(Phase.RECOMPUTE)
+scanning = in_phase(Phase.SCAN)
+iterating = in_phase(Phase.SWEEP, Phase.CHECK_LIST, Phase.MEASURE, Phase.RECOMPUTE, Phase.RECORD, Phase.SCAN)
+accepted = in_phase(Phase.ACCEPTED)
+expired = in_phase(Phase.EXPIRE)
+
+
+@wp.func
+def unordered(s: Scene) -> bool:
+    """Return whether the list is still to be put in sweeping order."""
+    return s.control.unordered != 0
+
+
+@wp.func
+def fresh(s: Scene) -> bool:
+    """Return whether sweeps start anew, and do not continue from velocities and momentum that they have."""
+    return s.control.resuming == 0
+
+
+@wp.func
+def rejected(s: Scene) -> bool:
+    """Return whether the last sweep is to be rolled back."""
+    return s.control.rejected != 0
+
 
 SEARCH = [
     Each(cells.bucket_count, cells.clear_cell),
@@ -158,7 +183,7 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
 
 ANSWERED = [
     *recompute(False),
-    Each(grain_count, exact.take_corrected_velocity),
+    Each(grain_count, residual.take_corrected_velocity),
     Serial(verlet.clear_check),
     Each(grain_count, verlet.begin_peak),
     Serial(stopping.end_correction),
@@ -192,9 +217,9 @@ FINISH = [
 EXPIRE = [
     *SAVE,
     Serial(contact_list.expire),
-    Serial(skins.adapt_base_skin),
-    Each(body_count, skins.renew_skin),
-    Serial(skins.renew_numbers),
+    Serial(verlet.adapt_base_skin),
+    Each(body_count, verlet.renew_skin),
+    Serial(verlet.renew_numbers),
 ]
 """Ask for another list."""
 

@@ -7,9 +7,8 @@ import warp as wp
 
 from . import law
 from .access import at, first_of, gap_rate_of, larger, normal_of, put, second_of
-from .contacts import limits_at, surface_of
+from .contacts import limits_at, rim_weights, surface_of
 from .driven import correct_wall
-from .friction import rim_weights
 from .momentum import ENOUGH, mass_in_phi, relaxation_factor
 from .record import Scene, pair_count
 from .types import ContactsByRef

@@ -6,11 +6,10 @@ import numpy as np
 import warp as wp
 
 from warpgrains import Scene, Simulation
-from warpgrains.kernels.conditions import searching
 from warpgrains.kernels.integrate import free_velocity
 from warpgrains.kernels.record import Phase, grain_count
 from warpgrains.kernels.stages import Each, Stage, While
-from warpgrains.kernels.step import EXPIRE, METHODS, ORDER, SEARCH, START
+from warpgrains.kernels.step import EXPIRE, METHODS, ORDER, SEARCH, START, searching
 from warpgrains.kernels.threads import team_records
 from warpgrains.solver.sizes import kind_of
 from warpgrains.solver.tuning import paying_threads

@@ -5,7 +5,7 @@ cache of its own. The first row is the package as it is, which must pass. One CS
 line, texts and effect, the test that failed first, and the seconds taken. "none" means that all tests passed,
 "time limit" that one did not end.
 
-python -m tests.bench.mutations --only verlet skins -o mutations.csv
+python -m tests.bench.mutations --only verlet neighbors -o mutations.csv
 """
 
 import argparse
@@ -35,7 +35,6 @@ DECIDING = {
     "verlet": ("verlet", "monitoring", "missing_contacts", "driven_walls"),
     "neighbors": ("driven_walls",),
     "wall_sweep": ("driven_walls",),
-    "skins": ("verlet", "missing_contacts"),
     "contact_list": ("contact_list", "missing_contacts"),
     "working_set": ("accelerated_stages", "working_set"),
     "momentum": ("momentum", "accelerated_stages", "working_set"),

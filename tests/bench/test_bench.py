@@ -160,9 +160,9 @@ def test_mutants_are_changes_of_the_kernels_as_they_are() -> None:
 
 def test_a_mutant_is_detected(tmp_path: Path) -> None:
     file = tmp_path / "mutations.csv"
-    test = "tests/kernels/test_verlet.py::test_new_list_begins_now"
-    command("mutations", "--only", "skins", "--most", 1, "--tests", test, "-o", file)
+    test = "tests/kernels/test_verlet.py::test_sample"
+    command("mutations", "--only", "verlet", "--most", 1, "--tests", test, "-o", file)
     as_it_is, mutant = csv.DictReader(file.open())
     assert as_it_is["detected by"] == "none"
-    assert mutant["detected by"] == f"{test}[begins again]"
-    assert (mutant["file"], mutant["effect"]) == ("skins", "result")
+    assert mutant["detected by"] == f"{test}[0.0-6.5]"
+    assert (mutant["file"], mutant["effect"]) == ("verlet", "result")

@@ -24,7 +24,7 @@ from checked_list import (
     set_flags,
 )
 
-from warpgrains.kernels import skins, verlet
+from warpgrains.kernels import verlet
 from warpgrains.kernels.record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
 from warpgrains.kernels.stages import Each, If, Serial, Stage
 
@@ -173,11 +173,15 @@ def test_new_list_begins_now(how: str) -> None:
     record = record_with(accelerated=how == "resumes")
     record.record["step"]["iterations"] = int(how != "step begins")
     record["verlet.peak_square"][:], record["verlet.recent_deviation"][:] = (4.0, 9.0), 0.5
-    record.run(Each(grain_count, skins.renew_skin), Serial(skins.renew_numbers))
+    record.run(Each(grain_count, verlet.renew_skin), Serial(verlet.renew_numbers))
     velocity = W + U if how == "begins again" else W + U + np.array([3.0, 4.0])
     assert (record["verlet.reference_velocity"] == velocity).all()
     assert (record["verlet.reference_position"] == STRAIGHT + np.array([3.0, 4.0]) / 8.0).all()
-    margin = {"step begins": skins.FORESEEN, "begins again": skins.FOUND_OUT, "resumes": skins.STILL_TO_COME}
+    margin = {
+        "step begins": verlet.FORESEEN,
+        "begins again": verlet.FOUND_OUT,
+        "resumes": verlet.STILL_TO_COME,
+    }
     needed = np.full(2, 0.5) if how == "step begins" else np.array([2.0, 3.0]) + UNMONITORED
     assert (record["verlet.skin"] == BASE_SKIN + float(margin[how]) * DT * needed).all()
     numbers = record.verlet_numbers
@@ -189,5 +193,5 @@ def test_list_serves_one_step_at_least() -> None:
     """However fast its grains are: one that served none would be built anew for ever."""
     record = record_with()
     record["verlet.reference_velocity"][:] = [[1e6, 0.0], [-1e6, 0.0]]
-    record.run(Serial(skins.renew_numbers))
+    record.run(Serial(verlet.renew_numbers))
     assert record.verlet_numbers["lifetime"] == DT
