@@ -1,5 +1,7 @@
 """One sweep over a set of contacts: pairs by pair_sweep.py, contacts with walls by wall_sweep.py."""
 
+from functools import cache
+
 import warp as wp
 
 from .access import at, larger, named, put
@@ -16,6 +18,7 @@ from .wall_sweep import sweeping_walls
 f64 = wp.float64
 
 
+@cache
 def sweeping(friction: bool, ahead: bool) -> wp.Function:
     """Return the stage that corrects the contacts of a set, those of the working set in a sweep ahead."""
     sweep_pairs = pairs_sweep(friction, ahead)
