@@ -190,7 +190,8 @@ def folder(tmp_path_factory):
 def test_command(folder, monkeypatch, capfd, command, complaint, missing):
     monkeypatch.chdir(folder)
     if missing is not None:  # a library
-        monkeypatch.delitem(sys.modules, "warpgrains.analysis.plots", raising=False)
+        for module in ("analysis.plots", "pictures.film", "pictures.still", "pictures.shots"):
+            monkeypatch.delitem(sys.modules, f"warpgrains.{module}", raising=False)
         monkeypatch.setitem(sys.modules, missing, None)
     before = files(folder)
     assert exit_code(*shlex.split(command)) == 2
