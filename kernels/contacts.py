@@ -93,16 +93,6 @@ def gap_rates_now(contacts: Contacts, c: int, v: wp.vec2d):
 
 
 @wp.func
-def wall_change(contacts: Contacts, c: int, v: wp.vec2d, dv: f64) -> f64:
-    """Return the change of the correction dv of a contact with a wall [m/s] (eqs. 8 and 18)."""
-    vn = wp.dot(v, normal_of(contacts.contact, c))
-    if contacts.limits.shape[0] == 0:
-        return law.normal_change(vn, dv, gap_rate_of(contacts.contact, c))
-    gap, back = gap_rates_now(contacts, c, v)
-    return law.projection(vn, dv, gap, back) - dv
-
-
-@wp.func
 def surface_of(s: Scene, c: int) -> wp.vec2d:
     """Return the friction of the wall of a contact, and its speed along the tangent [m/s] (eq. 23)."""
     surface = at(s.walls.surface, second_of(s.contacts.contact, c) - grain_count(s))

@@ -80,6 +80,8 @@ def draw_sections(
     parser.add_argument("-o", "--output", metavar="DIR", type=Path, default=folder)
     parser.add_argument("names", metavar="NAME", nargs="*", help=f"of {', '.join(sections)}")
     chosen, found = parser.parse_args(arguments), {}
+    if unknown := set(chosen.names) - sections.keys():
+        parser.error(f"unknown section '{min(unknown)}': one of {', '.join(sections)}")
     chosen.output.mkdir(parents=True, exist_ok=True)
     for name in chosen.names or sections:
         with rc_context(STYLE):

@@ -353,7 +353,7 @@ def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
     assert report_on_recording(tmp_path / "run.usdc") == [f"OK: 13 frames, {scene.n} grains"]
     recording = Recording(tmp_path / "run.usdc")
     assert recording.scene.walls == scene.walls
-    walls, reader = recording.frame(12).wall, recording._reader
+    walls, reader = recording.frame(12).wall, recording.reader
     assert len(walls)
     drawn = reader.moved_walls(12)
     assert list(drawn) == ["Segment0", "Segment1"]

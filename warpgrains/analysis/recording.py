@@ -59,9 +59,9 @@ class Recording(Shown):
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(checks.path("path", path))
-        self._reader = RecordingReader(self.path)
-        self.time = np.array([self._reader.times.elapsed(k) for k in range(len(self))])
-        self.radius = self._reader.radius
+        self.reader = RecordingReader(self.path)
+        self.time = np.array([self.reader.times.elapsed(k) for k in range(len(self))])
+        self.radius = self.reader.radius
 
     def summary(self) -> dict[str, str]:
         """Return the fields of the one-line summary by name."""
@@ -73,32 +73,32 @@ class Recording(Shown):
         }
 
     def __len__(self) -> int:
-        return len(self._reader)
+        return len(self.reader)
 
     @property
     def has_forces(self) -> bool:
         """True if contacts and their forces were recorded (``--forces``)."""
-        return self._reader.chain_scale is not None
+        return self.reader.chain_scale is not None
 
     @cached_property
     def position(self) -> FloatArray:
         """Centers of the grains [m], shape (f, n, 2)."""
-        return self._of_all_frames(self._reader.position)
+        return self._of_all_frames(self.reader.position)
 
     @cached_property
     def velocity(self) -> FloatArray:
         """Velocities of the grains [m/s], shape (f, n, 2)."""
-        return self._of_all_frames(self._reader.velocity)
+        return self._of_all_frames(self.reader.velocity)
 
     @cached_property
     def spin(self) -> FloatArray:
         """Angular velocities of the grains [rad/s], shape (f, n); 0 without friction."""
-        return self._of_all_frames(lambda k: self._reader.rotation(k)[0])
+        return self._of_all_frames(lambda k: self.reader.rotation(k)[0])
 
     @cached_property
     def angle(self) -> FloatArray:
         """Angles by which grains have turned since the start [rad], shape (f, n); 0 without friction."""
-        return self._of_all_frames(lambda k: self._reader.rotation(k)[1])
+        return self._of_all_frames(lambda k: self.reader.rotation(k)[1])
 
     def _of_all_frames(self, read: Callable[[int], FloatArray]) -> FloatArray:
         return np.array([read(k) for k in range(len(self))])
@@ -112,9 +112,9 @@ class Recording(Shown):
         InputError
             In the first frame, the center of a grain is in a wall.
         """
-        scene, time = self._recorded_scene, self._reader.times.time(0)
+        scene, time = self._recorded_scene, self.reader.times.time(0)
         if time != scene.time:
-            scene = scene.with_walls_at(self._reader.places(0)).starting_at(time)
+            scene = scene.with_walls_at(self.reader.places(0)).starting_at(time)
         try:
             require_valid_positions(scene)
         except InputError as error:
@@ -123,7 +123,7 @@ class Recording(Shown):
 
     @cached_property
     def _recorded_scene(self) -> Scene:
-        return self._reader.scene()
+        return self.reader.scene()
 
     def frame(self, k: int, contacts: bool = True) -> Snapshot:
         """Return a frame as a snapshot, for `warpgrains.analysis`.
@@ -151,15 +151,15 @@ class Recording(Shown):
         if contacts and not self.has_forces:
             raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
         k %= len(self)
-        position, velocity = self._reader.position(k), self._reader.velocity(k)
+        position, velocity = self.reader.position(k), self.reader.velocity(k)
         pair, force, tangential = np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(0)
         if contacts:
-            chains = self._reader.chains(k)
+            chains = self.reader.chains(k)
             pair, force, tangential = chains.pair, chains.force, chains.tangential_force
         between, pairs, walls = pairs_and_walls(pair)
-        spin, angle = self._reader.rotation(k)
-        scene = self._recorded_scene.with_walls_at(self._reader.places(k))
-        times = self._reader.times
+        spin, angle = self.reader.rotation(k)
+        scene = self._recorded_scene.with_walls_at(self.reader.places(k))
+        times = self.reader.times
         steps = times.simulated_step(k)
         return Snapshot(
             scene=scene,

@@ -58,7 +58,7 @@ def _write(source: Recording, output: Path) -> None:
     if any(not _FRAME.fullmatch(path.name) for path in earlier):
         raise InputError(f"refusing to overwrite folder '{folder}': it holds other files than frames")
     make_folder(folder)
-    reader, lines = RecordingReader(source.path), list[str]()
+    reader, lines = source.reader, list[str]()
     latest, written = dict[str, Path](), set[Path]()
     with ExitStack() as drafts:
         for k, time in enumerate(source.time.tolist()):

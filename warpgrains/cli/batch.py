@@ -65,6 +65,7 @@ def run(arguments: Namespace) -> bool:
     missing = {number: reasons.get(number, "") for number in sorted(own - outcomes.finished)}
     done = {run.number for run in left} & outcomes.finished
     seconds, without = perf_counter() - start, own & outcomes.without_area
+    advice = ", so give --region" if arguments.region is None else ""
     rows = {
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
         "failed": f"{len(failed)}{_first(failed)}",
@@ -73,11 +74,7 @@ def run(arguments: Namespace) -> bool:
         **({} if outcomes.unmet is None else {"not at rest": number_of(len(own & outcomes.unmet), "run")}),
         "time": f"{seconds:.2f} s, {len(done) / seconds:.2f} runs/s",
         **({"results": str(results)} if outcomes.finished else {}),
-        **(
-            {"no area": f"{len(without)} runs: their walls leave it open, so give --region"}
-            if without
-            else {}
-        ),
+        **({"no area": f"{number_of(len(without), 'run')}: the area is unknown{advice}"} if without else {}),
     }
     print(in_columns(rows))
     if plot is not None:
@@ -111,7 +108,10 @@ def _settings(arguments: Namespace) -> RunSettings:
     if arguments.until is not None:
         name_and_bounds(arguments.until)
     if arguments.region is not None:
-        table_of("--region", arguments.region)
+        from warpgrains.analysis.region_table import KEYS
+
+        for key in table_of("--region", arguments.region):
+            checks.one_of("key of --region", key, KEYS)
     return RunSettings(measured, arguments.until, arguments.region)
 
 

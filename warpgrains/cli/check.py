@@ -31,11 +31,12 @@ def _report_of_child(path: str) -> list[str]:
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=seconds)
     except subprocess.TimeoutExpired:
         raise InputError(f"recording '{path}' is damaged: it is not read within {seconds:.0f} s") from None
-    if done.returncode:
-        how = "runs out of memory, or fails"
-        if done.returncode < 0:
-            how = f"crashes ({signal.Signals(-done.returncode).name})"
+    if done.returncode < 0:
+        how = f"crashes ({signal.Signals(-done.returncode).name})"
         raise InputError(f"recording '{path}' is damaged: its reader {how}")
+    if done.returncode:
+        reason = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        raise InputError(f"recording '{path}' cannot be read: {reason or 'its reader fails'}")
     answer = json.loads(done.stdout)
     if isinstance(answer, str):
         raise InputError(answer)

@@ -33,8 +33,8 @@ from warpgrains.reference.reference import SOURCE
 
 RESULTS = {"right": 0, "wrong": 1}
 NOT_GRADED = 2
-INDEX = "index.html"
 """Exit codes, by the status of the worst homework."""
+INDEX = "index.html"
 
 _BAR = "{percentage:3.0f}%|{bar}| {n}/{total} homeworks [{elapsed}, {remaining} left]"
 

@@ -42,7 +42,7 @@ class Rest(Shown):
     """
 
     simulation: Simulation = field(repr=False)
-    """The packing with the settings of its scene, at time 0. It can be run, saved and drawn."""
+    """The packing with the settings of its scene, at the start of it. It can be run, saved and drawn."""
     energy: float
     """Largest mean kinetic energy of a grain in steps with the scene's settings, in m g d, where d is the
     mean diameter."""

@@ -132,7 +132,7 @@ class Settling:
         return False
 
     def state(self) -> State:
-        """Return the state of the grains at rest, at time 0, for the settings of the scene."""
+        """Return the state of the grains at rest, at the start, for the settings of the scene."""
         now, scene = self._simulation.state(), self._scene
         i, j = now.corrections.pair.T
         # contacts act on masses that drag increases (MODEL.md, eq. 17b): the same force, another correction

@@ -152,7 +152,8 @@ def draw_film(
     recording: str | Path, output: str | Path, size: str | None = None, frame: str | None = None
 ) -> list[int]:
     """Make a film of a recording, with size and frame as in `RunOptions`; return the frames in it."""
-    from warpgrains.usd.reader import RecordingReader  # a film of a run needs no USD
+    # a film of a run needs no USD
+    from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
 
     output = Path(output)
     require_writable_path("film", output, *FILMS)
@@ -161,6 +162,7 @@ def draw_film(
     require_rate(reader.times.rate)
     frames = range(0, len(reader), max(1, ceil(reader.times.rate / FILMS[suffix_of(output)].fastest)))
     with (
+        refusing_untrusted_content(recording),
         Lock(output),
         draft_of(output) as draft,
         FilmWriter(draft, setting_of(reader, frame), reader.times.rate / frames.step, pixels) as film,

@@ -18,7 +18,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import NoAreaError
 from warpgrains.scene.gravity import upwards
 from warpgrains.scene.outline import Part, clip, uncovered
-from warpgrains.scene.region import Region, Side
+from warpgrains.scene.region import Region, Side, sides_of
 from warpgrains.scene.segment import Segment
 
 if TYPE_CHECKING:
@@ -103,8 +103,6 @@ def _side(ends: FloatArray, position: FloatArray) -> Side | None:
 
 def _cuts(part: Part, line: FloatArray, rounding: float) -> bool:
     """Return whether a segment runs through the inside of a polygon."""
-    for corner, along in zip(part.corner, part.along, strict=True):
-        if size := np.hypot(*along):
-            normal = np.array([along[1], -along[0]]) / size
-            line = clip(line, normal, corner @ normal - rounding)
+    for normal, level in sides_of(part.corner):
+        line = clip(line, normal, level - rounding)
     return len(line) > 1

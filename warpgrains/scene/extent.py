@@ -9,6 +9,7 @@ import numpy as np
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.scene.band import ring
 from warpgrains.scene.box import Box
+from warpgrains.scene.gravity import upwards
 from warpgrains.scene.walls import INNER, OUTER
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def extent_of(scene: Scene) -> Box:
     borders = enumerate(scene.annulus.borders)
     lines = {number: ring(border, 0.0).first for number, border in borders if border.radius > 0.0}
     for number, wall in scene.numbered_walls.items():
-        times = np.linspace(0.0, scene.duration, _TIMES) if wall.moves else np.zeros(1)
+        times = scene.time + (np.linspace(0.0, scene.duration, _TIMES) if wall.moves else np.zeros(1))
         lines[number] = np.concatenate([wall.drawn_at(time, 0.0).first for time in times])
     box = box_of_discs(scene.position, scene.radius)
     touched = _touched(scene, box, lines) if scene.walls else lines
@@ -73,7 +74,7 @@ def _direction_up(scene: Scene, is_lifted: bool) -> FloatArray | None:
     gravity = np.array(scene.gravity_at(0.0))
     is_lifted = is_lifted or scene.gravity_rate != 0.0 or not gravity.any() or scene.pressure is not None
     is_lifted = is_lifted or any(scene.surface_speed(number) for number in (OUTER, INNER))
-    return None if is_lifted else -gravity / np.hypot(*gravity)
+    return None if is_lifted else upwards(gravity)
 
 
 def _flooded(is_free: BoolArray, row: FloatArray, column: FloatArray) -> BoolArray:

@@ -18,7 +18,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scheme import SCHEMES
-from warpgrains.scene.wall_kinds import WALL_KINDS, checked_walls
+from warpgrains.scene.wall_kinds import WRITTEN_KINDS, checked_walls
 from warpgrains.scene.walls import Annulus
 
 ORDERS = ("sequential", "color")
@@ -126,7 +126,7 @@ class SceneFields:
     )
     walls: Walls = _key(
         'Walls inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or of'
-        f" these classes: {', '.join(kind.__name__ for kind in WALL_KINDS.values())}.",
+        f" these classes: {', '.join(kind.__name__ for kind in WRITTEN_KINDS.values())}.",
         check=checked_walls,
         default=(),
     )

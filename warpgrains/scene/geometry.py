@@ -97,18 +97,19 @@ def area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArra
     with np.errstate(divide="ignore", invalid="ignore"):
         enter, leave = (np.nan_to_num((-b + sign * np.sqrt(inside)) / a) for sign in (-1.0, 1.0))
     p, q = (start + np.clip(t, 0.0, 1.0)[:, np.newaxis] * along for t in (enter, leave))
-    triangle = 0.5 * _cross(p, q)
+    triangle = 0.5 * cross(p, q)
     # where a side does not leave, q is its end but for rounding, which decides angles at the origin
     beyond = np.where(leave < 1.0, _angle(q, end), 0.0)
     return triangle + 0.5 * radius**2 * (_angle(start, p) + beyond)
 
 
-def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+def cross(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Return the cross products of vectors, shape (...)."""
+    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
 def _angle(u: FloatArray, v: FloatArray) -> FloatArray:
-    return np.arctan2(_cross(u, v), (u * v).sum(axis=1))
+    return np.arctan2(cross(u, v), (u * v).sum(axis=1))
 
 
 def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tuple[IndexArray, IndexArray]]:

@@ -48,7 +48,7 @@ class Obstacle:
 
     kind: ClassVar[str]
     kind_number: ClassVar[int]
-    """Number of the kind on the device (kernels/walls.py)."""
+    """Number of the kind on the device (kernels/shapes.py)."""
     velocity: tuple[float, float] = described(
         "Velocity at which the wall moves [m/s], two components.", default=(0.0, 0.0)
     )
@@ -215,7 +215,7 @@ class Obstacle:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Numbers that the kernels need, at most `MOST_NUMBERS` (kernels/walls.py)."""
+        """Numbers that the kernels need, at most `MOST_NUMBERS` (kernels/types.py)."""
         raise NotImplementedError
 
     @property

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray
-from warpgrains.scene.geometry import Circle
+from warpgrains.scene.geometry import Circle, cross
 
 AT_ONCE = 4096  # discs whose areas are computed together
 TOUCH = 1e-5  # half of a chord, in radii, below which lines and circles only touch a disc: 1e-15 of its area
@@ -34,7 +34,7 @@ class Part(NamedTuple):
         """Return which points [m], shape (..., 2), lie at most a margin [m] outside, shape (...,)."""
         found = np.ones(points.shape[:-1], bool)
         for start, along in zip(self.corner, self.along, strict=True):
-            found &= _cross(along, points - start) >= -margin * np.hypot(*along)
+            found &= cross(along, points - start) >= -margin * np.hypot(*along)
         for circle in self.circles:
             grown = circle.radius + (margin if circle.keeps_inside else -margin)
             found &= circle._replace(radius=grown).contains(points)
@@ -95,7 +95,7 @@ class Part(NamedTuple):
         for between, is_kept in zip(inside, [True, *(one.keeps_inside for one in self.circles)], strict=True):
             kept &= ((middle > between[..., :1]) & (middle < between[..., 1:])) == is_kept
         point = start[:, :, np.newaxis] + cut[..., np.newaxis] * self.along[:, np.newaxis]
-        area += 0.5 * (_cross(point[:, :, :-1], point[:, :, 1:]) * kept).sum(axis=(1, 2))
+        area += 0.5 * (cross(point[:, :, :-1], point[:, :, 1:]) * kept).sum(axis=(1, 2))
         for circle in self.circles:
             away = np.abs(np.hypot(*(center - circle[:2]).T) - circle.radius)
             near = np.flatnonzero(away < radius)
@@ -245,7 +245,3 @@ def _roots(start: FloatArray, along: FloatArray, radius: FloatArray) -> FloatArr
         half = np.sqrt(b**2 - a * ((start**2).sum(axis=-1) - radius**2))
         half = np.where(half > TOUCH * radius * np.sqrt(a), half, np.nan)
         return np.stack([(-b - half) / a, (-b + half) / a], axis=-1)
-
-
-def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])

@@ -10,6 +10,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.obstacle import Obstacle, kind_of_wall
 from warpgrains.scene.segment import Segment
+from warpgrains.scene.walls import SMALLEST
 
 
 @kind_of_wall
@@ -52,7 +53,7 @@ class Polyline(Obstacle):
                 f"points of a polyline has {len(points)} corners: it must have {2 + closed} or more"
             )
         onward = np.roll(points, -1, axis=0) if closed else points[1:]
-        if (same := (points[: len(onward)] == onward).all(axis=1)).any():
+        if (same := np.hypot(*(onward - points[: len(onward)]).T) < SMALLEST).any():
             corner = checks.first_bad("points of a polyline", points, same, "corner")
             raise InputError(f"{corner}: the next one is the same")
         self._check(points=tuple(map(tuple, points.tolist())), closed=closed)

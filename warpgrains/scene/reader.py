@@ -24,7 +24,7 @@ from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.layouts import LAYOUTS, Placement
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.toml import Table, overridden, parse_toml, wall_key
-from warpgrains.scene.wall_kinds import WALL_KINDS, checked_walls
+from warpgrains.scene.wall_kinds import WRITTEN_KINDS, checked_walls
 from warpgrains.scene.walls import Annulus
 
 SOURCES = {
@@ -61,7 +61,7 @@ def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
 def require_key(section: str, key: str) -> None:
     """Raise InputError unless scene files may have this key in this section."""
     if section == "walls":
-        of_walls = set().union(*(kind.keys() for kind in WALL_KINDS.values()))
+        of_walls = set().union(*(kind.keys() for kind in WRITTEN_KINDS.values()))
         return _refuse_unknown_keys(section, {wall_key(key)[1]: None}, ("kind", *of_walls))
     _require_section(section)
     of_layouts = {name for layout in LAYOUTS.values() for name in keyword_parameters(layout)}

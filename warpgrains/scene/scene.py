@@ -247,7 +247,8 @@ class Scene(SceneFields, Shown):
         ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
         walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
         joints = self.joints  # driven walls have none
-        return self.unchecked(radius_out=float(coordinates[OUTER]), walls=walls, joints=joints)
+        kept = {name: found for name, found in vars(self).items() if name == "extent"}
+        return self.unchecked(radius_out=float(coordinates[OUTER]), walls=walls, joints=joints, **kept)
 
     def starting_at(self, time: float, **grains: FloatArray | None) -> Self:
         """Return a scene of the grains and walls as they are at a later time [s], at which it starts."""
@@ -262,6 +263,7 @@ class Scene(SceneFields, Shown):
         """Return a copy of the scene with other fields, which are valid."""
         scene = object.__new__(type(self))
         vars(scene).update(vars(self))
+        vars(scene).pop("extent", None)
         if "walls" in fields:
             vars(scene).pop("joints", None)
         vars(scene).update(fields)

@@ -129,7 +129,7 @@ class Engine:
         """Give scene k other parameters; return False if they need another engine.
 
         Its grains, their masses at contacts, and the places of walls must be the same. Without `keeps_list`,
-        the next step makes another list.
+        the next step makes another list. The parameters of other scenes become those of their starts.
         """
         same_kind = kind_of(scene) == kind_of(self.scenes[k])
         if scene.method == "exact" or not (same_kind and self._records.sizes.fits(k, scene)):

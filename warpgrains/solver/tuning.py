@@ -84,4 +84,4 @@ def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> 
     """Return the number of CPU threads that share a scene: those useful of `threads`, or those that pay."""
     if device.is_cuda:
         return 1
-    return useful_threads(scene, threads) if threads else paying_threads(scene)
+    return useful_threads(scene, threads or paying_threads(scene))

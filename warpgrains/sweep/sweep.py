@@ -203,7 +203,7 @@ def _require_uses(fixed: KeyValues, named: list[str]) -> None:
         raise InputError(f"{used[name]} in [set] is {fixed[used[name]]!r}: [axes] has no {name}")
     for name in named:
         if name not in used:
-            raise InputError(f"axes.{name}: no value in [set] contains '${name}'")
+            raise InputError(f"axes.{name}: no value in [set] is '${name}', '-${name}' or '0.5 ${name}'")
 
 
 def _names_in(value: Any) -> set[str]:

@@ -42,7 +42,7 @@ class GrainPoints:
     """Grains as `UsdGeom.Points`; their `widths` are diameters, and colors are indices into a table.
 
     Further primvars hold the mass [kg], spin [rad/s] and angle [rad] with friction, and the quantities that
-    frames have. Those that do not change, such as mass and radius, are doubles.
+    frames have.
     """
 
     height = 1.0

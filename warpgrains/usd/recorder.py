@@ -40,9 +40,9 @@ class Recorder:
     flushed is deleted. `resume_at` is the first frame to write where the log or file of an earlier run of the
     same scene is continued.
 
-    Raises InputError where an option is unknown, float32 has no such lengths or rounds positions by more than
-    1 % of the smallest radius, or the log of an earlier run exists, or is missing; OutputError where the file
-    is not ours.
+    Raises InputError where an option is unknown, float32 has no such lengths or its coordinates are
+    more than 1 % of the smallest radius apart, or the log of an earlier run exists, or is missing;
+    OutputError where the file is not ours.
     """
 
     def __init__(

@@ -190,7 +190,7 @@ def as_float32(what: str, values: FloatArray) -> NDArray[np.float32]:
 
 
 def too_coarse(position: FloatArray, radius: FloatArray) -> str | None:
-    """Return a complaint if float32 rounds centers of grains by more than 1 % of the smallest radius."""
+    """Return a complaint if float32 coordinates of grains are more than 1 % of the smallest radius apart."""
     step, smallest = float(np.spacing(np.float32(np.abs(position).max()))), float(radius.min())
     if not step > _COARSEST * smallest:
         return None
