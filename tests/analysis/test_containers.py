@@ -297,7 +297,7 @@ def rows(path):
 
 def test_a_sweep_has_no_number_over_an_unknown_area(silos, tmp_path, capfd):
     assert exit_code("batch", silos, "-o", tmp_path / "out") == 0
-    assert "1 runs: their walls leave it open, so give --region" in capfd.readouterr().out
+    assert "1 run: the area is unknown, so give --region" in capfd.readouterr().out
     closed, leaking = rows(tmp_path / "out" / "results.csv")
     simulation = Simulation(Scene.load(silos / "closed.toml"))
     simulation.run()

@@ -14,7 +14,7 @@ from warpgrains.scene.geometry import Circle
 from warpgrains.scene.layouts import random
 from warpgrains.scene.obstacle import Obstacle, kind_of_wall
 from warpgrains.scene.state import first_state
-from warpgrains.scene.wall_kinds import WALL_KINDS
+from warpgrains.scene.wall_kinds import WRITTEN_KINDS
 from warpgrains.scene.walls import Annulus
 
 EPS = np.finfo(np.float64).eps
@@ -112,7 +112,7 @@ class Post(Obstacle):
 
 @pytest.mark.parametrize("steps", [0, 10])
 def test_a_kind_of_wall_alone_decides_what_area_it_fills(steps, monkeypatch):
-    monkeypatch.setitem(WALL_KINDS, "post", Post)
+    monkeypatch.setitem(WRITTEN_KINDS, "post", Post)
     place, moves = (0.65, 0.0), {"velocity": (0.0, 0.5)}
     walls = Post(place, **moves), Disc(place, 0.1, **moves)
     post, disc = (replace(of(walls=[wall], position=[(-0.6, 0.0)]), steps=steps) for wall in walls)

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from warpgrains import Scene, Segment
+from warpgrains import Scene, Segment, Simulation
 
 BOX = [(-0.3, -0.4), (0.3, -0.4), (0.3, 0.6), (-0.3, 0.6)]
 WHOLE = (-2.0, -2.0, 2.0, 2.0)
@@ -45,6 +45,7 @@ CASES = {
         (-0.5, -0.4, 0.5, 0.5),
     ),
     "a lid that moves up to the wall": ({"walls": [*OPEN, *LID], "duration": 100.0}, WHOLE),
+    "a lid that moves later": ({"walls": [*OPEN, *LID], "time": 9.0, "duration": 100.0}, WHOLE),
     "a grain above a box": ({"walls": OPEN, "position": [(0.0, 1.0)]}, WHOLE),
 }
 
@@ -54,3 +55,11 @@ def test_it_contains_what_grains_can_touch(what):
     changes, expected = CASES[what]
     fields = {"position": [(0.0, 0.1)], "radius": 0.05, "mass": 0.1, "radius_out": 2.0, **changes}
     assert Scene(**fields).extent == pytest.approx(expected, abs=1e-12)
+
+
+def test_it_follows_a_change():
+    scene = Scene(position=[(0.0, 0.1)], radius=0.05, mass=0.1, radius_out=2.0, walls=OPEN)
+    before, wide = scene.extent, scene.replace(walls=[])
+    simulation = Simulation(scene)
+    simulation.change(walls=[])
+    assert simulation.scene.extent == wide.extent != before

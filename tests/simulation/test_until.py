@@ -169,7 +169,7 @@ def test_callbacks_read_the_simulation_of_their_run_but_do_not_change_it(tmp_pat
 
     simulation = Simulation("annulus")
     given = {"observer": Changing()} if by_observer else {"until": question}
-    with pytest.raises(SimulationError, match="the run that calls this observer or end criterion"):
+    with pytest.raises(SimulationError, match="or by the call that runs this callback"):
         simulation.run(steps=50, record=tmp_path / "run.usdc", **given)
     assert simulation.steps == 20
     change(simulation)

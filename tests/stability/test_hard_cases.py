@@ -67,7 +67,7 @@ def test_hard_case_for_long(case: Case, scheme: dict[str, str]) -> None:
 @pytest.mark.parametrize("case", CROWDED, ids=lambda case: case.name)
 def test_infeasible_case(case: Crowded, scheme: dict[str, str]) -> None:
     simulation = simulate(case.scene(), max_iterations=2000, **scheme)
-    for _ in range(3):
+    for _ in range(3 if simulation.scene.wall == "tangent" else 1):  # others leave a round wall: refused
         report = simulation.step()
         assert not report.converged
         assert len(report.infeasible) >= case.named

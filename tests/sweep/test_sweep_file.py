@@ -106,6 +106,14 @@ class TestRuns:
         assert np.array_equal(found.position, expected.position)
         assert Scene.load("hopper").walls[1] != found.walls[1]
 
+    def test_keys_of_polylines(self, tmp_path):
+        wall = 'kind = "polyline"\npoints = [[-0.5, 0.0], [0.0, -0.5], [0.5, 0.0]]'
+        (tmp_path / "cup.toml").write_text(f"{Scene.load('pile').text}\n[[walls]]\n{wall}\n")
+        sweep = load(tmp_path, 'scene = "cup.toml"\naxes.walls.0.closed = [false, true]')
+        for run, count in zip(sweep.runs, (2, 3), strict=True):
+            (tmp_path / "scene.toml").write_text(run.text("grains"))
+            assert len(Scene.load(tmp_path / "scene.toml").walls) == count
+
     def test_folder_of_scenes(self, tmp_path):
         scenes = tmp_path / "scenes"
         scenes.mkdir()
