@@ -51,7 +51,7 @@ def command(module: str, *arguments: object, change: str = "") -> str:
     ("parts", "count"),
     [
         (QUICK, 44),
-        pytest.param(["moving"], 11, marks=pytest.mark.slow),
+        pytest.param(["moving"], 10, marks=pytest.mark.slow),
     ],
 )
 def test_benchmark_of_a_step(parts: list[str], count: int, tmp_path: Path) -> None:
