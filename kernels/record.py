@@ -28,11 +28,11 @@ from .walls import Walls
 
 f64 = wp.float64
 
-SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, CANCELLED, BEYOND_WALL, SLOW = (
-    wp.constant(k) for k in range(9)
+SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, CANCELLED, BEYOND_WALL, SLOW = (
+    wp.constant(k) for k in range(8)
 )
-"""Outcomes of a step. A SOLVED step is accepted, converged or, if the scene allows it, not. So is an UNPROVED
-step, for which the host searches a proof that no velocities solve it. A SLOW one waits for the host."""
+"""Outcomes of a step. A SOLVED step is accepted, converged or, if the scene allows it, not. A SLOW one
+waits for the host."""
 
 
 class Kind(NamedTuple):
@@ -205,7 +205,6 @@ class SceneRecord:
     violation: Violation
     start_time: f64  # [s]
     steps: wp.int64  # since the start
-    to_search: wp.int32  # iterations until a proof that grains cannot fit is worth a search
     stopping: StoppingCriterion
     tuning: Tuning
     walls: Walls

@@ -21,7 +21,6 @@ from .record import (
     NOT_CONVERGED,
     SLOW,
     SOLVED,
-    UNPROVED,
     Phase,
     Scene,
     grain_count,
@@ -361,10 +360,6 @@ def judge(s: Scene):
         outcome = CANCELLED
     s.step.converged = 1 if converged else 0
     s.step.outcome = outcome
-    if outcome == SOLVED and not converged:
-        s.to_search = s.to_search - s.step.iterations
-        if s.to_search <= 0:
-            s.step.outcome = UNPROVED  # it is taken, and worth a search for a proof that none solves it
     if outcome == SOLVED:
         s.control.phase = Phase.ACCEPTED
     elif outcome == EXPIRED:

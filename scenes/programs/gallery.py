@@ -144,7 +144,8 @@ def jam() -> Section:
     simulation, row = wg.Simulation(scene), Row(2)
     force, states, unsolved = [], {}, 0
     for step in range(1, 17):
-        named = simulation.step().infeasible
+        simulation.step()
+        named = simulation.infeasible_grains()
         unsolved += len(named) > 0
         force.append(float(simulation.contacts().force.max()))
         states[step] = simulation.state()

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mixed import STEPS, Alone, of_step
+from mixed import STEPS, Alone
 from same_bits import contents
 
 from warpgrains import Batch, InputError, Scene, Simulation, SimulationError, State
 from warpgrains.batch import resident
 from warpgrains.solver import sizes
-from warpgrains.solver.statistics import RunStatistics
 
 FAILING = 5  # of the mixed scenes
 
@@ -66,31 +65,6 @@ def test_a_step_that_has_not_converged_is_not_taken(scenes: list[Scene]) -> None
             error = str(failure)
         assert summary.error == error
         assert contents(batch.state(k)) == contents(simulation.state())
-
-
-def test_grains_that_cannot_fit_are_named() -> None:
-    ring = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
-    scene = Scene(
-        position=0.6 * np.stack([np.cos(ring), np.sin(ring)], axis=1),
-        radius=0.5,
-        mass=0.1,
-        radius_out=1.0,
-        radius_in=0.0,
-        gravity=(0.0, -9.81),
-        max_iterations=50,
-    )
-    simulation, statistics = Simulation(scene, threads=1), RunStatistics()
-    for _ in range(5):
-        report = simulation.step()
-        statistics.add(of_step(report))
-    assert report.infeasible
-    batch = Batch([Scene.load("annulus"), scene], threads=2)
-    summary = batch.run(steps=5)[1]
-    assert batch.reports[1] == report
-    assert (summary.infeasible, summary.infeasible_grains) == (
-        statistics.infeasible,
-        statistics.infeasible_grains,
-    )
 
 
 def test_an_interrupted_run_leaves_every_scene_between_two_steps(

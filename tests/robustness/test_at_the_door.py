@@ -77,8 +77,6 @@ HEADERS = {
     "nan": ({"statistics": {"residual": float("nan")}}, "residual is nan"),
     "seconds as text": ({"statistics": {"step_seconds": "1"}}, "step_seconds is '1'"),
     "truth": ({"statistics": {"restarts": True}}, "restarts is True"),
-    "grains as number": ({"statistics": {"infeasible_grains": 3}}, "holds an invalid state"),
-    "grain that is none": ({"statistics": {"infeasible_grains": [99]}}, "infeasible grain is 99"),
     "tally as text": ({"statistics": "none"}, "holds an invalid state"),
     "name as number": ({"scene": {"name": 3}}, "name is 3"),
     "text as list": ({"scene": {"text": []}}, "text is"),

@@ -272,8 +272,9 @@ def test_an_interrupted_solve_leaves_the_step_before(monkeypatch: pytest.MonkeyP
 
 def test_what_cannot_fit_is_named_and_keeps_the_sweeps_answer() -> None:
     scene = chain(5, 1e-3, method="exact", tolerance=TOLERANCE)
-    report = Simulation(scene).step()
-    assert report.infeasible == (0, 1, 2, 3, 4)
+    simulation = Simulation(scene)
+    report = simulation.step()
+    assert simulation.infeasible_grains() == (0, 1, 2, 3, 4)
     assert not report.converged
     assert 0 < report.factorizations < 20
     with pytest.raises(SimulationError, match="grains 0, 1, 2, 3, 4 cannot fit"):

@@ -7,7 +7,7 @@ from stages import load
 
 from warpgrains import Scene, State
 from warpgrains.kernels.gpu import Launcher, stage_kernels
-from warpgrains.kernels.record import SLOW, SOLVED, UNPROVED, WITHOUT_ROOM
+from warpgrains.kernels.record import SLOW, SOLVED, WITHOUT_ROOM
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import METHODS, step
 from warpgrains.scene.state import first_state
@@ -42,7 +42,7 @@ def launched_state(scene: Scene, steps: int) -> State:
     while steps > 0:
         wp.capture_launch(capture.graph)
         outcome = records.host["step"]["outcome"][0]
-        assert outcome in (SOLVED, UNPROVED, WITHOUT_ROOM, SLOW)
+        assert outcome in (SOLVED, WITHOUT_ROOM, SLOW)
         if outcome == WITHOUT_ROOM:
             records.reserve_contacts(0, int(records.array(0, "neighbors.total")[0]))
         elif outcome == SLOW:

@@ -36,8 +36,6 @@ def of_step(report: StepReport) -> RunStatistics:
         iterations=report.iterations,
         iterations_max=report.iterations,
         unconverged=int(not report.converged),
-        infeasible=int(bool(report.infeasible)),
-        infeasible_grains=report.infeasible,
         residual=report.residual,
         gap_error=report.gap_error,
         overlap=report.overlap,

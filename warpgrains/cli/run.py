@@ -28,7 +28,7 @@ from warpgrains.shown import number_of
 from warpgrains.simulation.checkpoint import lock_checkpoint, read_checkpoint
 from warpgrains.simulation.options import FLAGS, RunOptions, require_needed, steps_of
 from warpgrains.simulation.run import OpenRun, carry_out
-from warpgrains.solver.statistics import RunStatistics, named
+from warpgrains.solver.statistics import RunStatistics
 from warpgrains.warp_start import start_warp
 
 # Options that a resumed run reads from its checkpoint.
@@ -202,7 +202,7 @@ def summary_lines(results: dict[str, Any]) -> str:
         "scene": f"{results['scene']}, {number_of(results['grains'], 'grain')}",
         "steps": f"{results['steps']}{_ended(results)}",
         "iterations": f"mean {results['iterations_mean']:.1f}, max {results['iterations_max']}",
-        "not converged": f"{number_of(results['unconverged'], 'step')}{_without_solution(results)}",
+        "not converged": number_of(results["unconverged"], "step"),
         "worst residual": f"{results['residual']:.2e} m/s ({results['gap_error']:.2e} smallest radii a step)",
         "worst overlap": f"{results['overlap']:.2e} m ({results['overlap_in_radii']:.2e} smallest radii)",
         "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall{largest}",
@@ -224,8 +224,3 @@ def _output(results: dict[str, Any]) -> str:
         return str(results["output"])
     frames = results["frames"]
     return f"{results['output']}, {number_of(frames, 'frame')}, {results['fps']:.6g} a second"
-
-
-def _without_solution(results: dict[str, Any]) -> str:
-    grains = results["infeasible_grains"]
-    return f", {results['infeasible']} or more have no solution: {named(grains)} cannot fit" if grains else ""

@@ -101,9 +101,9 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
     simulation = continued(Simulation, resting, first_state(resting))
     for step in range(1, MOST_STEPS + 1):
         report = simulation.step()
-        if report.infeasible:
+        if not report.converged and (wedged := simulation.infeasible_grains()):
             raise SimulationError(
-                f"{named(report.infeasible)} cannot be moved apart: they overlap too much, or do not fit"
+                f"{named(wedged)} cannot be moved apart: they overlap too much, or do not fit"
             )
         if report.overlap <= overlap:
             shift = float(distance(simulation.position - scene.position).max())

@@ -92,7 +92,6 @@ class VerletList:
     lifetime: float
 
 
-_MOST_ITERATIONS = 2**31 - 1  # that a number of the kernels holds
 VERLET_NUMBERS = ("base_skin", "frame_skin", "elapsed", "lifetime")
 
 
@@ -122,9 +121,6 @@ class State:
         one, and those of `Scene.walls`, whose coordinate is the way that they have moved.
     last_staggered : bool
         `staggered` before the last step.
-    to_search : int
-        Iterations of steps above their tolerance until one of them is worth a search for grains that cannot
-        fit.
     last_scene : Scene or None
         Scene of the last step, which its contacts and their forces refer to; None if it is the scene of the
         state. They differ after `Simulation.change`, until the next step.
@@ -148,7 +144,6 @@ class State:
     angle: FloatArray | None = None
     driven: FloatArray | None = None
     last_staggered: bool = False
-    to_search: int = 0
     last_scene: Scene | None = None
 
 
@@ -171,7 +166,6 @@ def require_state(state: State, scene: Scene) -> None:
     n, walls = scene.n, scene.wall_numbers
     _require_kind("state", state, State)
     checks.whole_number("steps", state.steps, least=0)
-    checks.whole_number("to_search", state.to_search, least=0, most=_MOST_ITERATIONS)
     for name in ("staggered", "last_staggered"):
         checks.boolean(name, getattr(state, name))
     for name in ("position", "velocity"):

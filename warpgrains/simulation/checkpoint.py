@@ -29,7 +29,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 13
+VERSION = 14
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]
@@ -186,8 +186,6 @@ def _require_statistics(statistics: RunStatistics, state: State, options: RunOpt
             raise InputError(f"{field.name} is {value!r}: it must be a number, 0 or more")
     if not all(isinstance(mean, float | int) for mean in statistics.means):
         raise InputError(f"means is {statistics.means!r}: it must hold numbers")
-    for grain in statistics.infeasible_grains:
-        checks.whole_number("infeasible grain", grain, least=0, most=len(state.position) - 1)
     if options is not None:
         checks.whole_number("steps", statistics.steps, least=0, most=options.steps)
         recorded = options.record is not None

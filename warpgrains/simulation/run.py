@@ -177,11 +177,20 @@ class OpenRun(CountedRun):
         return Checkpoint(self.scene, state, self.options, self.statistics)
 
 
+def _warn_of_wedged_grains(simulation: Simulation) -> bool:
+    """Warn if the last step has no solution, as far as a search can prove it; return True then."""
+    grains = simulation.infeasible_grains()
+    if grains:
+        warn(f"step {simulation.steps}: {named(grains)} cannot fit", stacklevel=4)
+    return bool(grains)
+
+
 def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
     """Do the remaining steps of an opened run and update its statistics.
 
-    Warns if a new output cannot have as many frames per second as requested, if grains cannot fit (once per
-    run), and if the run ended before its end criterion was met.
+    Warns if a new output cannot have as many frames per second as requested, if grains cannot fit (once;
+    searched for whenever the number of unconverged steps has doubled), and if the run ended before its end
+    criterion was met.
     """
     statistics, until, every = run.statistics, run.until, run.options.every
     if run.lowered_rate is not None:
@@ -199,6 +208,7 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
         if kept is not None and (statistics.steps % every == 0 or run.has_ended):
             write_checkpoint(kept, run.flush_and_checkpoint(simulation.state()))
 
+    wedged = False
     with progress_bar(run.steps, statistics.steps, progress) as bar:
         try:
             write_due()
@@ -207,9 +217,9 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
                 if kept is not None:
                     steps = min(steps, steps_to(every, statistics.steps))
                 done = simulation.advance(steps, bar.update)
-                if done.infeasible and not statistics.infeasible:
-                    step, grains = simulation.infeasible_steps[0]
-                    warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
+                unconverged = statistics.unconverged
+                if (unconverged + done.unconverged).bit_length() > unconverged.bit_length():
+                    wedged = wedged or _warn_of_wedged_grains(simulation)
                 with simulation.observed():
                     run.count(done, simulation)
                 write_due()

@@ -159,10 +159,18 @@ class Stepper(PresentState, Shown):
             raise last_steps.errors[0]
         return last_steps
 
-    @property
-    def infeasible_steps(self) -> list[tuple[int, tuple[int, ...]]]:
-        """Return those steps of the last `advance` that have no solution, and the grains that cannot fit."""
-        return self._engine.infeasible_steps(0)
+    def infeasible_grains(self) -> tuple[int, ...]:
+        """Return the grains that cannot fit, if it is proved that the last step has no solution; else ().
+
+        An empty tuple proves nothing. A search takes about 5 ms, and 16 us for every grain.
+
+        Raises
+        ------
+        SimulationError
+            No step has been taken since the start, or since `restore`.
+        """
+        self._require_step()
+        return self._engine.infeasible_grains(0)
 
     def change(self, **fields: Unpack[SceneChanges]) -> None:
         """Change some fields of the scene, such as drag=0.1, and continue from the present state.
@@ -199,11 +207,14 @@ class Stepper(PresentState, Shown):
         SimulationError
             No step has been taken since the start, or since `restore`.
         """
-        if not self._engine.has_stepped(0):
-            raise SimulationError("no step has been taken from this state: call step() first")
+        self._require_step()
         position, velocity = (self._grains(name) for name in ("last_position", "last_velocity"))
         spin = self._grains("last_spin") if self.scene.has_friction else None
         return StepStart(position, velocity, self._engine.last_staggered(0), spin)
+
+    def _require_step(self) -> None:
+        if not self._engine.has_stepped(0):
+            raise SimulationError("no step has been taken from this state: call step() first")
 
     def observed(self) -> AbstractContextManager[None]:
         """Return the context in which callbacks of a run may read the simulation, but not change it."""

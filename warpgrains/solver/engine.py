@@ -22,7 +22,6 @@ from warpgrains.kernels.record import (
     NOT_FINITE,
     SLOW,
     SOLVED,
-    UNPROVED,
     WITHOUT_ROOM,
     Kind,
     Phase,
@@ -97,7 +96,7 @@ class Engine:
         self._tasks: list[Callable[[], None]] = []
         host, service = self._records.host, self._service
         arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds, host["steps"]
-        self.last_steps = LastSteps(scenes, *arrays, service.proofs, service.errors)
+        self.last_steps = LastSteps(scenes, *arrays, service.errors)
         self._sums = host["statistics"].view(np.void)  # filled ten times as fast as by fields
         self._no_steps = np.zeros((), self._sums.dtype)
         self._graphs: dict[int, wp.Graph] = {}
@@ -201,7 +200,7 @@ class Engine:
         self._outcome[:] = SOLVED
         self.seconds[:] = 0.0
         self._sums.fill(self._no_steps)
-        self._service.clear()
+        self._service.errors.clear()
 
     def work(self) -> float:
         """Return the grains times iterations left to do, if each step takes those of the last one."""
@@ -273,15 +272,12 @@ class Engine:
         """Serve the requests of scenes; return True if one of the scenes can continue."""
         if not np.count_nonzero(self._outcome):  # all are solved
             return bool(np.count_nonzero(self.left) and not self._cancel[0])
-        unproved = np.flatnonzero(self._outcome == UNPROVED).tolist()
-        for k in unproved:
-            self._service.search_proof(k)
         slow = np.flatnonzero(self._outcome == SLOW).tolist()
         for k in slow:
             start = perf_counter()
             self._service.solve_exactly(k)
             self.seconds[k] += perf_counter() - start
-        waiting = self._grow() + unproved + slow
+        waiting = self._grow() + slow
         self._outcome[waiting] = SOLVED
         return bool((self.left[self._outcome == SOLVED] > 0).any() and not self._cancel[0])
 
@@ -331,9 +327,9 @@ class Engine:
         """Return zeta and residual of every iteration of the last step of scene k, which were kept."""
         return self._memory[k].history()
 
-    def infeasible_steps(self, k: int) -> list[tuple[int, tuple[int, ...]]]:
-        """Return the steps of scene k since `submit` without a solution, and the grains that cannot fit."""
-        return list(self._service.proofs[k])
+    def infeasible_grains(self, k: int) -> tuple[int, ...]:
+        """Return the grains of scene k that provably cannot fit in its last step."""
+        return self._service.infeasible_grains(k)
 
 
 def _module_name(kind: Kind, device: str = "") -> str:

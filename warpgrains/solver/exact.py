@@ -90,8 +90,6 @@ class ExactSolver:
         is_better = before > tolerance and left <= max(BETTER * before, tolerance)
         if is_better:
             contacts.write(q)
-        else:
-            record["to_search"] = 0  # a proof that no velocities solve the step
         if left > tolerance:
             record["step"]["patience"] = 0  # the methods have done what they can
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED

@@ -34,8 +34,6 @@ class LastSteps(NamedTuple):
     """Time that the steps took [s], shape (scenes,)."""
     steps: IndexArray
     """Steps since the start, shape (scenes,)."""
-    proofs: list[list[tuple[int, tuple[int, ...]]]]
-    """Of every scene, the steps without a solution, and the grains that cannot fit."""
     errors: dict[int, SimulationError]
     """Reasons why scenes stopped early."""
 
@@ -47,7 +45,6 @@ class LastSteps(NamedTuple):
             listed=self.listed.copy(),
             seconds=self.seconds.copy(),
             steps=self.steps.copy(),
-            proofs=self.proofs.copy(),
             errors=self.errors.copy(),
         )
 
@@ -61,7 +58,6 @@ class LastSteps(NamedTuple):
             residual=step["residual"],
             gap_error=self._gap_error(k, step["residual"]),
             converged=bool(step["converged"]),
-            infeasible=dict(self.proofs[k]).get(int(self.steps[k]), ()) if self.proofs[k] else (),
             contacts=step["active"],
             candidates=int(count["pairs"] + count["walls"]),
             overlap=step["overlap"],
@@ -73,12 +69,9 @@ class LastSteps(NamedTuple):
     def statistics(self, k: int) -> RunStatistics:
         """Return the sums and maxima of scene k."""
         sums = dict(zip(SUMS, self.sums[k].tolist(), strict=True))
-        proofs = self.proofs[k]
         return RunStatistics(
             **sums,
             gap_error=self._gap_error(k, sums["residual"]),
-            infeasible=len(proofs),
-            infeasible_grains=proofs[0][1] if proofs else (),
             step_seconds=self.seconds[k].item(),
         )
 

@@ -133,7 +133,6 @@ class SceneMemory:
             more["driven"] = self.driven()
         for name in ("staggered", "last_staggered"):
             more[name] = bool(self.record["scheme"][name])
-        more["to_search"] = max(0, int(self.record["to_search"]))
         if not self.has_stepped:
             more["last_scene"] = self._last_scene
         return State(self.steps, position, velocity, self.corrections(), lists, **more)
@@ -164,7 +163,6 @@ class SceneMemory:
         record["control"]["unordered"] = 1
         for name in ("staggered", "last_staggered"):
             record["scheme"][name] = getattr(state, name)
-        record["to_search"] = state.to_search
         record["steps"] = state.steps
         self._loaded_steps, self._last_scene = state.steps, state.last_scene
 

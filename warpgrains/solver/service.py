@@ -1,4 +1,4 @@
-"""Requests of scenes to the host: memory for a list, the exact solution of a step, proofs, and errors."""
+"""Requests of scenes to the host: memory for a list, the exact solution of a step, and errors."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE
 from warpgrains.solver.infeasible import (
     InfeasibilityProof,
     find_infeasibility_proof,
-    iterations_worth_a_search,
 )
 from warpgrains.solver.statistics import named
 
@@ -37,7 +36,7 @@ def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
 
 
 class Service:
-    """Server for the requests of scenes during a step; it keeps the proofs and errors.
+    """Server for the requests of scenes during a step; it keeps the errors.
 
     Parameters
     ----------
@@ -49,8 +48,6 @@ class Service:
 
     Attributes
     ----------
-    proofs : list of list
-        For each scene, the steps that have no solution and the grains that cannot fit.
     errors : dict of int to SimulationError
         Reasons why scenes stopped early, by scene.
     """
@@ -59,13 +56,7 @@ class Service:
         self._scenes, self._records, self._memory = scenes, records, memory
         solver = exact_solver(scenes[0].method)
         self._exact = [] if solver is None else list(map(solver, scenes, memory))
-        self.proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in scenes]
         self.errors: dict[int, SimulationError] = {}
-
-    def clear(self) -> None:
-        """Clear proofs and errors."""
-        self.proofs[:] = [[] for _ in self._scenes]
-        self.errors.clear()
 
     def reserve_contacts(self, k: int) -> bool:
         """Reserve memory for the list of scene k; return True if there is, and has always been, enough."""
@@ -82,13 +73,10 @@ class Service:
         """Solve the step of scene k, in which sweeps converge too slowly."""
         self._exact[k].solve()
 
-    def search_proof(self, k: int) -> None:
-        """Search for the grains of scene k that cannot fit, after its last step did not converge."""
+    def infeasible_grains(self, k: int) -> tuple[int, ...]:
+        """Return the grains of scene k that provably cannot fit in its last step."""
         proof = _find_proof(self._scenes[k], self._memory[k], "last_position", "velocity", 0)
-        wait = 0 if proof else iterations_worth_a_search(self._scenes[k].n)
-        self._memory[k].record["to_search"] = wait
-        if proof:
-            self.proofs[k].append((self._memory[k].steps, proof.grains))
+        return () if proof is None else proof.grains
 
     def explain(self, k: int, outcome: int) -> None:
         """Store the reason why the open step of scene k failed."""

@@ -68,10 +68,6 @@ class StepReport(Tabular, FormerNames):
         dt * residual in units of the smallest radius.
     converged : bool
         Whether the quantity that the scene stops on (`Scene.stop`) met the tolerance.
-    infeasible : tuple of int
-        Grains that cannot fit, if it is proved that the step has no solution (solver/infeasible.py). Proofs
-        are searched for after steps that did not converge, every time while they are found, and otherwise so
-        seldom that the search takes at most 5 % of the time. An empty tuple proves nothing.
     contacts : int
         Contacts that carry a correction, between grains and with the walls.
     candidates : int
@@ -90,8 +86,8 @@ class StepReport(Tabular, FormerNames):
     Examples
     --------
     >>> report = wg.Simulation(wg.Scene.load("annulus")).step()
-    >>> report.iterations, report.zeta, report.converged, report.contacts, report.infeasible
-    (1, 0.0, True, 0, ())
+    >>> report.iterations, report.zeta, report.converged, report.contacts
+    (1, 0.0, True, 0)
     """
 
     iterations: int
@@ -99,7 +95,6 @@ class StepReport(Tabular, FormerNames):
     residual: float
     gap_error: float
     converged: bool
-    infeasible: tuple[int, ...]
     contacts: int
     candidates: int
     overlap: float
@@ -121,10 +116,6 @@ class Summary(Shown, Tabular, FormerNames):
         Iterations a step.
     unconverged : int
         Steps that reached `max_iterations` without meeting the tolerance.
-    infeasible : int
-        Those of the unconverged steps that are proved to have no solution, see `StepReport`.
-    infeasible_grains : tuple of int
-        Grains that could not fit in the first infeasible step.
     residual, gap_error : float
         Worst error of any step [m/s], and in smallest radii, see `StepReport`.
     overlap : float
@@ -150,8 +141,6 @@ class Summary(Shown, Tabular, FormerNames):
     iterations_mean: float
     iterations_max: int
     unconverged: int
-    infeasible: int
-    infeasible_grains: tuple[int, ...]
     residual: float
     gap_error: float
     overlap: float
@@ -197,7 +186,7 @@ class RunStatistics(FormerNames):
         Steps done and frames recorded.
     iterations, iterations_max : int
         Sum and maximum over the steps.
-    unconverged, infeasible, infeasible_grains, residual, gap_error, overlap, rebuilds, restarts
+    unconverged, residual, gap_error, overlap, rebuilds, restarts
         As in `Summary`.
     step_seconds : float
         Time in which a device or threads advanced the scene [s].
@@ -217,8 +206,6 @@ class RunStatistics(FormerNames):
     iterations: int = _counted(add)
     iterations_max: int = _counted(max)
     unconverged: int = _counted(add)
-    infeasible: int = _counted(add)
-    infeasible_grains: tuple[int, ...] = _counted(_first, ())
     residual: float = _counted(max, 0.0)
     gap_error: float = _counted(max, 0.0)
     overlap: float = _counted(max, 0.0)
@@ -231,7 +218,7 @@ class RunStatistics(FormerNames):
     means: tuple[float, ...] = _counted(_first, ())
 
     def __post_init__(self) -> None:
-        self.infeasible_grains, self.means = tuple(self.infeasible_grains), tuple(self.means)
+        self.means = tuple(self.means)
 
     @property
     def seconds(self) -> float:
