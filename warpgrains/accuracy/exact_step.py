@@ -29,13 +29,11 @@ again a projection on a polyhedron. Unknowns are the velocities and the rim spee
 masses M, M and J / 2.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import clarabel
 import numpy as np
-import qdldl
 from scipy import sparse
 from scipy.spatial import cKDTree
 
@@ -44,9 +42,8 @@ from warpgrains.errors import SimulationError
 from warpgrains.scene.geometry import left_of, pair_gaps
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
-from warpgrains.solver import interior_point
 from warpgrains.solver.constraints import StepConstraints, every_wall
-from warpgrains.solver.projection import NormalMatrix, Projection, projection_of
+from warpgrains.solver.projection import Projection, projection_of
 
 TOLERANCE = 1e-14  # requested from the library, which stops earlier if rounding prevents it
 REGULARIZATION = 1e-12  # of the library's matrix; with the default, 1e-8, it stops at a gap of about 1e-6
@@ -107,10 +104,6 @@ class ExactStep(NamedTuple):
     """Proven bound of the error of every component [m/s]."""
 
 
-Witness = Callable[[Projection], tuple[FloatArray, FloatArray]]
-"""A solver that returns a point y near 0 that satisfies all constraints, and multipliers z >= 0."""
-
-
 def solve_with_clarabel(projection: Projection) -> tuple[FloatArray, FloatArray]:
     """Return the library's y, and its z with negative entries set to 0."""
     unknowns, rows = len(projection.free), sparse.csc_array(projection.rows)
@@ -128,15 +121,12 @@ def solve_with_clarabel(projection: Projection) -> tuple[FloatArray, FloatArray]
     return np.array(answer.x), np.maximum(answer.z, 0.0)
 
 
-def solve_exactly(
-    problem: StepProblem, motion: FloatArray, witness: Witness = solve_with_clarabel
-) -> ExactStep:
+def solve_exactly(problem: StepProblem, motion: FloatArray) -> ExactStep:
     """Solve a step as a convex problem over all pairs and walls.
 
     `motion`, an estimate of velocities, or with friction of velocities and rim speeds (n, 3) [m/s], limits
     the search for pairs and sets gaps at a round wall and the frozen slip: there the result is exact if it
-    equals the estimate. Raises SimulationError where there is no solution, or `witness`, by default clarabel,
-    finds none.
+    equals the estimate. Raises SimulationError where there is no solution, or clarabel finds none.
     """
     scene, velocity, free = problem.scene, motion[:, :2], problem.free_velocity
     speed = REACH * np.maximum(np.hypot(*free.T), np.hypot(*velocity.T))
@@ -152,7 +142,7 @@ def solve_exactly(
             step = projection_of(every, free)
         scale = float(np.abs(step.free).max()) or float(root.max())
         bound = (step.bound - step.rows @ step.free) / scale
-        y, error = _project(step.rows, bound, witness)
+        y, error = _project(step.rows, bound)
         unit = scale / root
         exact = ExactStep(free + unit * y.reshape(free.shape), error * float(unit.max()))
         found = np.hypot(*exact.velocity[:, :2].T)
@@ -161,14 +151,14 @@ def solve_exactly(
         speed = np.maximum(speed, REACH * found)
 
 
-def _project(rows: sparse.csr_array, bound: FloatArray, witness: Witness) -> tuple[FloatArray, float]:
+def _project(rows: sparse.csr_array, bound: FloatArray) -> tuple[FloatArray, float]:
     """Return a point of the polyhedron, and a bound of its distance from the point nearest to 0."""
     nothing = np.zeros(rows.shape[1])
     if not (bound < 0.0).any():
         return nothing, 0.0
     tightening = 0.0
     for _ in range(ATTEMPTS):
-        y, z = witness(Projection(rows, bound - tightening, nothing, np.ones_like(bound)))
+        y, z = solve_with_clarabel(Projection(rows, bound - tightening, nothing, np.ones_like(bound)))
         slack = bound - rows @ y
         # rounding of a sum of at most four products, and of a difference
         rounding = np.finfo(float).eps * (3.0 * abs(rows) @ abs(y) + abs(bound))
@@ -178,27 +168,6 @@ def _project(rows: sparse.csr_array, bound: FloatArray, witness: Witness) -> tup
             return y, float(np.sqrt(gap))
         tightening += 2.0 * short
     raise SimulationError("the exact velocities were not found: no solution satisfies every gap")
-
-
-class AnyNormalMatrix(NormalMatrix):
-    """I + A^T diag(d) A and its factors, for any A."""
-
-    def take(self, rows: sparse.csr_array) -> None:
-        """Take A."""
-        self._rows = rows
-
-    def factor(self, d: FloatArray) -> None:
-        """Factor the matrix."""
-        product = self._rows.T @ sparse.diags_array(d) @ self._rows
-        matrix = sparse.csc_matrix(sparse.triu(product + sparse.eye_array(self._rows.shape[1])))
-        self.solver = qdldl.Solver(matrix, upper=True)
-
-
-def package_witness(projection: Projection) -> tuple[FloatArray, FloatArray]:
-    """Return y and z by the package's interior point method, started from zero."""
-    nothing = np.zeros_like(projection.bound)
-    z = interior_point.solve(projection, AnyNormalMatrix(), nothing, TOLERANCE).q
-    return -(projection.rows.T @ z), z
 
 
 def projection_with_frozen_slip(
