@@ -1,80 +1,159 @@
-"""The solver against C, with the same bits: one sweep, whole steps, and the course's own scene."""
+"""The solver against C built for this machine, with the same bits: one sweep, steps, the course's scene."""
 
+import argparse
+import ctypes
+import subprocess
+import tempfile
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
 
 import numpy as np
+import warp as wp
 
-from warpgrains import Scene, Simulation
+from warpgrains import Scene, Simulation, State
+from warpgrains.kernels.record import Phase
+from warpgrains.kernels.step import METHODS
+from warpgrains.kernels.threads import team_records
+from warpgrains.reference.reference import SOURCE, Grains, Reference
+from warpgrains.solver.sizes import kind_of
 
 from ..support.same_bits import assert_same_bits
-from .compiled import COMPILER, CReference, sweep_in_c
-from .inside import Sweeps
-from .options import Options
+from ..support.stages import kernel_of
+from .flow import flowing, splashed
 from .piles import ITERATIONS, advance, settled_pile
-from .rows import SPEEDUP, Subject, row
-from .timing import in_turn, seconds
+from .rows import SPEEDUP, Subject, in_turn, row, seconds
 
+FLAGS = ("-O3", "-march=native", "-ffp-contract=off")
+COMPILER = f"gcc {' '.join(FLAGS)}"
 SWEPT, SWEEPS = 10_000, 200  # grains, and how often they are swept in one go
 FASTER_THAN_ALL_PAIRS = {100: ">= 25", 1_000: ">= 250", 5_000: ">= 1000"}
 COURSE_STEPS = 800
+VEC = ("<f8", (2,))
+CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<u4"), ("j", "<u4")], align=True)
+"""The record that in_c.c sweeps."""
 
 
-def sweeps(options: Options) -> Iterator[dict[str, str]]:
+@cache
+def library() -> ctypes.CDLL:
+    """Build the reference and the sweep."""
+    with tempfile.TemporaryDirectory() as folder:
+        built = Path(folder) / "bench.so"
+        sources = [str(SOURCE), str(Path(__file__).with_name("in_c.c"))]
+        line = ["gcc", *FLAGS, f"-I{SOURCE.parent}", "-shared", "-fPIC", *sources, "-o", str(built), "-lm"]
+        subprocess.run(line, check=True)
+        loaded = ctypes.CDLL(str(built))
+    whole, number, array = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
+    loaded.run.restype = None
+    loaded.run.argtypes = [ctypes.POINTER(Grains), whole, number, number, number]
+    loaded.sweeps.restype = number
+    loaded.sweeps.argtypes = [whole, whole, whole, array, array, array]
+    return loaded
+
+
+class CReference(Reference):
+    """The all-pairs reference as compiled here."""
+
+    def __init__(self, scene: Scene, state: State | None = None):
+        super().__init__(library(), scene, state)
+
+    def run(self, steps: int) -> None:
+        """Advance by many steps without coming back to Python."""
+        scene = self._scene
+        self._library.run(self._grains, steps, scene.dt, scene.tolerance, scene.max_iterations)
+
+
+class Sweeps:
+    """The contact iteration alone: plain sweeps over the arrays of a simulation's last step."""
+
+    def __init__(self, simulation: Simulation):
+        records = simulation._engine._records
+        self._numbers, array = records.host[0], partial(records.array, 0)
+        count = self._numbers["contacts"]["count"]
+        self.pairs, self.walls = int(count["pairs"]), int(count["walls"])
+        self.contact, self.dv = array("contacts.contact"), array("contacts.dv")
+        self.velocity = array("grains.next_velocity")
+        if self.contact.dtype != CONTACT:
+            raise RuntimeError(f"in_c.c knows records {CONTACT}, and the solver has {self.contact.dtype}")
+        self._start = self.contents()
+        inputs = (records.device, team_records(1)[0])
+        kernel = kernel_of(*METHODS[kind_of(simulation.scene)])
+        self.run = wp.launch(kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True).launch
+
+    def contents(self) -> tuple[np.ndarray, ...]:
+        """Return a copy of all that a sweep changes."""
+        return self.dv.copy(), self.velocity.copy()
+
+    def reset(self) -> None:
+        """Put everything back to where the sweeps start, with nothing monitored."""
+        self.dv[:], self.velocity[:] = self._start
+        self._numbers["tuning"]["monitor_threshold"] = np.inf
+        self._numbers["control"]["phase"] = Phase.SWEEP
+        self._numbers["control"]["may_stop"] = 0
+        self._numbers["step"]["iterations"] = self._numbers["step"]["measured"] = 0
+        self._numbers["verlet"]["flags"]["list_expired"] = 0
+
+    def run_in_c(self) -> float:
+        """Do the same sweeps in C; return the last zeta [m/s]."""
+        arrays = (array.ctypes.data for array in (self.contact, self.dv, self.velocity))
+        return library().sweeps(SWEEPS, self.pairs, self.walls, *arrays)
+
+    def compare(self) -> None:
+        """Check that both give the same bits."""
+        self.reset()
+        zeta, expected = self.run_in_c(), self.contents()
+        self.reset()
+        self.run()
+        assert (self._numbers["step"]["iterations"], self._numbers["step"]["zeta"]) == (SWEEPS, zeta)
+        assert all(map(np.array_equal, self.contents(), expected))
+
+
+def sweeps(options: argparse.Namespace) -> Iterator[dict[str, str]]:
     """One sweep in either order, on the same arrays."""
     n = min(SWEPT, options.largest)
     pile = settled_pile(n, options.cache)
     for order in ("sequential", "color"):
         arrays = Sweeps(pile.simulation(order=order, max_iterations=SWEEPS))
-        _hold_against_c(arrays)
+        arrays.compare()
+
+        def us_a_sweep(run: Callable[[], object], arrays: Sweeps = arrays) -> float:
+            arrays.reset()
+            return seconds(run) / SWEEPS * 1e6
+
         ours, in_c = in_turn(
-            options.repeats,
-            partial(_us_a_sweep, arrays, arrays.run),
-            partial(_us_a_sweep, arrays, partial(sweep_in_c, arrays, SWEEPS)),
+            options.repeats, partial(us_a_sweep, arrays.run), partial(us_a_sweep, arrays.run_in_c)
         )
         subject = Subject(f"one sweep, {pile.kind}", n, order)
         target = "<= 1.1" if (n, order) == (SWEPT, "sequential") else ""
         yield row(subject, ours, "us", f"same arrays, {COMPILER}", in_c, target=target)
 
 
-def _hold_against_c(arrays: Sweeps) -> None:
-    """The same bits from both."""
-    arrays.reset()
-    zeta = sweep_in_c(arrays, SWEEPS)
-    expected = arrays.contents()
-    arrays.reset()
-    arrays.run()
-    assert arrays.done() == (SWEEPS, zeta)
-    assert all(map(np.array_equal, arrays.contents(), expected))
+def steps(options: argparse.Namespace) -> Iterator[dict[str, str]]:
+    """Whole steps against all pairs in C, at rest and flowing."""
+    for n, target in FASTER_THAN_ALL_PAIRS.items():
+        pile = settled_pile(min(n, options.largest), options.cache)
+        subject = Subject(f"one step of {ITERATIONS} iterations, {pile.kind}", pile.scene.n)
+        yield _against_all_pairs(subject, pile.simulation(), max(2, 4_000 // n), options.repeats, target)
+    n = min(1_000, options.largest)
+    flow = splashed(flowing(n, tolerance=1e-12, max_iterations=ITERATIONS), threads=1)
+    subject = Subject(f"one step of {ITERATIONS} iterations, flowing", n)
+    yield _against_all_pairs(subject, flow, 5, options.repeats, ">= 400")
 
 
-def _us_a_sweep(arrays: Sweeps, sweep: Callable[[], object]) -> float:
-    arrays.reset()
-    return seconds(sweep) / SWEEPS * 1e6
+def _against_all_pairs(
+    subject: Subject, simulation: Simulation, count: int, repeats: int, target: str
+) -> dict[str, str]:
+    reference = CReference(simulation.scene, simulation.state())
+    ours, in_c = in_turn(
+        repeats,
+        lambda: seconds(partial(advance, simulation, count)) / count * 1e3,
+        lambda: seconds(partial(reference.run, count)) / count * 1e3,
+    )
+    assert_same_bits(simulation, reference)
+    return row(subject, ours, "ms", f"all pairs, {COMPILER}", in_c, SPEEDUP, target)
 
 
-def steps(options: Options) -> Iterator[dict[str, str]]:
-    """Whole steps against all pairs in C."""
-    for n in options.sizes(FASTER_THAN_ALL_PAIRS):
-        pile, count = settled_pile(n, options.cache), max(2, 4_000 // n)
-        simulation = pile.simulation()
-        reference = CReference(simulation.scene, simulation.state())
-        ours, in_c = in_turn(
-            options.repeats,
-            partial(_ms_a_step, partial(advance, simulation), count),
-            partial(_ms_a_step, reference.run, count),
-        )
-        assert_same_bits(simulation, reference)
-        subject = Subject(f"one step of {ITERATIONS} iterations, {pile.kind}", n)
-        target = FASTER_THAN_ALL_PAIRS.get(n, "")
-        yield row(subject, ours, "ms", f"all pairs, {COMPILER}", in_c, SPEEDUP, target)
-
-
-def _ms_a_step(run: Callable[[int], object], steps: int) -> float:
-    return seconds(partial(run, steps)) / steps * 1e3
-
-
-def course(options: Options) -> Iterator[dict[str, str]]:
+def course(options: argparse.Namespace) -> Iterator[dict[str, str]]:
     """The course's scene from its start, all of it."""
     scene = Scene.load("annulus")
     simulation = Simulation(scene)

@@ -3,21 +3,17 @@
 python -m tests.bench.batch -o tests/bench/results/batch.csv
 """
 
-import argparse
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from warpgrains import Batch, Scene
-from warpgrains.warp_start import start_warp
 
-from .compiled import COMPILER, CReference
+from .against_c import COMPILER, CReference
 from .piles import pile
-from .rows import SPEEDUP, Subject, open_table, row
-from .timing import in_turn, say, seconds
+from .rows import SPEEDUP, Subject, command_line, in_turn, publish, row, seconds
 
 SCENES = 1_000
 IN_C = 5  # scenes that are run in C, too
@@ -126,18 +122,10 @@ def figures(count: int, repeats: int) -> Iterator[dict[str, str]]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Measure, and write the figures down one by one."""
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.batch", description="Measure a batch.")
-    parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
-    parser.add_argument(
-        "--repeats", type=int, default=5, help="values that a median is taken of (default: 5)"
-    )
+    parser = command_line("batch", __doc__)
     parser.add_argument("--scenes", type=int, default=SCENES, help=f"in a batch (default: {SCENES:,})")
     chosen = parser.parse_args(arguments)
-    start_warp()
-    with open_table(chosen.output) as table:
-        for cells in figures(chosen.scenes, chosen.repeats):
-            say("  " + ", ".join(filter(None, cells.values())))
-            table.add(cells)
+    publish(figures(chosen.scenes, chosen.repeats), chosen.output)
 
 
 if __name__ == "__main__":

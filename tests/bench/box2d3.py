@@ -11,7 +11,7 @@ import numpy as np
 from warpgrains import Scene
 from warpgrains.arrays import FloatArray
 
-from .compiled import FLAGS, HERE
+from .against_c import FLAGS
 from .peer_programs import FRAME, corners
 
 STIFFEST = 1e9  # Hz: Box2D lowers it to an eighth of the rate of sub-steps
@@ -65,7 +65,7 @@ def _library(source: Path | None) -> ctypes.CDLL:
     with tempfile.TemporaryDirectory() as folder:
         built = Path(folder) / "box2d3.so"
         flags = ["-std=gnu17", *FLAGS, "-DNDEBUG", *_simd(), f"-I{source / 'include'}", "-pthread"]
-        sources = [HERE / "box2d3.c", *sorted((source / "src").glob("*.c"))]
+        sources = [Path(__file__).with_name("box2d3.c"), *sorted((source / "src").glob("*.c"))]
         line = ["cc", *flags, "-shared", "-fPIC", *map(str, sources), "-o", str(built), "-lm"]
         subprocess.run(line, check=True)
         loaded = ctypes.CDLL(str(built))

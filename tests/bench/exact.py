@@ -11,9 +11,9 @@ method leaves with no tolerance; how far clarabel's is from it is said, with wha
 
 import argparse
 import resource
-import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
+from math import ceil
 from pathlib import Path
 from time import process_time
 from typing import Any, NamedTuple
@@ -24,11 +24,9 @@ from warpgrains import Scene, Simulation, State
 from warpgrains.accuracy.exact_step import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.toml import shipped_scenes
-from warpgrains.warp_start import start_warp
 
-from ..support.sample_scenes import dense_start
-from .rows import SPEEDUP, Subject, open_table, row
-from .timing import say
+from .flow import kept_state
+from .rows import SPEEDUP, Subject, command_line, publish, row, say
 
 MARKS = {"settling": 0.8, "creeping": 2.0, "resting": 4.0}  # s
 SWEEPS = 300  # of a step until then
@@ -63,16 +61,14 @@ def pile(radii: str, n: int) -> Scene:
 
 def state(radii: str, n: int, mark: str, cache: Path) -> tuple[Scene, State]:
     """Return a pile at a time of its history: from the cache, or made and put there."""
-    file = cache / f"{radii}-{n}-{mark}.npz"
-    if not file.exists():
-        cache.mkdir(parents=True, exist_ok=True)
-        say(f"making {file.name}")
-        simulation = Simulation(pile(radii, n), threads=1)
-        while simulation.time < MARKS[mark]:
-            simulation.advance(1)
-        simulation.save(file)
-    kept = Simulation.load(file, threads=1)
-    return kept.scene, kept.state()
+    scene = pile(radii, n)
+
+    def reach() -> Simulation:
+        simulation = Simulation(scene, threads=1)
+        simulation.run(steps=ceil(MARKS[mark] / scene.dt))
+        return simulation
+
+    return scene, kept_state(cache / f"{radii}-{n}-{mark}.npz", reach)
 
 
 def steps_of(radii: str, n: int, mark: str, options: argparse.Namespace) -> Iterator[Step]:
@@ -174,47 +170,6 @@ def shipped(options: argparse.Namespace) -> Iterator[dict[str, str]]:
         yield row(subject, [done.unconverged], "steps not there", target="<= 0")
 
 
-def quickly(options: argparse.Namespace) -> Iterator[dict[str, str]]:
-    """Time of steps that sweeps converge soon: the exact method must not cost more."""
-    scene = pile("poly", 100).replace(tolerance=1e-6, max_iterations=MOST, stop="residual", order="color")
-    steps = min(800, options.steps)
-    ours: list[float] = []
-    theirs: list[float] = []
-    for _ in range(options.repeats):
-        for method, times in (("exact", ours), ("accelerated", theirs)):
-            simulation = Simulation(scene.replace(method=method), threads=1)
-            simulation.compile()
-            begun = process_time()
-            simulation.advance(steps)
-            times.append(1e3 * (process_time() - begun) / steps)
-    subject = Subject(f"pile, {steps} steps to 1e-06", scene.n, "color")
-    yield row(subject, ours, "ms a step", "accelerated", theirs, target="<= 1.1")
-
-
-def densely(options: argparse.Namespace) -> Iterator[dict[str, str]]:
-    """Residual and time of two steps of dense random starts, which the host rarely solves."""
-    worse = solved = 0
-    ours: list[float] = []
-    theirs: list[float] = []
-    starts = min(60, options.steps)
-    for seed in range(starts):
-        scene = dense_start(seed, (0.4, 0.55, 0.67)[seed % 3], tolerance=1e-7, max_iterations=2000)
-        residuals = []
-        for method, times in (("exact", ours), ("accelerated", theirs)):
-            simulation = Simulation(scene.replace(method=method, stop="residual"), threads=1)
-            simulation.compile()
-            begun = process_time()
-            report = simulation.step()
-            times.append(1e3 * (process_time() - begun))
-            residuals.append(report.residual)
-        worse += residuals[0] > max(residuals[1], scene.tolerance)
-        solved += residuals[0] <= scene.tolerance < residuals[1]
-    subject = Subject("dense random starts, 60 to 260 grains", starts, "color")
-    yield row(subject, [worse], "steps that end worse than accelerated ones", target="<= 0")
-    yield row(subject, [solved], "steps that it alone converges")
-    yield row(subject, ours, "ms a step", "accelerated", theirs)
-
-
 PARTS: dict[str, Callable[[argparse.Namespace], Iterator[dict[str, str]]]] = {
     "small": partial(against_sweeps, "poly", 1_000, "resting", (1e-9, 1e-6), ">= 5"),
     "crystal": partial(against_sweeps, "mono", 1_000, "resting", (1e-9, 1e-6), ""),
@@ -222,8 +177,6 @@ PARTS: dict[str, Callable[[argparse.Namespace], Iterator[dict[str, str]]]] = {
     "creeping": partial(against_sweeps, "poly", 10_000, "creeping", (1e-9, 1e-6), ""),
     "resting": partial(against_sweeps, "poly", 10_000, "resting", (1e-9, 1e-6), ""),
     "settling": partial(against_sweeps, "poly", 10_000, "settling", (1e-6, 1e-6), ">= 0.91"),
-    "quick": quickly,
-    "dense": densely,
     "largest": largest,
     "shipped": shipped,
 }
@@ -231,23 +184,12 @@ PARTS: dict[str, Callable[[argparse.Namespace], Iterator[dict[str, str]]]] = {
 
 def main(arguments: list[str] | None = None) -> None:
     """Measure, and write the figures down one by one."""
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.exact", description=__doc__.splitlines()[0])
-    parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
-    parser.add_argument("--repeats", type=int, default=5, help="steps that a median is taken of (default: 5)")
+    parser = command_line("exact", __doc__)
     parser.add_argument("--steps", type=int, default=1_000_000, help="of a shipped scene at most")
-    parser.add_argument(
-        "--largest", type=int, default=100_000, help="grains of the largest pile (default: 100,000)"
-    )
+    parser.add_argument("--largest", type=int, default=100_000, help="grains of the largest pile")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS), help="what to measure")
-    cache = Path(tempfile.gettempdir()) / "warpgrains-bench"
-    parser.add_argument("--cache", type=Path, default=cache, help=f"piles (default: {cache})")
     options = parser.parse_args(arguments)
-    start_warp()
-    with open_table(options.output) as table:
-        for part in options.only:
-            for cells in PARTS[part](options):
-                say("  " + ", ".join(filter(None, cells.values())))
-                table.add(cells)
+    publish((cells for part in options.only for cells in PARTS[part](options)), options.output)
 
 
 if __name__ == "__main__":

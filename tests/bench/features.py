@@ -8,8 +8,6 @@ are apart at the end is said: last digits grow where grains collide. Acceleratio
 and friction cannot do nothing: here they have as many sweeps a step as the plain method in the text's scheme.
 """
 
-import argparse
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,12 +19,10 @@ import numpy as np
 from warpgrains import Scene, Simulation, State
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.state import Corrections, first_state
-from warpgrains.warp_start import start_warp
 
 from .flow import ACCELERATED, flowing
 from .piles import ITERATIONS, settled_pile
-from .rows import open_table
-from .timing import in_turn, say, seconds
+from .rows import command_line, in_turn, publish, say, seconds
 
 COLUMNS = ("scene", "feature", "with_us", "without_us", "ratio_min", "ratio_median", "ratio_max")
 FIRST = 3  # steps before those that are timed
@@ -158,21 +154,13 @@ class Timed:
 
 def main(arguments: list[str] | None = None) -> None:
     """Measure, and write the figures down one by one."""
-    summary = "Measure what features cost scenes that lack them."
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.features", description=summary)
-    parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
-    parser.add_argument(
-        "--repeats", type=int, default=15, help="pairs that a median is taken of (default: 15)"
-    )
+    parser = command_line("features", __doc__, repeats=15)
     parser.add_argument("--largest", type=int, default=GRAINS, help=f"grains at most (default: {GRAINS:,})")
-    cache = Path(tempfile.gettempdir()) / "warpgrains-bench"
-    parser.add_argument("--cache", type=Path, default=cache, help=f"settled piles (default: {cache})")
     chosen = parser.parse_args(arguments)
-    start_warp()
-    with open_table(chosen.output, COLUMNS) as table:
-        for case in cases(chosen.cache, chosen.largest):
-            for name in FEATURES:
-                table.add(cost(case, name, chosen.repeats))
+    measured = (
+        cost(case, name, chosen.repeats) for case in cases(chosen.cache, chosen.largest) for name in FEATURES
+    )
+    publish(measured, chosen.output, COLUMNS)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from math import log, sqrt
 from pathlib import Path
-from tempfile import gettempdir
 from typing import Any
 
 import numpy as np
@@ -25,8 +24,8 @@ from .box2d3 import Box2d3
 from .flow import flowing, splashing
 from .kamino import Kamino
 from .peer_programs import Lammps, Pymunk, Warpgrains
-from .peers import MARKERS, command_line, overlaps, parsed, publish
-from .timing import say, seconds
+from .peers import MARKERS, overlaps, parsed, peers_command_line
+from .rows import publish, say, seconds
 
 COLUMNS = ("program", "threads", "n", "setting", "ms of 10 ms", "overlap of pairs")
 GRAINS = (100, 1_000, 10_000, 100_000)
@@ -160,12 +159,12 @@ def draw(measured: list[dict[str, str]], file: Path) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Measure every program at every number of grains."""
-    parser = command_line("growth", __doc__.split("\n")[0], GRAINS)
+    parser = peers_command_line("growth", __doc__, GRAINS)
     parser.add_argument("--longest", type=float, default=300.0, help="limit of a measurement [s]")
-    kept = Path(gettempdir(), "warpgrains-bench")
-    parser.add_argument("--cache", type=Path, default=kept, help="folder of the states that splash")
     chosen = parsed(parser, arguments)
-    publish(rows(chosen), COLUMNS, chosen, draw)
+    measured = publish(rows(chosen), chosen.output, COLUMNS)
+    if chosen.picture:
+        draw(measured, chosen.picture)
 
 
 if __name__ == "__main__":

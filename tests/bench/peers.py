@@ -20,14 +20,12 @@ from scipy.spatial import cKDTree
 
 from warpgrains import Scene
 from warpgrains.arrays import FloatArray
-from warpgrains.warp_start import start_warp
 
 from .box2d3 import Box2d3, is_source
 from .flow import DURATION, flowing
 from .kamino import Kamino
 from .peer_programs import FRAME, Box2d, Lammps, Pymunk, Warpgrains
-from .rows import open_table
-from .timing import say
+from .rows import command_line, publish, say
 
 COLUMNS = (
     "program",
@@ -134,10 +132,9 @@ def draw(measured: list[dict[str, str]], file: Path) -> None:
     figure.savefig(file, dpi=110)
 
 
-def command_line(module: str, description: str, grains: Sequence[int]) -> argparse.ArgumentParser:
+def peers_command_line(module: str, document: str | None, grains: Sequence[int]) -> argparse.ArgumentParser:
     """Return the parser of the options that comparisons with other programs have."""
-    parser = argparse.ArgumentParser(prog=f"python -m tests.bench.{module}", description=description)
-    parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
+    parser = command_line(module, document)
     parser.add_argument("--picture", type=Path, help="PNG file of the figures")
     parser.add_argument("--grains", type=int, nargs="+", default=grains, help="how many grains")
     parser.add_argument("--box2d3", type=Path, metavar="FOLDER", help="source of Box2D 3.1 or newer")
@@ -152,31 +149,16 @@ def parsed(parser: argparse.ArgumentParser, arguments: list[str] | None) -> argp
     return chosen
 
 
-def publish(
-    measured: Iterator[dict[str, str]],
-    columns: Sequence[str],
-    chosen: argparse.Namespace,
-    draw: Callable[[list[dict[str, str]], Path], None],
-) -> None:
-    """Write figures down one by one as they are measured, and draw them."""
-    start_warp()
-    written = []
-    with open_table(chosen.output, columns) as table:
-        for cells in measured:
-            say(", ".join(cells.values()))
-            table.add(cells)
-            written.append(cells)
-    if chosen.picture:
-        draw(written, chosen.picture)
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Compare the programs at the numbers of grains that are asked for."""
-    parser = command_line("peers", __doc__.split("\n")[0], [100, 1000])
+    parser = peers_command_line("peers", __doc__, [100, 1000])
     parser.add_argument("--friction", type=float, default=0.0, help="coefficient of friction (default: 0)")
     chosen = parsed(parser, arguments)
     scenes = (flowing(n, friction=chosen.friction) for n in chosen.grains)
-    publish((cells for scene in scenes for cells in rows(scene, chosen.box2d3)), COLUMNS, chosen, draw)
+    measured = (cells for scene in scenes for cells in rows(scene, chosen.box2d3))
+    written = publish(measured, chosen.output, COLUMNS)
+    if chosen.picture:
+        draw(written, chosen.picture)
 
 
 if __name__ == "__main__":

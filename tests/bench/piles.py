@@ -16,8 +16,8 @@ import numpy as np
 from warpgrains import Scene, Simulation, State
 from warpgrains.arrays import FloatArray
 
-from .kept import continued, kept_state
-from .timing import say
+from .flow import continued, kept_state
+from .rows import say
 
 ITERATIONS = 50  # of a step that is measured
 GRAVITY = 9.81  # m/s2
@@ -87,13 +87,13 @@ def _filled_disc(n: int, radius: float) -> FloatArray:
     return position + np.random.default_rng(1).uniform(-gap / 4.0, gap / 4.0, (n, 2)) * radius
 
 
-def _settle(scene: Scene) -> State:
+def _settle(scene: Scene) -> Simulation:
     """Let a pile sink, and come to rest as far as Gauss-Seidel brings it there."""
     steps = _steps_to_settle(scene.n)
     say(f"settling a pile of {scene.n:,}: {steps:,} steps")
     simulation = Simulation(scene)
     advance(simulation, steps)
-    return simulation.state()
+    return simulation
 
 
 def _steps_to_settle(n: int) -> int:

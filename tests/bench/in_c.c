@@ -1,6 +1,13 @@
-/* The contact iteration of kernels/pair_sweep.py in C, on the same records: grains of one mass, no inner wall. */
+/* The contact iteration of kernels/pair_sweep.py in C, on the same records: grains of one mass, no inner wall;
+   and many steps of the reference, so that nothing but C is timed. */
 
 #include <math.h>
+
+#include "grains.h"
+
+void run(femGrains *grains, int steps, double dt, double tol, double iterMax) {
+    for (int k = 0; k < steps; k++) femGrainsUpdate(grains, dt, tol, iterMax);
+}
 
 typedef struct {
     double x, y;
