@@ -16,8 +16,9 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import NoAreaError
+from warpgrains.scene.geometry import Circle
 from warpgrains.scene.gravity import upwards
-from warpgrains.scene.outline import Part, clip, uncovered
+from warpgrains.scene.outline import Part, clip
 from warpgrains.scene.region import Region, Side, sides_of
 from warpgrains.scene.segment import Segment
 
@@ -82,7 +83,7 @@ def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
     if not region.parts or any(_cuts(region.parts[0], own, rounding) for own in inner):
         return unknown
     (part,), width = region.parts, 2.0 * scene.smallest_radius
-    free = np.concatenate([uncovered(edge, ends, rounding, width, part.circles) for edge in part.edges])
+    free = np.concatenate([_uncovered(edge, ends, rounding, width, part.circles) for edge in part.edges])
     if not len(free):
         return Container(region)
     gravity = scene.gravity_at(time)
@@ -106,3 +107,32 @@ def _cuts(part: Part, line: FloatArray, rounding: float) -> bool:
     for normal, level in sides_of(part.corner):
         line = clip(line, normal, level - rounding)
     return len(line) > 1
+
+
+def _uncovered(
+    line: FloatArray, others: FloatArray, rounding: float, gap: float, circles: tuple[Circle, ...]
+) -> FloatArray:
+    """Return the pieces of a line that neither others on it nor what is beyond circles cover, (m, 2, 2).
+
+    Lines are given by their ends [m], shapes (2, 2) and (k, 2, 2). Pieces narrower than `gap` [m] do not
+    count.
+    """
+    start, length = line[0], np.hypot(*(line[1] - line[0]))
+    if length == 0.0:
+        return np.empty((0, 2, 2))
+    along = (line[1] - start) / length
+    across = np.array([-along[1], along[0]])
+    on_line = others[(np.abs((others - start) @ across) <= rounding).all(axis=1)]
+    covered = np.sort((on_line - start) @ along, axis=1).tolist()
+    for *center, radius, keeps_inside in circles:
+        to = np.array(center) - start
+        half = np.sqrt(max(radius**2 - (to @ across) ** 2, 0.0))
+        low, high = to @ along - half, to @ along + half
+        covered += [[-np.inf, low], [high, np.inf]] if keeps_inside else [[low, high]]
+    free, reached = [], -0.5 * gap
+    for begin, end in [*sorted(covered), [np.inf, np.inf]]:
+        begin = min(begin, length + 0.5 * gap)
+        if begin - reached > max(gap, rounding):
+            free.append(np.clip([reached, begin], 0.0, length))
+        reached = max(reached, end)
+    return start + np.reshape(free, (-1, 2, 1)) * along

@@ -47,7 +47,15 @@ class Part(NamedTuple):
 
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return a lower bound of the distance of points from the border [m], < 0 outside, shape (n,)."""
-        return clearance(self.edges, self.circles, points, self.contains(points))
+        nearest = np.full(len(points), np.inf)
+        for start, along in zip(self.corner, self.along, strict=True):
+            to, size = points - start, along @ along
+            share = np.clip(to @ along / size, 0.0, 1.0) if size > 0.0 else np.zeros(len(points))
+            nearest = np.minimum(nearest, np.hypot(*(to - share[:, np.newaxis] * along).T))
+        for x, y, radius, _ in self.circles:
+            nearest = np.minimum(nearest, np.abs(np.hypot(*(points - (x, y)).T) - radius))
+        nearest = np.maximum(nearest * (1.0 - 1e-9) - 1e-12 * np.abs(self.corner).max(), 0.0)
+        return np.where(self.contains(points), nearest, -nearest)
 
     def outermost(self, direction: FloatArray) -> FloatArray:
         """Return points, those farthest along and against a direction among them [m], shape (m, 2).
@@ -154,54 +162,6 @@ class Part(NamedTuple):
     def _fractions(self, circle: Circle) -> FloatArray:
         """Return where lines along edges meet a circle, as fractions of the edges, (k, 2); NaN if nowhere."""
         return _roots(self.corner - circle[:2], self.along, np.array(circle.radius))
-
-
-def clearance(
-    lines: FloatArray, circles: tuple[Circle, ...], points: FloatArray, inside: BoolArray
-) -> FloatArray:
-    """Return a lower bound of the distance of points from lines and circles [m], < 0 outside, shape (n,).
-
-    `lines` holds the ends of lines, shape (k, 2, 2), and `inside` which points count as inside.
-    """
-    nearest = np.full(len(points), np.inf)
-    for start, end in lines:
-        to, along = points - start, end - start
-        size = along @ along
-        share = np.clip(to @ along / size, 0.0, 1.0) if size > 0.0 else np.zeros(len(points))
-        nearest = np.minimum(nearest, np.hypot(*(to - share[:, np.newaxis] * along).T))
-    for x, y, radius, _ in circles:
-        nearest = np.minimum(nearest, np.abs(np.hypot(*(points - (x, y)).T) - radius))
-    nearest = np.maximum(nearest * (1.0 - 1e-9) - 1e-12 * np.abs(lines).max(), 0.0)
-    return np.where(inside, nearest, -nearest)
-
-
-def uncovered(
-    line: FloatArray, others: FloatArray, rounding: float, gap: float = 0.0, circles: tuple[Circle, ...] = ()
-) -> FloatArray:
-    """Return the pieces of a line that neither others on it nor what is beyond circles cover, (m, 2, 2).
-
-    Lines are given by their ends [m], shapes (2, 2) and (k, 2, 2). Pieces narrower than `gap` [m] do not
-    count.
-    """
-    start, length = line[0], np.hypot(*(line[1] - line[0]))
-    if length == 0.0:
-        return np.empty((0, 2, 2))
-    along = (line[1] - start) / length
-    across = np.array([-along[1], along[0]])
-    on_line = others[(np.abs((others - start) @ across) <= rounding).all(axis=1)]
-    covered = np.sort((on_line - start) @ along, axis=1).tolist()
-    for *center, radius, keeps_inside in circles:
-        to = np.array(center) - start
-        half = np.sqrt(max(radius**2 - (to @ across) ** 2, 0.0))
-        low, high = to @ along - half, to @ along + half
-        covered += [[-np.inf, low], [high, np.inf]] if keeps_inside else [[low, high]]
-    free, reached = [], -0.5 * gap
-    for begin, end in [*sorted(covered), [np.inf, np.inf]]:
-        begin = min(begin, length + 0.5 * gap)
-        if begin - reached > max(gap, rounding):
-            free.append(np.clip([reached, begin], 0.0, length))
-        reached = max(reached, end)
-    return start + np.reshape(free, (-1, 2, 1)) * along
 
 
 def clip(corner: FloatArray, normal: FloatArray, level: float) -> FloatArray:

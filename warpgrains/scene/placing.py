@@ -83,7 +83,7 @@ class _Discs:
         walls = region.ring
         annulus = self._record["walls"]["annulus"]
         annulus["radius_in"], annulus["radius_out"] = walls[:2]
-        self._record["box"]["low"], self._record["box"]["high"] = region.low, region.high
+        self._record["box"]["low"], self._record["box"]["high"] = region.outer_box
         self._set("shape", _shapes(obstacles), self._record["walls"])
         _, start, count = np.unique(-np.frexp(radius)[1], return_index=True, return_counts=True)
         cell = np.maximum(2.0 * radius[start], walls.radius_out / np.ceil(np.sqrt(count)))
@@ -161,7 +161,8 @@ def _clear_share(
     sides = (region.ring.side(number, position, radius) for number in (OUTER, INNER))
     to_border = [side.gap + radius for side in sides]
     to_border += [wall.side(position, radius).gap + radius for wall in obstacles]
-    to_border += [position - region.low, region.high - position]
+    low, high = region.outer_box
+    to_border += [position - low, high - position]
     shares = [(one.T / radius).min() for one in to_border]
     shares.append((distance(position[j] - position[i]) / (radius[i] + radius[j])).min(initial=np.inf))
     return max(0.0, float(min(shares)))
@@ -218,7 +219,7 @@ def _limits(region: Region, obstacles: Sequence[Obstacle]) -> tuple[Any, Any]:
     walls, box = Walls(), _kernels().Box()
     walls.annulus.radius_in, walls.annulus.radius_out = region.ring.radius_in, region.ring.radius_out
     walls.shape = shared(_shapes(obstacles), Shape)
-    box.low, box.high = region.low, region.high
+    box.low, box.high = region.outer_box
     return walls, box
 
 

@@ -20,7 +20,7 @@ from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import Circle, area_in_disc
-from warpgrains.scene.outline import Part, clearance, clip, uncovered
+from warpgrains.scene.outline import Part, clip
 from warpgrains.scene.walls import Annulus
 
 KEYS = ("x", "y", "distance")
@@ -65,27 +65,20 @@ class Region:
         return [np.array(corner) for corner in cells]
 
     @property
-    def low(self) -> FloatArray:
-        """Left and lower edge of the polygons [m], shape (2,)."""
-        return np.min([corner.min(axis=0) for corner in self._corners], axis=0)
-
-    @property
-    def high(self) -> FloatArray:
-        """Right and upper edge of the polygons [m], shape (2,)."""
-        return np.max([corner.max(axis=0) for corner in self._corners], axis=0)
+    def outer_box(self) -> FloatArray:
+        """Box about the polygons: its lower left and upper right corner [m], shape (2, 2)."""
+        corners = np.concatenate(self._corners)
+        return np.array([corners.min(axis=0), corners.max(axis=0)])
 
     @property
     def box(self) -> FloatArray:
-        """Bounding box of the region: lower left and upper right corner [m], shape (2, 2)."""
-        reach = self.ring.radius_out
-        return np.array([np.maximum(self.low, -reach), np.minimum(self.high, reach)])
+        """The part of it that lies in the box about the ring [m], shape (2, 2)."""
+        return np.clip(self.outer_box, -self.ring.radius_out, self.ring.radius_out)
 
     def contains(self, position: FloatArray) -> BoolArray:
         """Return which points [m], shape (..., 2), lie in the region or on its border, shape (...,)."""
-        found = np.zeros(position.shape[:-1], bool)
-        for part in self.parts:
-            found |= part.contains(position)
-        return found
+        found = [part.contains(position) for part in self.parts]
+        return np.any([np.zeros(position.shape[:-1], bool), *found], axis=0)
 
     @property
     def area(self) -> float:
@@ -94,45 +87,25 @@ class Region:
 
     def areas(self, position: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the areas of discs inside the region [m2], of centers (n, 2) and radii (n,), shape (n,)."""
-        area = np.zeros(len(radius))
-        for part in self.parts:
-            area += part.areas(position, radius)
-        return area
-
-    def clearance(self, points: FloatArray) -> FloatArray:
-        """Return a lower bound of the distance of points from the border [m], < 0 outside, shape (n,)."""
-        inside = self.contains(points)
-        return clearance(self._border, self.parts[0].circles, points, inside)
-
-    @cached_property
-    def _border(self) -> FloatArray:
-        """Edges of the polygons but for those that two of them share [m], shape (k, 2, 2)."""
-        edges, rounding = [part.edges for part in self.parts], 1e-12 * self.ring.radius_out
-        if len(edges) == 1:
-            return edges[0]
-        found = []
-        for k, own in enumerate(edges):
-            others = np.concatenate(edges[:k] + edges[k + 1 :])
-            found += [uncovered(edge, others, rounding) for edge in own]
-        return np.concatenate(found)
+        return sum((part.areas(position, radius) for part in self.parts), start=np.zeros(len(radius)))
 
     def angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the angle of the circle of each disc that lies in the region [rad], shape (n,)."""
-        angle = np.zeros(len(radius))
-        for part in self.parts:
-            angle += part.angles(center, radius)
-        return angle
+        return sum((part.angles(center, radius) for part in self.parts), start=np.zeros(len(radius)))
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """Return a lower bound of the distance of points from the border [m], < 0 outside, shape (n,)."""
+        return np.max([part.clearance(points) for part in self.parts], axis=0)
 
     def cut(self, *sides: Side) -> Region:
         """Return the part in half planes."""
         if not sides:
             return self
         cells = self._corners
-        for normal, level in sides:
-            cells = [clip(corner, normal, level) for corner in cells]
-        return replace(
-            self, cells=tuple(tuple(map(tuple, corner.tolist())) for corner in cells if len(corner))
-        )
+        for side in sides:
+            cells = [clip(corner, *side) for corner in cells]
+        kept = (tuple(map(tuple, corner.tolist())) for corner in cells if len(corner))
+        return replace(self, cells=tuple(kept))
 
     def between(self, direction: FloatArray, low: float, high: float) -> Region:
         """Return the part with low <= direction . x <= high [m]."""
@@ -175,9 +148,8 @@ def _area(region: Region) -> float:
     for part in region.parts:
         onward = part.corner + part.along
         if region.discs:
-            area += part.cut_areas(
-                np.zeros((1, 2)), np.array([4.0 * far])
-            ).item()  # of a disc about all of it
+            about_all = np.zeros((1, 2)), np.array([4.0 * far])
+            area += part.cut_areas(*about_all).item()
         else:
             outer, inner = (area_in_disc(part.corner, onward, radius).sum() for radius in (far, near))
             area += float(outer - inner)
