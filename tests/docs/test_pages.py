@@ -18,7 +18,7 @@ import warpgrains
 from warpgrains import Scene
 from warpgrains.cli import main as command_line
 from warpgrains.scene.fields import FIELDS
-from warpgrains.scene.keywords import SceneChanges
+from warpgrains.scene.fields import SceneChanges
 from warpgrains.sweep.sweep import Sweep
 
 TIMES = re.compile(r"^time +\d.*$", re.M)  # the line of a summary that tells how long it took
@@ -111,10 +111,11 @@ def test_a_type_checker_finds_wrong_keywords(tmp_path):
         "scene.replace(drga=0.1)\n"
         "wg.Simulation(scene).change(drag='much')\n"
         "wg.Simulation(scene, ordr='color')\n"
+        "wg.Scene(position=[[0.0, 0.5]], radius=0.1, mass=0.1)\n"
     )
     command = [sys.executable, "-m", "mypy", str(tmp_path / "wrong.py")]
     found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stdout
-    assert [int(line) for line in re.findall(r"wrong.py:(\d+): error", found)] == [4, 5, 6]
+    assert [int(line) for line in re.findall(r"wrong.py:(\d+): error", found)] == [4, 5, 6, 7]
     assert SceneChanges.__annotations__.keys() == FIELDS.keys()
 
 

@@ -11,7 +11,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
-from warpgrains.scene.walls import INNER, OUTER
+from warpgrains.scene.walls import INNER, INSIDE, OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -30,12 +30,10 @@ def require_valid_positions(scene: Scene) -> None:
 
 def require_clear(scene: Scene, numbers: list[int], position: FloatArray, time: float) -> None:
     """Raise InputError if a grain is in one of these walls at a time [s], or touches it without a normal."""
-    for number in numbers:
-        k = number - INNER - 1
-        covered = scene.walls[k].at(time).covers(position) if k >= 0 else np.zeros(0, bool)
-        if covered.any():
+    for number, wall in scene.numbered_walls.items():
+        if number in numbers and (covered := wall.at(time).covers(position)).any():
             grain = checks.first_bad("position", position, covered)
-            raise InputError(f"{grain}: its center is inside walls[{k}], {scene.walls[k]}")
+            raise InputError(f"{grain}: its center is inside walls[{number - INSIDE}], {wall}")
     for number in numbers:
         undefined = scene.is_without_normal(number, position, scene.radius, time=time)
         if undefined.any():
@@ -79,7 +77,7 @@ def _require_driven(scene: Scene) -> None:
     if scene.method == "exact":
         raise InputError(f"{which} is given and method is 'exact': use 'accelerated' or 'gauss-seidel'")
     for k, wall in enumerate(scene.walls):
-        if wall.drive is not None and scene.wall_frictions[INNER + 1 + k] > 0.0:
+        if wall.drive is not None and scene.wall_frictions[INSIDE + k] > 0.0:
             raise InputError(f"walls[{k}] has a force and friction: set friction = 0 for this wall")
     if scene.wall == "round":
         raise InputError(f"{which} is given and wall is 'round': use 'tangent'")
@@ -151,7 +149,7 @@ def _require_friction(scene: Scene) -> None:
 
 
 def _require_short_step(scene: Scene) -> None:
-    mass = scene.smallest_mass
+    mass = float(scene.mass.min())
     lost = scene.drag * scene.dt / mass  # fraction of a velocity that one step of the text's scheme removes
     if lost < 1.0:
         return

@@ -1,12 +1,13 @@
 """The fields of a scene.
 
-Each is declared once, with its key in scene files, its check, its default, its unit and its meaning.
+Each is declared once, with its key in scene files, its check, its default, its unit and its meaning; and
+again in `SceneChanges`, for type checkers, which derive no TypedDict from a class.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, dataclass_transform
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,37 +27,12 @@ METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
 
-Kind = TypeVar("Kind")
-Held = TypeVar("Held", covariant=True)
-Given = TypeVar("Given", contravariant=True)
-
-if TYPE_CHECKING:
-
-    class ConvertedField(Protocol[Held, Given]):
-        """Type of a field whose constructor argument (`Given`) has more forms than its value (`Held`).
-
-        It exists for type checkers only.
-        """
-
-        def __get__(self, scene: object, kind: Any = None) -> Held: ...
-        def __set__(self, scene: object, value: Given) -> None: ...
-
-    Array = ConvertedField[FloatArray, ArrayLike]
-    OptionalArray = ConvertedField[FloatArray, ArrayLike | None]
-    Gravity = ConvertedField[
-        tuple[float, float] | TurningGravity, Sequence[float] | FloatArray | Mapping[str, Any]
-    ]
-    Walls = ConvertedField[tuple[Obstacle, ...], Sequence[Obstacle | Mapping[str, Any]]]
-else:
-    Array, OptionalArray, Gravity = FloatArray, FloatArray | None, tuple[float, float] | TurningGravity
-    Walls = tuple[Obstacle, ...]
-
 
 def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING) -> Any:
     """Return a field of a scene.
 
     A field with a section is a key of that section of a scene file. The check is a function or a tuple of
-    allowed names. Fields of grains and walls have none, because `checked_grains` checks them together.
+    allowed names. Fields of grains and of the circles have none, because they are checked together.
     """
     return described(meaning, section=section, check=check, default=default)
 
@@ -66,27 +42,17 @@ def _optional(check: Any) -> Any:
     return lambda field, value: None if value is None else check(field, value)
 
 
-@dataclass_transform(eq_default=False, frozen_default=True, kw_only_default=True, field_specifiers=(_key,))
-def _record(kind: type[Kind]) -> type[Kind]:
-    return dataclass(frozen=True, eq=False, kw_only=True, repr=False)(kind)
-
-
-def frozen(kind: type[Kind]) -> type[Kind]:
-    """Freeze the dataclasses that inherit the fields, hidden from mypy, which would lose their types."""
-    return _record(kind)
-
-
-@_record
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class SceneFields:
     """Data and settings that define a scene."""
 
-    position: Array = _key("Centers of the grains [m], shape (n, 2).")
-    velocity: OptionalArray = _key(
+    position: FloatArray = _key("Centers of the grains [m], shape (n, 2).")
+    velocity: FloatArray = _key(
         "Velocities at the start [m/s], shape (n, 2); by default all grains rest.", default=None
     )
-    radius: Array = _key("Radius of every grain [m], shape (n,), or one number for all.")
-    mass: Array = _key("Mass of every grain [kg], shape (n,), or one number for all.")
-    spin: OptionalArray = _key(
+    radius: FloatArray = _key("Radius of every grain [m], shape (n,), or one number for all.")
+    mass: FloatArray = _key("Mass of every grain [kg], shape (n,), or one number for all.")
+    spin: FloatArray | None = _key(
         "Angular velocity of every grain at the start [rad/s], shape (n,), or one number for all; by default"
         " no grain rotates. Only with friction.",
         default=None,
@@ -124,13 +90,13 @@ class SceneFields:
         checks.number,
         default=0.0,
     )
-    walls: Walls = _key(
+    walls: tuple[Obstacle, ...] = _key(
         'Walls inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or of'
         f" these classes: {', '.join(kind.__name__ for kind in WRITTEN_KINDS.values())}.",
         check=checked_walls,
         default=(),
     )
-    gravity: Gravity = _key(
+    gravity: tuple[float, float] | TurningGravity = _key(
         "Acceleration of gravity, two components [m/s2]; or ``{vector = [0.0, -9.81], rotate = 0.05}``,"
         " gravity that turns: ``vector`` at time 0, by default that of the Earth, and its angular velocity"
         " ``rotate``, counterclockwise [rad/s].",
@@ -214,38 +180,71 @@ class SceneFields:
     )
 
 
+class SceneOptions(TypedDict, total=False):
+    """The fields with a default, as they may be given."""
+
+    velocity: ArrayLike | None
+    spin: ArrayLike | None
+    radius_in: float
+    wall: str
+    pressure: float | None
+    wall_mass: float | None
+    angular_velocity_out: float
+    angular_velocity_in: float
+    walls: Sequence[Obstacle | Mapping[str, Any]]
+    gravity: Sequence[float] | FloatArray | Mapping[str, Any]
+    drag: float
+    spin_drag: float
+    friction: float
+    wall_friction: float | None
+    time: float
+    dt: float
+    duration: float
+    scheme: str
+    tolerance: float
+    max_iterations: int
+    order: str
+    method: str
+    stop: str
+    on_unconverged: str
+    name: str
+    text: str
+
+
+class SceneChanges(SceneOptions, total=False):
+    """All fields, as they may be given."""
+
+    position: ArrayLike
+    radius: ArrayLike
+    mass: ArrayLike
+    radius_out: float
+
+
 FIELDS = described_fields(SceneFields)
 SECTIONS: dict[str, list[str]] = {}
 """The sections of a scene file and their keys, except `[grains]`."""
 for _name, _field in FIELDS.items():
     if _field.metadata["section"]:
         SECTIONS.setdefault(_field.metadata["section"], []).append(_name)
-_SETTINGS = {
+_CHECKS = {
     name: partial(checks.one_of, known=check) if isinstance(check, tuple) else check
     for name, field in FIELDS.items()
     if (check := field.metadata["check"]) is not None
 }
 
 
-def checked_settings(scene: SceneFields, names: Iterable[str] = _SETTINGS) -> dict[str, Any]:
-    """Return the named fields, none of grains or walls, in the form in which a scene keeps them.
+def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]:
+    """Return the named fields in the form in which a scene keeps them; those of grains are checked together.
 
-    Raises
-    ------
-    InputError
-        A value is invalid.
+    Raises InputError if a value is invalid, or an array has another number of grains than `position`.
     """
-    return {name: _SETTINGS[name](name, getattr(scene, name)) for name in names}
+    found = _checked_grains(scene) if "position" in names else {}
+    if not set(names).isdisjoint(Annulus._fields):
+        found |= Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict()
+    return found | {name: _CHECKS[name](name, getattr(scene, name)) for name in names if name in _CHECKS}
 
 
-def checked_grains(scene: SceneFields) -> dict[str, Any]:
-    """Return the fields of grains and walls in the form in which a scene keeps them.
-
-    Raises
-    ------
-    InputError
-        A value is invalid, or an array has another number of grains than `position`.
-    """
+def _checked_grains(scene: SceneFields) -> dict[str, Any]:
     position = checks.vectors("position", scene.position)
     velocity = np.zeros_like(position) if scene.velocity is None else scene.velocity
     velocity = checks.vectors("velocity", velocity)
@@ -260,5 +259,4 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
         "radius": checks.positive_per_grain("radius", scene.radius, n),
         "mass": checks.positive_per_grain("mass", scene.mass, n),
         "spin": None if scene.spin is None else checks.per_grain("spin", scene.spin, n),
-        **Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict(),
     }

@@ -2,16 +2,16 @@
 
 import os
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple, Self, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.arrays import BoolArray, FloatArray, Indices
 from warpgrains.described import documented, fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
@@ -19,16 +19,15 @@ from warpgrains.scene.bodies import Bodies
 from warpgrains.scene.box import Box
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.extent import extent_of
-from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked_settings, frozen
+from warpgrains.scene.fields import FIELDS, SceneChanges, SceneFields, SceneOptions, checked_fields
 from warpgrains.scene.geometry import distance, left_of, overlapping_pairs, pair_gaps
 from warpgrains.scene.gravity import TurningGravity
 from warpgrains.scene.joints import Joints, joints_of
-from warpgrains.scene.keywords import SceneChanges
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
 from warpgrains.scene.toml import read_text
-from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
+from warpgrains.scene.walls import INNER, INSIDE, OUTER, Annulus, Side
 from warpgrains.shown import Shown, number_of
 
 
@@ -45,7 +44,7 @@ class Overlaps(NamedTuple):
 
 
 @documented(FIELDS.values())
-@frozen
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Scene(SceneFields, Shown):
     """Rigid discs in an annulus centered on the origin, and the settings of their simulation.
 
@@ -71,14 +70,25 @@ class Scene(SceneFields, Shown):
     0.1
     """
 
+    if TYPE_CHECKING:  # fields may be given in more forms than a scene keeps
+
+        def __init__(
+            self,
+            *,
+            position: ArrayLike,
+            radius: ArrayLike,
+            mass: ArrayLike,
+            radius_out: float,
+            **options: Unpack[SceneOptions],
+        ) -> None: ...
+
     def __post_init__(self) -> None:
-        self._check_fields()
+        self._check(FIELDS)
         require_valid_positions(self)
 
-    def _check_fields(self) -> None:
-        """Check all but the places of the grains, and keep the fields in the form of a scene."""
-        vars(self).update(checked_grains(self))
-        vars(self).update(checked_settings(self))
+    def _check(self, names: Collection[str]) -> None:
+        """Check fields, but not the places of the grains, and keep them in the form of a scene."""
+        vars(self).update(checked_fields(self, names))
         vars(self)["walls"] = tuple(wall.starting(self.time) for wall in self.walls)
         require_compatible_settings(self)
 
@@ -117,8 +127,40 @@ class Scene(SceneFields, Shown):
         """Return a scene with the grains of a later state, which may be where walls were at the start."""
         scene = object.__new__(cls)
         vars(scene).update(vars(SceneFields(**fields)))
-        scene._check_fields()
+        scene._check(FIELDS)
         return scene
+
+    def unchecked(self, **fields: Any) -> Self:
+        """Return a copy of the scene with other fields, which are valid."""
+        scene = object.__new__(type(self))
+        stale = {"extent", "joints"} if "walls" in fields else {"extent"}
+        vars(scene).update({name: own for name, own in vars(self).items() if name not in stale} | fields)
+        return scene
+
+    def with_settings(self, **settings: Any) -> Self:
+        """Return a copy of the scene with other fields than those of grains, which are checked.
+
+        Whether the grains fit between the walls is not checked.
+        """
+        known = {"typical_radius": self.typical_radius, "has_equal_masses": self.has_equal_masses}
+        scene = self.unchecked(**known, **settings)
+        scene._check(settings)
+        return scene
+
+    def with_walls_at(self, coordinates: FloatArray | None) -> Self:
+        """Return the scene with its driven walls at coordinates of `State.driven` [m]; itself for None."""
+        if coordinates is None:
+            return self
+        ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
+        walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
+        kept = {name: found for name, found in vars(self).items() if name in ("extent", "joints")}
+        return self.unchecked(radius_out=float(coordinates[OUTER]), walls=walls, **kept)
+
+    def starting_at(self, time: float, **grains: FloatArray | None) -> Self:
+        """Return a scene of the grains and walls as they are at a later time [s], at which it starts."""
+        walls = tuple(wall.at(time) for wall in self.walls)
+        text = self.text_after(("time", "walls", *grains))
+        return self.unchecked(**grains, time=time, walls=walls, text=text)
 
     def replace(self, **changes: Unpack[SceneChanges]) -> Self:
         """Return a copy of the scene with some fields changed and checked.
@@ -132,11 +174,11 @@ class Scene(SceneFields, Shown):
         """
         for name in changes:
             checks.one_of("field of a scene", name, FIELDS)
-        given: SceneChanges = {"text": self.text_after(changes), **changes}
+        given: dict[str, Any] = {"text": self.text_after(changes), **changes}
         return replace(self, **given)
 
     def summary(self) -> dict[str, str]:
-        """Return the line that describes the scene, by name."""
+        """Return values that describe the scene, by name."""
         inner = f"{self.radius_in:g} to " if self.radius_in > 0.0 else ""
         turning = f", turning at {self.gravity_rate:g} rad/s" if self.gravity_rate else ""
         return {
@@ -149,20 +191,6 @@ class Scene(SceneFields, Shown):
             "dt": f"{self.dt:g} s",
             "duration": f"{self.duration:g} s",
         }
-
-    def with_settings(self, **settings: Any) -> Self:
-        """Return a copy of the scene with other fields than those of grains, which are checked.
-
-        Whether the grains fit between the walls is not checked.
-        """
-        found = {"typical_radius": self.typical_radius, "has_equal_masses": self.has_equal_masses}
-        scene = self.unchecked(**found, **settings)
-        vars(scene).update(checked_settings(scene, settings.keys() - Annulus._fields))
-        if not settings.keys().isdisjoint(Annulus._fields):
-            vars(scene).update(Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict())
-        vars(scene)["walls"] = tuple(wall.starting(scene.time) for wall in scene.walls)
-        require_compatible_settings(scene)
-        return scene
 
     @property
     def n(self) -> int:
@@ -179,11 +207,6 @@ class Scene(SceneFields, Shown):
         """Median radius [m]. NumPy's median takes 20 us, which counts for thousands of scenes."""
         ascending, half = np.sort(self.radius), self.n // 2
         return 0.5 * float(ascending[half] + ascending[-half - 1])
-
-    @cached_property
-    def smallest_mass(self) -> float:
-        """Mass of the lightest grain [kg]."""
-        return float(self.mass.min())
 
     @cached_property
     def has_equal_masses(self) -> bool:
@@ -217,8 +240,7 @@ class Scene(SceneFields, Shown):
     def wall_frictions(self) -> list[float]:
         """Coefficients of friction of the walls 0, 1, 2, ..."""
         common = self.friction_at_walls
-        own = [common if wall.friction is None else wall.friction for wall in self.walls]
-        return [common, common, *own]
+        return [common] * INSIDE + [common if own.friction is None else own.friction for own in self.walls]
 
     @property
     def has_moving_walls(self) -> bool:
@@ -240,35 +262,6 @@ class Scene(SceneFields, Shown):
         """The walls as bodies of the device."""
         return Bodies(self)
 
-    def with_walls_at(self, coordinates: FloatArray | None) -> Self:
-        """Return the scene with its driven walls at coordinates of `State.driven` [m]; itself for None."""
-        if coordinates is None:
-            return self
-        ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
-        walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
-        joints = self.joints  # driven walls have none
-        kept = {name: found for name, found in vars(self).items() if name == "extent"}
-        return self.unchecked(radius_out=float(coordinates[OUTER]), walls=walls, joints=joints, **kept)
-
-    def starting_at(self, time: float, **grains: FloatArray | None) -> Self:
-        """Return a scene of the grains and walls as they are at a later time [s], at which it starts."""
-        return self.unchecked(
-            **grains,
-            time=time,
-            walls=tuple(wall.at(time) for wall in self.walls),
-            text=self.text_after(("time", "walls", *grains)),
-        )
-
-    def unchecked(self, **fields: Any) -> Self:
-        """Return a copy of the scene with other fields, which are valid."""
-        scene = object.__new__(type(self))
-        vars(scene).update(vars(self))
-        vars(scene).pop("extent", None)
-        if "walls" in fields:
-            vars(scene).pop("joints", None)
-        vars(scene).update(fields)
-        return scene
-
     def text_after(self, changed: Collection[str]) -> str:
         """Return the text of the scene with a line that lists changed fields, if it has a text."""
         line = f"\n# changed afterwards: {', '.join(changed)}"
@@ -279,7 +272,7 @@ class Scene(SceneFields, Shown):
         out, inside = self.radius_out * self.angular_velocity_out, -self.radius_in * self.angular_velocity_in
         return {OUTER: out, INNER: inside}.get(wall, 0.0)
 
-    def wall_speeds(self, position: FloatArray, wall: NDArray[np.integer[Any]], time: float) -> FloatArray:
+    def wall_speeds(self, position: FloatArray, wall: Indices, time: float) -> FloatArray:
         """Return how fast walls move along normal and tangent of contacts (grain, wall) [m/s], shape (m, 2).
 
         The contacts have shape (m, 2). `position` holds the centers of all grains at the start of the step
@@ -290,10 +283,10 @@ class Scene(SceneFields, Shown):
         for number in np.unique(wall[:, 1]).tolist():
             own = wall[:, 1] == number
             found[own, 1] = self.surface_speed(number)
-            if number in self.numbered_walls:
+            if number >= INSIDE:
                 grain, n = wall[own, 0], normal[own]
                 foot = position[grain] + (self.radius[grain] + gap[own])[:, np.newaxis] * n
-                velocity = self.numbered_walls[number].motion.velocities(foot, time, self.dt)
+                velocity = self.walls[number - INSIDE].motion.velocities(foot, time, self.dt)
                 found[own] = np.stack([(velocity * along).sum(axis=1) for along in (n, left_of(n))], axis=1)
         return found
 
@@ -359,12 +352,12 @@ class Scene(SceneFields, Shown):
     @property
     def numbered_walls(self) -> dict[int, Obstacle]:
         """`walls` by their numbers."""
-        return dict(enumerate(self.walls, INNER + 1))
+        return dict(enumerate(self.walls, INSIDE))
 
     @property
     def wall_count(self) -> int:
         """One more than the largest number of a wall: an array by wall also counts a missing inner circle."""
-        return INNER + 1 + len(self.walls)
+        return INSIDE + len(self.walls)
 
     @property
     def wall_names(self) -> tuple[str, ...]:
@@ -385,11 +378,12 @@ class Scene(SceneFields, Shown):
         With the displacements `move` of a step [m], shape (k, 2), a round wall has the gaps of eq. 18. A wall
         that moves is where it is at a time [s].
         """
-        if number > INNER and self.joints.of(number - INNER - 1):
-            return self.joints.side(number - INNER - 1, time, position, radius, self.annulus.diameter)
-        if number in self.numbered_walls:
-            return self.numbered_walls[number].side_at(time, position, radius)
-        return self.annulus.side(number, position, radius, move)
+        if number < INSIDE:
+            return self.annulus.side(number, position, radius, move)
+        k = number - INSIDE
+        if self.joints.of(k):
+            return self.joints.side(k, time, position, radius, self.annulus.diameter)
+        return self.walls[k].side_at(time, position, radius)
 
     def is_without_normal(
         self, number: int, position: FloatArray, radius: FloatArray, path: float = 0.0, time: float = 0.0
@@ -401,7 +395,7 @@ class Scene(SceneFields, Shown):
     def wall_frames(
         self,
         position: FloatArray,
-        wall: NDArray[np.integer[Any]],
+        wall: Indices,
         move: FloatArray | None = None,
         time: float = 0.0,
     ) -> tuple[FloatArray, FloatArray]:
@@ -430,11 +424,7 @@ class Scene(SceneFields, Shown):
         return self.steps_in(self.duration)
 
     def steps_in(self, duration: float) -> int:
-        """Return the whole number of time steps nearest to a duration [s], at least 1.
-
-        The numbers are divided as decimals, as they are written, so that 0.3 s is exactly three steps of
-        0.1 s.
-        """
+        """Return the whole number of time steps nearest to a duration [s], at least 1."""
         return _steps_in(checks.positive("duration", duration), self.dt)
 
     def count_overlaps(self) -> Overlaps:
@@ -467,4 +457,5 @@ def _range(values: FloatArray) -> str:
 
 @lru_cache(1024)
 def _steps_in(duration: float, dt: float) -> int:
+    """Divide decimals as they are written, so that 0.3 s is three steps of 0.1 s."""
     return max(1, round(Fraction(str(duration)) / Fraction(str(dt))))

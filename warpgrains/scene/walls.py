@@ -15,10 +15,8 @@ from warpgrains.scene.geometry import ROUNDING, Circle, area_below, directions, 
 
 SMALLEST, LARGEST = 1e-140, 1e150  # m, of the radius of the outer wall
 WALLS = ("tangent", "round")
-
-
-OUTER, INNER = 0, 1
-"""Numbers of the circles of the annulus."""
+OUTER, INNER, INSIDE = 0, 1, 2
+"""Numbers of the circles of the annulus, and of the first wall inside."""
 
 
 class Side(NamedTuple):

@@ -11,8 +11,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.compatibility import require_clear, require_size
-from warpgrains.scene.fields import FIELDS
-from warpgrains.scene.keywords import SceneChanges
+from warpgrains.scene.fields import FIELDS, SceneChanges
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state

@@ -12,7 +12,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import fields_in_help
 from warpgrains.errors import SimulationError
 from warpgrains.scene import checks
-from warpgrains.scene.keywords import SceneChanges
+from warpgrains.scene.fields import SceneChanges
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, first_state, require_state
 from warpgrains.shown import Shown, number_of

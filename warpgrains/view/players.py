@@ -14,7 +14,7 @@ from warpgrains.drawing.colors import colorings
 from warpgrains.errors import SimulationError
 from warpgrains.pictures.shots import Painter, Shot, setting_of, shot_of
 from warpgrains.scene.energy import kinetic_energy
-from warpgrains.scene.keywords import SceneChanges
+from warpgrains.scene.fields import SceneChanges
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
 
