@@ -8,9 +8,6 @@ from command import exit_code, require_refusal
 
 from warpgrains import Scene, Simulation, analysis
 from warpgrains.errors import InputError, OutputError
-from warpgrains.simulation.options import RunOptions
-from warpgrains.simulation.run import OpenRun
-from warpgrains.solver.statistics import RunStatistics
 
 EPS = np.finfo(np.float64).eps
 
@@ -38,12 +35,6 @@ def test_in_memory_over_two_runs():
     for _ in range(2):
         simulation.run(steps=15, observer=series)
     assert [row["step"] for row in series.rows] == [0, 10, 20, 30]
-
-
-def test_a_run_has_one_observer():
-    options = RunOptions(steps=1, measure="energy", series="run.csv")
-    with pytest.raises(InputError, match="observer and measure cannot be combined"):
-        OpenRun(Scene.load("annulus"), options, RunStatistics(), observer=analysis.Series("energy", every=1))
 
 
 def test_looking_changes_nothing():

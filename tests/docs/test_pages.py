@@ -17,8 +17,7 @@ from pages import PAGES, ROOT, Block, blocks, commands_in_words, program, senten
 import warpgrains
 from warpgrains import Scene
 from warpgrains.cli import main as command_line
-from warpgrains.scene.fields import FIELDS
-from warpgrains.scene.fields import SceneChanges
+from warpgrains.scene.fields import FIELDS, SceneChanges
 from warpgrains.sweep.sweep import Sweep
 
 TIMES = re.compile(r"^time +\d.*$", re.M)  # the line of a summary that tells how long it took

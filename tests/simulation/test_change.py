@@ -10,7 +10,6 @@ from same_bits import contents
 
 from warpgrains import Disc, InputError, Scene, Segment, Simulation
 from warpgrains.simulation.changes import change_of
-from warpgrains.simulation.stepper import continued
 
 FLOOR = Segment((-0.9, -0.4), (0.9, -0.4), velocity=(0.05, 0.0))
 
@@ -65,7 +64,7 @@ def test_a_change_in_place_has_the_bits_of_another_engine(
     simulation.save(tmp_path / "changed.npz")
     others = [Simulation.load(tmp_path / "changed.npz")]
     if change.keeps_list or order == "sequential":
-        others.append(continued(Simulation, change.scene, change.state_after(state)))
+        others.append(Simulation(change.scene, state=change.state_after(state)))
     for other in others:
         assert contents(other.scene) == contents(simulation.scene)
     for _ in range(40):

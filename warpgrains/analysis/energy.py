@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.simulation.simulation import Simulation
 
-TOLERANCES = 30.0  # speed of grains at rest, in tolerances: soft packings move on at such speeds
-
 
 def kinetic_energy(of: Snapshot | HasState) -> float:
     """Return the sum of m v^2 / 2 and, with friction, m r^2 w^2 / 4 [J].

@@ -14,7 +14,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.region import table_of
 from warpgrains.shown import number_of
 from warpgrains.simulation.options import DEFAULT_RATE
-from warpgrains.simulation.until import name_and_bounds
+from warpgrains.simulation.until import bounds_of
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, RunSettings
 from warpgrains.sweep.sweep import Run, Sweep
 from warpgrains.sweep.sweep_folder import RESULTS, SweepFolder
@@ -106,7 +106,7 @@ def _settings(arguments: Namespace) -> RunSettings:
 
         measured = names_of(name.strip() for name in arguments.measure.split(","))
     if arguments.until is not None:
-        name_and_bounds(arguments.until)
+        bounds_of(arguments.until)
     if arguments.region is not None:
         from warpgrains.analysis.region_table import KEYS
 

@@ -28,7 +28,6 @@ from warpgrains.shown import number_of
 from warpgrains.simulation.checkpoint import lock_checkpoint, read_checkpoint
 from warpgrains.simulation.options import FLAGS, RunOptions, require_needed, steps_of
 from warpgrains.simulation.run import OpenRun, carry_out
-from warpgrains.solver.statistics import RunStatistics
 from warpgrains.warp_start import start_warp
 
 # Options that a resumed run reads from its checkpoint.
@@ -89,12 +88,8 @@ def _carry_out(run: OpenRun, state: State | None, arguments: Namespace) -> None:
     with stdout_to_stderr(), run.opened():
         start_warp()
         from warpgrains.simulation.simulation import Simulation
-        from warpgrains.simulation.stepper import continued
 
-        how = arguments.device, arguments.threads
-        simulation = (
-            Simulation(run.scene, *how) if state is None else continued(Simulation, run.scene, state, *how)
-        )
+        simulation = Simulation(run.scene, arguments.device, arguments.threads, state)
         if not simulation.is_compiled:
             first = "compiling kernels for this kind of scene, the first time only ..."
             print(first, file=sys.stderr, flush=True)
@@ -119,7 +114,7 @@ def _begin(arguments: Namespace) -> tuple[OpenRun, None]:
     given |= _spacing(every, arguments.checkpoint, arguments.series)
     scene = _scene(arguments)
     options = RunOptions(steps=_steps(scene, arguments), **given)
-    return OpenRun(scene, options, RunStatistics()), None
+    return OpenRun(scene, options), None
 
 
 def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
@@ -145,10 +140,8 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
     if end > start.state.steps and _given(arguments, "steps", "duration"):
         statistics.met = False  # the run goes on, although its end criterion was met
     is_locked = is_of_run and Path(options.checkpoint or kept).resolve() == kept.resolve()
-    run = OpenRun(
-        start.scene, options, statistics, start.first_step, is_resumed=is_of_run, is_locked=is_locked
-    )
-    return run, start.state
+    resumed = statistics if is_of_run else None
+    return OpenRun(start.scene, options, resumed, start.first_step, is_locked), start.state
 
 
 def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:

@@ -1,23 +1,22 @@
 """Jammed packings: grains without gravity in an outer wall under a pressure, until they rest."""
 
-from collections import deque
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
-from warpgrains.analysis.energy import TOLERANCES
 from warpgrains.analysis.network import rattlers
 from warpgrains.analysis.packing import global_packing_fraction
 from warpgrains.analysis.profiles import radial_profile
 from warpgrains.analysis.snapshot import Snapshot, snapshot
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError
-from warpgrains.scene.energy import kinetic_energy
+from warpgrains.scene.energy import TOLERANCES, kinetic_energy
 from warpgrains.scene.scene import SceneLike, as_scene
 from warpgrains.scene.walls import OUTER
 from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
+from warpgrains.simulation.until import TEST_INTERVAL, EndCriterion
 from warpgrains.solver.statistics import Summary
 
 ENERGY = 1e-8  # largest kinetic energy at rest, in pressure times area, or that at `TOLERANCES` if larger
@@ -135,13 +134,8 @@ def compress(
         raise InputError(f"pressure is {scene.pressure} N/m: it must be positive to compress grains")
     if scene.n == 1 and scene.radius_in == 0.0 and not scene.walls:
         raise InputError("compress: the scene has one grain, which cannot hold a circle around it")
-    simulation, tests = Simulation(scene), deque([False], maxlen=HELD)
-
-    def has_rested(now: Simulation) -> bool:
-        tests.append(_is_at_rest(now))
-        return sum(tests) == HELD
-
-    run = simulation.run(duration=duration, until=has_rested, progress=progress)
+    simulation, rest = Simulation(scene), EndCriterion(_is_at_rest, (HELD - 1) * TEST_INTERVAL, "rest")
+    run = simulation.run(duration=duration, until=rest, progress=progress)
     return _packing(simulation, run)
 
 

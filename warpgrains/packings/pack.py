@@ -23,7 +23,6 @@ from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State
 from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
-from warpgrains.simulation.stepper import continued
 from warpgrains.solver.service import exact_solver
 
 MOST_TESTS = 3  # of settled grains; those that do not rest fall again
@@ -192,7 +191,7 @@ def _test(scene: Scene, settling: Settling, threads: int | None) -> _Test:
     """Take steps of the settled grains with the settings of the scene."""
     start = settling.state()
     settled = scene.replace(position=start.position, velocity=start.velocity)
-    simulation = continued(Simulation, settled, start, threads=threads)
+    simulation = Simulation(settled, threads=threads, state=start)
     energy, overlap, iterations = 0.0, 0.0, 0
     for _ in range(TESTED):
         report = simulation.step()

@@ -12,7 +12,6 @@ from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import first_state
 from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
-from warpgrains.simulation.stepper import continued
 from warpgrains.solver.statistics import named
 
 LEAST = 1e-9  # bound of the overlaps, in smallest radii, where steps of the scene leave less
@@ -98,7 +97,7 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
         max_iterations=ITERATIONS,
         order=scene.order,
     )
-    simulation = continued(Simulation, resting, first_state(resting))
+    simulation = Simulation(resting, state=first_state(resting))
     for step in range(1, MOST_STEPS + 1):
         report = simulation.step()
         if not report.converged and (wedged := simulation.infeasible_grains()):

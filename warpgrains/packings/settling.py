@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.energy import TOLERANCES
 from warpgrains.arrays import FloatArray
 from warpgrains.console import Progress
 from warpgrains.errors import SimulationError
+from warpgrains.scene.energy import TOLERANCES
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state

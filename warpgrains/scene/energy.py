@@ -2,6 +2,8 @@
 
 from warpgrains.arrays import FloatArray
 
+TOLERANCES = 30.0  # speed of grains at rest, in tolerances: soft packings move on at such speeds
+
 
 def kinetic_energy(
     mass: FloatArray, radius: FloatArray, velocity: FloatArray, spin: FloatArray | float

@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypedDict
 
 from warpgrains.described import described, described_fields
 from warpgrains.drawing.kinds import DRAWN_AS, FILM, FILMS, KINDS, Kind, described_kinds
@@ -28,7 +28,8 @@ FILES = ("record", "series")
 
 
 def _file_name(field: str, name: Any) -> str:
-    if checks.text(field, name) == "" or "\0" in name:
+    name = checks.path(field, name)
+    if name == "" or "\0" in name:
         raise InputError(f"{field} is {name!r}: it must be the name of a file")
     return str(name)
 
@@ -72,6 +73,20 @@ def _option(meaning: str, check: Callable[[str, Any], Any], metavar: str | None 
     an effect.
     """
     return described(meaning, **({"default": None, "needs": None} | more), check=check, metavar=metavar)
+
+
+class Outputs(TypedDict, total=False):
+    """Keywords of `Simulation.run` that are fields of `RunOptions`, so that type checkers find wrong ones."""
+
+    record: str | Path | None
+    fps: float
+    color_by: str
+    forces: bool
+    draw_as: str
+    size: str | None
+    frame: str | None
+    checkpoint: str | Path | None
+    every: int
 
 
 @dataclass(frozen=True, kw_only=True)

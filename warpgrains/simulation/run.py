@@ -20,7 +20,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.region import table_of
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
-from warpgrains.simulation.until import CountedRun, Question, criterion, steps_to
+from warpgrains.simulation.until import CountedRun, criterion, steps_to
 from warpgrains.solver.statistics import RunStatistics, named
 
 if TYPE_CHECKING:
@@ -53,33 +53,28 @@ def require_observer(observer: Observer) -> None:
 class OpenRun(CountedRun):
     """A run between two steps, with what it writes.
 
-    `statistics` are those of the steps done; their number of frames is the number of the next one, and
-    `first_step` is the number of time steps before the run. `until` replaces the end criterion of the
-    options, and `observer` their series.
+    `statistics` are those of the steps done, given if the run is resumed; their number of frames is the
+    number of the next one. `first_step` is the number of time steps before the run. The checkpoint
+    `is_locked` if the caller has locked it.
     """
 
     def __init__(
         self,
         scene: Scene,
         options: RunOptions,
-        statistics: RunStatistics,
+        statistics: RunStatistics | None = None,
         first_step: int = 0,
-        until: str | Question | None = None,
-        observer: Observer | None = None,
-        is_resumed: bool = False,
         is_locked: bool = False,
     ) -> None:
-        if observer is not None and options.measure is not None:
-            raise InputError("observer and measure cannot be combined: a run has one observer")
-        end = criterion(options.until if until is None else until, scene)
-        super().__init__(options.steps, statistics, end)
-        self.scene, self.options, self.first_step, self.observer = scene, options, first_step, observer
-        self._is_resumed, self._is_locked = is_resumed, is_locked
+        super().__init__(options.steps, statistics or RunStatistics(), criterion(options.until, scene))
+        self.scene, self.options, self.first_step = scene, options, first_step
+        self._is_resumed, self._is_locked = statistics is not None, is_locked
+        self.observer: Observer | None = None
         self.output: Output | None = None
         self.times: FrameTimes | None = None
         if options.shows is not None and options.shows.has_frames:
             self.times = FrameTimes.of(scene.dt, options.rate, first_step, scene.time)
-        if is_resumed and self.missing_frames:
+        if statistics is not None and self.missing_frames:
             after, due = f"after {statistics.steps} steps", statistics.frames + self.missing_frames
             raise InputError(f"the checkpoint counts {statistics.frames} frames {after}: there are {due}")
 

@@ -1,37 +1,74 @@
-"""`Simulation`: one scene with its runs, recordings, checkpoints and pictures."""
+"""`Simulation`: one scene on a device, with its runs, recordings, checkpoints and pictures."""
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack, cast
+from warnings import warn
 
-from warpgrains.described import documented
+from warpgrains.arrays import FloatArray
+from warpgrains.described import documented, fields_in_help
 from warpgrains.drawing.kinds import require_drawing
 from warpgrains.drawing.views import size_of
-from warpgrains.errors import InputError, requiring
+from warpgrains.errors import InputError, SimulationError, requiring
 from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
+from warpgrains.scene.energy import TOLERANCES
+from warpgrains.scene.fields import SceneChanges
+from warpgrains.scene.scene import Scene, SceneLike, as_scene
+from warpgrains.scene.state import State, first_state, require_state
+from warpgrains.shown import Shown, number_of
+from warpgrains.simulation.changes import change_of
 from warpgrains.simulation.checkpoint import (
     Checkpoint,
     lock_checkpoint,
     read_checkpoint,
     write_checkpoint,
 )
-from warpgrains.simulation.options import OPTIONS, RunOptions, steps_of
+from warpgrains.simulation.options import OPTIONS, Outputs, RunOptions, steps_of
 from warpgrains.simulation.run import Observer, OpenRun, carry_out, require_observer
-from warpgrains.simulation.stepper import Stepper, continued
-from warpgrains.simulation.until import Question
-from warpgrains.solver.statistics import RunStatistics, Summary
+from warpgrains.simulation.until import EndCriterion, Question, criterion
+from warpgrains.solver.advance import OnProgress, advance
+from warpgrains.solver.engine import Engine
+from warpgrains.solver.last_steps import LastSteps
+from warpgrains.solver.present import PresentState
+from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
+from warpgrains.solver.tuning import threads_for
+from warpgrains.turns import NOTHING, READ, ExclusiveUse
+from warpgrains.warp_start import find_device
 
 if TYPE_CHECKING:
     from warpgrains.pictures.still import Picture
     from warpgrains.view.page import Page
 
+LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody is warned
 
-_WRITTEN = ("record", "fps", "color_by", "forces", "draw_as", "size", "frame", "checkpoint", "every")
+
+@fields_in_help
+class StepStart(NamedTuple):
+    """Positions and velocities at the start of a step.
+
+    Examples
+    --------
+    >>> start = simulation.last_start()
+    >>> moved = simulation.position - start.position
+    >>> bool(np.allclose(moved, simulation.scene.dt * simulation.velocity))
+    True
+    """
+
+    position: FloatArray
+    """Centers [m], shape (n, 2); read-only."""
+    velocity: FloatArray
+    """[m/s], shape (n, 2); read-only."""
+    staggered: bool
+    """True if the velocities are those of the middle of the previous step, see `State`."""
+    spin: FloatArray | None = None
+    """[rad/s], shape (n,); None without friction."""
 
 
-class Simulation(Stepper):
+class Simulation(PresentState, Shown):
     """A simulation of one scene on one device.
 
     Python threads may advance different simulations at the same time. Advancing the same simulation from two
@@ -46,14 +83,16 @@ class Simulation(Stepper):
     threads : int, optional
         Largest number of OS threads on a CPU; by default, it follows from the number of contacts. Fewer are
         used while synchronization costs more than they gain. The result does not depend on it.
+    state : State, optional
+        State of the scene from which to continue, by default its start.
     **overrides
         Fields of the scene to change, such as order="color" or tolerance=1e-8.
 
     Raises
     ------
     InputError
-        The scene does not exist, the device is unknown, the number of threads is not positive, or an
-        override is invalid.
+        The scene does not exist, the device is unknown, the number of threads is not positive, an override is
+        invalid, or the state is not one of the scene.
     SimulationError
         The scene does not fit in memory.
 
@@ -76,23 +115,192 @@ class Simulation(Stepper):
     True
     """
 
-    @documented(option for name, option in OPTIONS.items() if name in _WRITTEN)
+    def __init__(
+        self,
+        scene: SceneLike,
+        device: str = "cpu",
+        threads: int | None = None,
+        state: State | None = None,
+        **overrides: Unpack[SceneChanges],
+    ):
+        scene = as_scene("scene", scene)
+        scene = scene.replace(**overrides) if overrides else scene
+        if threads is not None:
+            checks.thread_count("threads", threads)
+        if state is not None:
+            require_state(state, scene)
+        self._device, self._threads_wanted = find_device(device), threads
+        self._use = ExclusiveUse("simulation")
+        self._begin(scene, first_state(scene) if state is None else state)
+        if state is None:
+            _warn_of_overlaps(scene)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.scene, self._device.alias, self._threads_wanted, self.state())
+
+    def _begin(self, scene: Scene, state: State) -> None:
+        self._threads = threads_for(scene, self._device, self._threads_wanted)
+        PresentState.__init__(self, scene, Engine([scene], self._device, self._threads))
+        self._engine.load(0, state)
+
+    def summary(self) -> dict[str, str]:
+        """Return the line that describes the simulation, by name."""
+        return {
+            self.scene.name: f"of {number_of(self.scene.n, 'grain')}",
+            "steps": f"{self.steps}",
+            "time": f"{self.time:g} s",
+        }
+
+    @property
+    def is_compiled(self) -> bool:
+        """True if the kernels are compiled; else the first step compiles them, which takes some seconds."""
+        return self._engine.is_compiled
+
+    def compile(self) -> None:
+        """Compile and load the kernels now instead of during the first step."""
+        self._engine.load_kernels()
+
+    def step(self, history: bool = False) -> StepReport:
+        """Advance by one time step.
+
+        Parameters
+        ----------
+        history : bool
+            Whether to report zeta and residual of every iteration. The result is the same; the step
+            takes about twice as long.
+
+        Raises
+        ------
+        SimulationError
+            A number is no longer finite; or the step has not converged and the scene's `on_unconverged` is
+            "raise" (the state is then that before the step); or a history of `max_iterations` does not fit in
+            memory; or another thread advances this simulation.
+        """
+        with self._use.held():
+            report = self._advance(1, None, history).report(0)
+            return replace(report, history=self._engine.history(0)) if history else report
+
+    def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
+        """Advance by many time steps without outputs or callbacks between them.
+
+        Parameters
+        ----------
+        steps : int
+            0 or more.
+        on_progress : callable, optional
+            Called occasionally with the number of steps done since its last call.
+
+        Raises
+        ------
+        InputError
+            An argument is invalid.
+        SimulationError
+            A step failed as in `step`, after which the earlier steps remain done; or another thread advances
+            this simulation.
+        """
+        steps = checks.whole_number("steps", steps, least=0)
+        if on_progress is not None:
+            checks.function("on_progress", on_progress)
+        with self._use.held():
+            return self._advance(steps, on_progress).statistics(0)
+
+    def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> LastSteps:
+        self._engine.keep_history(0, history)
+        self._engine.submit([steps])
+        with self._use.held(allowed=NOTHING):
+            advance([self._engine], self._threads, on_progress)
+        last_steps = self._engine.last_steps
+        if last_steps.errors:
+            raise last_steps.errors[0]
+        return last_steps
+
+    def infeasible_grains(self) -> tuple[int, ...]:
+        """Return the grains that cannot fit, if it is proved that the last step has no solution; else ().
+
+        An empty tuple proves nothing. A search takes about 5 ms, and 16 us for every grain.
+
+        Raises
+        ------
+        SimulationError
+            No step has been taken since the start, or since `restore`.
+        """
+        self._require_step()
+        return self._engine.infeasible_grains(0)
+
+    def change(self, **fields: Unpack[SceneChanges]) -> None:
+        """Change some fields of the scene, such as drag=0.1, and continue from the present state.
+
+        Contacts and forces remain those of the last step until the next one; but those with walls that are
+        elsewhere afterwards are dropped at once, and tangential forces and spins if friction is turned off.
+
+        Time goes on: after a change of `dt`, the `time` of the scene is when such steps would have begun. New
+        walls without `from_time` begin to move now. A driven wall continues if it has the same ends as in
+        `scene`, and the outer one without `radius_out`; else it begins at rest where it is given.
+
+        Raises
+        ------
+        InputError
+            A value is invalid, a field is one of the start, such as `position`, or a new wall is where a
+            grain is.
+        """
+        with self._use.held():
+            change = change_of(self.scene, fields, self.steps, self.position, self.driven)
+            if change.is_local and self._engine.change(self._index, change.scene, change.keeps_list):
+                self.scene = change.scene
+                return
+            state = change.state_after(self.state())
+            if state.last_scene is None:
+                state = replace(state, last_scene=self.scene)
+            require_state(state, change.scene)
+            self._begin(change.scene, state)
+
+    def last_start(self) -> StepStart:
+        """Return positions, velocities and spins at the start of the last step.
+
+        Raises
+        ------
+        SimulationError
+            No step has been taken since the start, or since `restore`.
+        """
+        self._require_step()
+        position, velocity = (self._grains(name) for name in ("last_position", "last_velocity"))
+        spin = self._grains("last_spin") if self.scene.has_friction else None
+        return StepStart(position, velocity, self._engine.last_staggered(0), spin)
+
+    def _require_step(self) -> None:
+        if not self._engine.has_stepped(0):
+            raise SimulationError("no step has been taken from this state: call step() first")
+
+    def observed(self) -> AbstractContextManager[None]:
+        """Return the context in which callbacks of a run may read the simulation, but not change it."""
+        return self._use.held(READ, allowed=READ)
+
+    def state(self) -> State:
+        """Return the exact state. After `restore`, a simulation continues from it with the same bits."""
+        with self._use.held(READ):
+            return super().state()
+
+    def restore(self, state: State) -> None:
+        """Continue from a state of this scene.
+
+        Raises
+        ------
+        InputError
+            `state` is invalid or belongs to other grains. The message names field, grain and value.
+        """
+        require_state(state, self.scene)
+        with self._use.held():
+            self._engine.load(0, state)
+
+    @documented(OPTIONS[name] for name in Outputs.__annotations__)
     def run(
         self,
         steps: int | None = None,
         duration: float | None = None,
-        until: str | Question | None = None,
-        record: str | Path | None = None,
-        fps: float = RunOptions.fps,
-        color_by: str = RunOptions.color_by,
-        forces: bool = RunOptions.forces,
-        draw_as: str = RunOptions.draw_as,
-        size: str | None = None,
-        frame: str | None = None,
-        checkpoint: str | Path | None = None,
-        every: int = RunOptions.every,
+        until: str | Question | EndCriterion | None = None,
         observer: Observer | None = None,
         progress: bool = False,
+        **outputs: Unpack[Outputs],
     ) -> Summary:
         """Advance by many time steps.
 
@@ -105,7 +313,6 @@ class Simulation(Stepper):
         until : str or callable, optional
             End criterion of the run: "rest", or a callable. Every 10 steps the callable receives the
             simulation and returns True to stop, see `warpgrains.simulation.until.criterion`.
-        {fields}
         observer : object, optional
             Object that measures during the run, such as a `warpgrains.analysis.Series`.
             ``observe(simulation)`` is called at multiples of its ``every`` steps, ``flush()`` before a
@@ -113,6 +320,7 @@ class Simulation(Stepper):
             Checkpoints do not hold it: `run --resume` continues without it.
         progress : bool
             Whether to show a progress bar on standard error.
+        {fields}
 
         Raises
         ------
@@ -133,29 +341,26 @@ class Simulation(Stepper):
         A frame within a step shows positions on the straight path of that step. If an output is a symbolic
         link, its target is written.
         """
+        for name in outputs:
+            checks.one_of("option of a run", name, Outputs.__annotations__)
         options = RunOptions(
             steps=steps_of(self.scene, steps, duration),
-            record=None if record is None else checks.path("record", record),
-            fps=fps,
-            color_by=color_by,
-            forces=forces,
-            draw_as=draw_as,
-            size=size,
-            frame=frame,
-            checkpoint=None if checkpoint is None else checks.path("checkpoint", checkpoint),
-            every=every,
             until=until if isinstance(until, str) else None,
+            **cast(dict[str, Any], outputs),
         )
-        if checkpoint is not None and callable(until):
-            raise InputError(
-                "until is a function, which a checkpoint cannot hold: use a text such as 'rest,speed=0.01'"
-            )
+        run = OpenRun(self.scene, options, first_step=self.steps)
+        if not (until is None or isinstance(until, str)):
+            run.until = criterion(until, self.scene)
+            if options.checkpoint is not None:
+                raise InputError(
+                    "until is a function, which a checkpoint cannot hold: use a text such as"
+                    " 'rest,speed=0.01'"
+                )
         if observer is not None:
             require_observer(observer)
-        with self._use.held():
-            run = OpenRun(self.scene, options, RunStatistics(), self.steps, until, observer)
-            with run.opened():
-                carry_out(self, run, progress)
+            run.observer = observer
+        with self._use.held(), run.opened():
+            carry_out(self, run, progress)
         return run.statistics.summary(options.record)
 
     def view(self, port: int = 8080) -> Page:
@@ -233,4 +438,14 @@ class Simulation(Stepper):
             The checkpoint cannot be read.
         """
         kept = read_checkpoint(Path(checks.path("path", path)))
-        return continued(cls, kept.scene, kept.state, device, threads)
+        return cls(kept.scene, device, threads, kept.state)
+
+
+def _warn_of_overlaps(scene: Scene) -> None:
+    overlap = scene.count_overlaps().largest
+    if overlap > max(TOLERANCES * scene.tolerance * scene.dt, LEAST_WARNED * scene.smallest_radius):
+        warn(
+            f"grains overlap by up to {overlap:.1e} m at the start, which the first step turns into"
+            f" {overlap / scene.dt:.1e} m/s: warpgrains.separate, or run --separate, moves them apart",
+            stacklevel=3,
+        )

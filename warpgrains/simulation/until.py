@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, hypot, sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 TEST_INTERVAL = 10  # steps between two tests
 FROUDE = 1e-3  # largest speed at rest, in sqrt(g d), d the mean diameter
-TOLERANCES = 10.0  # or this many tolerances, if larger, because a converged step leaves speeds of this order
+TOLERANCE = 10.0  # or that in tolerances, if larger, because a converged step leaves speeds of this order
 REST_TIME = 5.0  # duration for which the end criterion must hold, in sqrt(d / g)
-
+BOUNDS = ("speed", "energy", "time")
 
 Question = Callable[[Any], bool]
 
@@ -34,9 +34,9 @@ class EndCriterion:
 
     condition: Question
     """Condition that is tested every `TEST_INTERVAL` steps."""
-    steps: int
+    steps: int = 0
     """Number of steps for which the condition must hold."""
-    name: str
+    name: str = "the end criterion"
 
 
 @dataclass(eq=False)
@@ -78,7 +78,7 @@ def steps_to(every: int, steps: int) -> int:
     return every - steps % every
 
 
-def criterion(until: str | Question | None, scene: Scene) -> EndCriterion | None:
+def criterion(until: str | Question | EndCriterion | None, scene: Scene) -> EndCriterion | None:
     """Return the end criterion of a run, or None.
 
     Parameters
@@ -100,40 +100,38 @@ def criterion(until: str | Question | None, scene: Scene) -> EndCriterion | None
     >>> criterion("rest,speed=1e-3,time=0.5", simulation.scene).steps
     50
     """
-    if until is None:
-        return None
-    if not isinstance(until, str):
-        if not callable(until):
-            raise InputError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
-        return EndCriterion(until, 0, "the end criterion")
-    name, bounds = name_and_bounds(until)
-    return CRITERIA[name].make(bounds, scene)
+    if until is None or isinstance(until, EndCriterion):
+        return until
+    if isinstance(until, str):
+        return _rest(bounds_of(until), scene)
+    if not callable(until):
+        raise InputError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
+    return EndCriterion(until)
 
 
-def name_and_bounds(until: str) -> tuple[str, dict[str, float]]:
-    """Return the name and the bounds in a text such as "rest,speed=1e-3,time=0.5"."""
+def bounds_of(until: str) -> dict[str, float]:
+    """Return the bounds in a text such as "rest,speed=1e-3,time=0.5"."""
     name, *rest = (word.strip() for word in until.split(","))
-    checks.one_of("until", name, CRITERIA)
+    checks.one_of("until", name, ("rest",))
     given: dict[str, float] = {}
     for word in rest:
         key, _, value = word.partition("=")
-        checks.one_of(f"key of until={name}", key, CRITERIA[name].bounds)
+        checks.one_of("key of until=rest", key, BOUNDS)
         try:
-            given[key] = checks.positive(f"until: {key}", float(value))
-        except ValueError as error:
-            wrong = error if isinstance(error, InputError) else f"until: {word!r} is not a number"
-            raise InputError(str(wrong)) from None
-    return name, given
+            bound = float(value)
+        except ValueError:
+            raise InputError(f"until: {word!r} is not a number") from None
+        given[key] = checks.positive(f"until: {key}", bound)
+    return given
 
 
-def _rest(given: dict[str, float], scene: Scene) -> EndCriterion:
+def _rest(bounds: dict[str, float], scene: Scene) -> EndCriterion:
     gravity, diameter = hypot(*scene.gravity), 2.0 * float(scene.radius.mean())
-    if gravity == 0.0 and not ("time" in given and given.keys() & {"speed", "energy"}):
+    if gravity == 0.0 and not ("time" in bounds and len(bounds) > 1):
         raise InputError("until=rest needs time, and speed or energy, in a scene without gravity")
-    bounds = dict(given)
     time = bounds.pop("time", None) or REST_TIME * sqrt(diameter / gravity)
     if not bounds:
-        bounds["speed"] = max(FROUDE * sqrt(gravity * diameter), TOLERANCES * scene.tolerance)
+        bounds["speed"] = max(FROUDE * sqrt(gravity * diameter), TOLERANCE * scene.tolerance)
     speed, energy = bounds.get("speed", np.inf), bounds.get("energy", np.inf)
 
     def is_at_rest(now: PresentState) -> bool:
@@ -147,15 +145,3 @@ def _rest(given: dict[str, float], scene: Scene) -> EndCriterion:
         return bool(kinetic_energy(scene.mass, scene.radius, now.velocity, now.spin) <= energy)
 
     return EndCriterion(is_at_rest, ceil(time / scene.dt), "rest")
-
-
-class CriterionKind(NamedTuple):
-    """A kind of end criterion that a text can name."""
-
-    bounds: tuple[str, ...]
-    """Keys of its bounds."""
-    make: Callable[[dict[str, float], Scene], EndCriterion]
-    """Function that makes the end criterion of a scene from the bounds that are given."""
-
-
-CRITERIA = {"rest": CriterionKind(("speed", "energy", "time"), _rest)}

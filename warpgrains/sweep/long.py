@@ -41,8 +41,8 @@ class LongRun(OpenRun):
 
     def __init__(self, folder: RunFolder, start: Checkpoint, is_resumed: bool):
         assert start.options is not None  # `RunFolder.start_or_checkpoint` returns them
-        of_start = start.scene, start.options, start.statistics, start.first_step
-        super().__init__(*of_start, is_resumed=is_resumed, is_locked=True)
+        statistics = start.statistics if is_resumed else None
+        super().__init__(start.scene, start.options, statistics, start.first_step, is_locked=True)
         self.folder, self.saved = folder, start.state  # that of the last checkpoint, if there is one
         self.error: SimulationError | None = None
         self._outputs = ExitStack()
