@@ -6,13 +6,13 @@ indices would let the kernels access memory outside their arrays.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
@@ -58,38 +58,23 @@ class Corrections:
 
 @dataclass(frozen=True, eq=False)
 class VerletList:
-    """Listed pairs and walls, and the data that decide when the list must be rebuilt (kernels/verlet.py).
+    """The Verlet list of grains and walls, and what decides when it expires (kernels/verlet.py).
 
-    Colors depend on the list, so a run in color order needs it to continue with the same bits.
-
-    Attributes
-    ----------
-    pair, wall : ndarray
-        Listed pairs i < j, shape (m, 2), and listed (grain, wall), shape (k, 2), in lexicographic order. Both
-        circles of the annulus are wall 0 here.
-    skin, recent_deviation : ndarray
-        Skin [m] and recent deviation [m/s] of every grain, and wall if one is driven, shape (n,).
-    reference_position, reference_velocity : ndarray
-        Position [m] and velocity [m/s] of these when the list was built, shape (n, 2).
-    frame_shift : ndarray
-        Path of the frame since the list was built [m], shape (2,).
-    base_skin, frame_skin : float
-        Base of the skins, and the path that the list allows the frame [m].
-    elapsed, lifetime : float
-        Time since the list was built, and that for which it was built [s].
+    Colors depend on the list, so a run in color order needs it to continue with the same bits. Both circles
+    of the annulus are wall 0 here, and bodies are the grains, and the walls if one is driven.
     """
 
     pair: IntArray
     wall: IntArray
-    skin: FloatArray
-    recent_deviation: FloatArray
-    reference_position: FloatArray
-    reference_velocity: FloatArray
-    frame_shift: FloatArray
-    base_skin: float
-    frame_skin: float
-    elapsed: float
-    lifetime: float
+    skin: FloatArray  # [m], shape (bodies,)
+    recent_deviation: FloatArray  # [m/s], shape (bodies,)
+    reference_position: FloatArray  # when the list was built [m], shape (bodies, 2)
+    reference_velocity: FloatArray  # [m/s], shape (bodies, 2)
+    frame_shift: FloatArray  # path of the frame since then [m], shape (2,)
+    base_skin: float  # [m]
+    frame_skin: float  # path that the list allows the frame [m]
+    elapsed: float  # since the list was built [s]
+    lifetime: float  # for which it was built [s]
 
 
 VERLET_NUMBERS = ("base_skin", "frame_skin", "elapsed", "lifetime")
@@ -161,120 +146,101 @@ def first_state(scene: Scene) -> State:
     return state
 
 
+_BOUNDS: dict[str, Callable[[FloatArray], BoolArray]] = {
+    "finite": np.isfinite,
+    "finite and 0 or more": lambda array: np.isfinite(array) & (array >= 0.0),
+    "a number": lambda array: ~np.isnan(array),
+}
+_ARRAYS = {
+    "position": ("grain", (2,), "finite"),
+    "velocity": ("grain", (2,), "finite"),
+    "spin": ("grain", (), "finite"),
+    "angle": ("grain", (), "finite"),
+    "driven": ("wall", (2,), "finite"),
+    "pair_correction": ("pair", (), "finite and 0 or more"),
+    "wall_correction": ("contact", (), "finite and 0 or more"),
+    "pair_friction": ("pair", (), "finite"),
+    "wall_friction": ("contact", (), "finite"),
+    "skin": ("body", (), "a number"),
+    "recent_deviation": ("body", (), "a number"),
+    "reference_position": ("body", (2,), "a number"),
+    "reference_velocity": ("body", (2,), "a number"),
+    "frame_shift": ("component", (), "a number"),
+}
+"""Arrays of doubles in states: what has a row each, the shape of a row, and what all numbers must be."""
+
+
 def require_state(state: State, scene: Scene) -> None:
     """Raise InputError unless a simulation of `scene` can continue from `state`."""
-    n, walls = scene.n, scene.wall_numbers
     _require_kind("state", state, State)
+    if (state.driven is None) == scene.has_driven_walls:
+        given = "missing: a" if state.driven is None else "given: no"
+        raise InputError(f"driven of the state is {given} force drives a wall of the scene")
+    walls = len(scene.bodies) if scene.has_driven_walls else 0
+    _require_arrays(state, {"grain": scene.n, "wall": walls})
     checks.whole_number("steps", state.steps, least=0)
     for name in ("staggered", "last_staggered"):
         checks.boolean(name, getattr(state, name))
-    for name in ("position", "velocity"):
-        _require_array(name, getattr(state, name), np.float64, (n, 2))
-        checks.require_finite(f"{name} of the state, that", getattr(state, name))
     require_distinct("position of the state, that", state.position)
-    for name in ("spin", "angle"):
-        if getattr(state, name) is not None:
-            _require_array(name, getattr(state, name), np.float64, (n,))
-            checks.require_finite(f"{name} of the state, that", getattr(state, name))
-    bodies = n + _require_driven(state.driven, scene)
-    _require_corrections(state.corrections, n, walls)
-    if state.lists is not None:
-        _require_lists(state.lists, n, walls, bodies)
-        _require_listed(state.corrections, state.lists, scene)
+    if state.driven is not None:
+        checks.positive("radius of the outer wall in the state", state.driven[OUTER, 0])
+    kept, lists = state.corrections, state.lists
+    _require_contacts("corrections", kept, Corrections, scene)
+    _require_arrays(kept, {"pair": len(kept.pair), "contact": len(kept.wall)})
+    if lists is not None:
+        _require_contacts("lists", lists, VerletList, scene)
+        _require_arrays(lists, {"body": scene.n + walls, "component": 2})
+        for name in VERLET_NUMBERS:
+            value = getattr(lists, name)
+            if not (isinstance(value, float) and value >= 0.0):
+                raise InputError(f"{name} of the state is {checks.shown(value)}: it must be 0 or more")
+        for index, listed in zip(_indices(kept, scene), _indices(lists, scene), strict=True):
+            if not np.isin(index, listed).all():
+                raise InputError("a contact of the state carries a correction but is not in its lists")
     if state.last_scene is not None:
         require_state(replace(state, lists=None, last_scene=None), state.last_scene)
 
 
-def _require_driven(driven: Any, scene: Scene) -> int:
-    """Return the number of walls that have a speed; raise InputError unless the state has that of each."""
-    if not scene.has_driven_walls:
-        if driven is not None:
-            raise InputError("driven of the state is given, and no force drives a wall of the scene")
-        return 0
-    walls = len(scene.bodies)
-    _require_array("driven", driven, np.float64, (walls, 2))
-    if not np.isfinite(driven).all():
-        raise InputError(f"driven of the state is {driven.tolist()}: it must be finite")
-    checks.positive("radius of the outer wall in the state", driven[OUTER, 0])
-    return walls
+def _require_arrays(record: Any, counts: dict[str, int]) -> None:
+    """Check the arrays of doubles of a record, of which those that are None by default may be None."""
+    for own in fields(record):
+        array = getattr(record, own.name)
+        if own.name not in _ARRAYS or (array is None and own.default is None):
+            continue
+        row, shape, bound = _ARRAYS[own.name]
+        _require_array(own.name, array, np.float64, (counts[row], *shape))
+        holds = _BOUNDS[bound](array)
+        if not holds.all():
+            bad = np.logical_not(holds.reshape(len(array), -1).all(axis=1))
+            where = checks.first_bad(f"{own.name} of the state, that", array, bad, row)
+            raise InputError(f"{where}: it must be {bound}")
 
 
-def _require_corrections(corrections: Corrections, n: int, walls: Sequence[int]) -> None:
-    _require_kind("corrections", corrections, Corrections)
-    _require_pairs("pair", corrections.pair, n)
-    _require_array("pair_correction", corrections.pair_correction, np.float64, (len(corrections.pair),))
-    _require_walls("wall", corrections.wall, n, walls)
-    _require_array("wall_correction", corrections.wall_correction, np.float64, (len(corrections.wall),))
-    for name, other in (("pair", "and"), ("wall", "at wall")):
-        value = getattr(corrections, f"{name}_correction")
-        bad = ~(np.isfinite(value) & (value >= 0.0))
-        if bad.any():
-            i, j = getattr(corrections, name)[bad][0].tolist()
-            of = f"that of grain{'s' * (name == 'pair')} {i} {other} {j} is {value[bad][0].item()}"
-            raise InputError(f"{name}_correction of the state, {of}: it must be 0 or more")
-        tangential = getattr(corrections, f"{name}_friction")
-        if tangential is not None:
-            _require_array(f"{name}_friction", tangential, np.float64, value.shape)
-            checks.require_finite(f"{name}_friction of the state, that", tangential)
+def _require_contacts(what: str, record: Any, kind: type, scene: Scene) -> None:
+    """Check the grains and walls of contacts, which are in ascending order."""
+    _require_kind(what, record, kind)
+    for name, most in (("pair", scene.n), ("wall", scene.wall_count)):
+        contact = getattr(record, name)
+        rows = len(contact) if isinstance(contact, np.ndarray) and contact.ndim > 0 else 0
+        _require_array(name, contact, np.int32, (rows, 2))
+        i, j = contact.T.astype(np.int64)
+        exists = (i < j) & (j < scene.n) if name == "pair" else np.isin(j, scene.wall_numbers)
+        if not (exists & (i >= 0) & (i < scene.n)).all():
+            other = "another one above it" if name == "pair" else "a wall of the scene"
+            raise InputError(f"{name} of {what} must name a grain below {scene.n} and {other}")
+        if not (np.diff(i * most + j) > 0).all():
+            raise InputError(f"{name} of {what} must be in ascending order")
 
 
-def _require_lists(lists: VerletList, n: int, walls: Sequence[int], bodies: int) -> None:
-    _require_kind("lists", lists, VerletList)
-    _require_pairs("listed pair", lists.pair, n)
-    _require_walls("listed wall", lists.wall, n, walls)
-    shapes: dict[str, tuple[int, ...]] = {"frame_shift": (2,)}
-    shapes |= dict.fromkeys(("skin", "recent_deviation"), (bodies,))
-    shapes |= dict.fromkeys(("reference_position", "reference_velocity"), (bodies, 2))
-    for name, shape in shapes.items():
-        _require_array(name, getattr(lists, name), np.float64, shape)
-        if np.isnan(getattr(lists, name)).any():
-            raise InputError(f"{name} of the state holds NaN")
-    for name in VERLET_NUMBERS:
-        value = getattr(lists, name)
-        if not (isinstance(value, float) and value >= 0.0):
-            raise InputError(f"{name} of the state is {checks.shown(value)}: it must be a number, 0 or more")
+def _indices(record: Corrections | VerletList, scene: Scene) -> tuple[IndexArray, IndexArray]:
+    """Number the pairs, and the contacts with walls, by grain and body."""
+    (i, j), (grain, wall) = (contact.T.astype(np.int64) for contact in (record.pair, record.wall))
+    return i * scene.n + j, grain + scene.n * scene.bodies.of(wall)
 
 
-def _require_listed(corrections: Corrections, lists: VerletList, scene: Scene) -> None:
-    n, bodies = scene.n, scene.bodies
-    pairs = np.isin(_keys(corrections.pair, n), _keys(lists.pair, n))
-    body, listed = (bodies.of(of.wall[:, 1]) for of in (corrections, lists))
-    walls = np.isin(corrections.wall[:, 0] + n * body, lists.wall[:, 0] + n * listed)
-    if not (pairs.all() and walls.all()):
-        raise InputError("a contact of the state carries a correction but is not in the list of contacts")
-
-
-def _require_pairs(name: str, pair: IntArray, n: int) -> None:
-    _require_array(name, pair, np.int32, (_length(pair), 2))
-    i, j = pair.T
-    if not ((i >= 0) & (i < j) & (j < n)).all():
-        raise InputError(f"{name} of the state must name grains i < j below {n}")
-    _require_ascending(name, _keys(pair, n), n * n)
-
-
-def _require_walls(name: str, wall: IntArray, n: int, walls: Sequence[int]) -> None:
-    _require_array(name, wall, np.int32, (_length(wall), 2))
-    grain, number = wall.T
-    if not ((grain >= 0) & (grain < n) & np.isin(number, walls)).all():
-        raise InputError(f"{name} of the state must name a grain below {n} and a wall of the scene")
-    most = max(walls) + 1
-    _require_ascending(name, grain.astype(np.int64) * most + number, n * most)
-
-
-def _require_ascending(name: str, values: np.ndarray[Any, Any], end: int) -> None:
-    """Raise InputError unless values ascend strictly within [0, end)."""
-    bounded = np.concatenate([[-1], values, [end]])
-    if not (np.diff(bounded) > 0).all():
-        raise InputError(f"{name} of the state must be in ascending order")
-
-
-def _length(array: Any) -> int:
-    return len(array) if isinstance(array, np.ndarray) and array.ndim > 0 else 0
-
-
-def _require_kind(name: str, record: Any, kind: type) -> None:
+def _require_kind(what: str, record: Any, kind: type) -> None:
     if not isinstance(record, kind):
-        raise InputError(f"{name} is a {type(record).__name__}: it must be a {kind.__name__}")
+        raise InputError(f"{what} is a {type(record).__name__}: it must be a {kind.__name__}")
 
 
 def _require_array(name: str, array: Any, dtype: type, shape: tuple[int, ...]) -> None:
@@ -283,9 +249,3 @@ def _require_array(name: str, array: Any, dtype: type, shape: tuple[int, ...]) -
     if array.dtype != dtype or array.shape != shape:
         found, wanted = f"{array.dtype} {array.shape}", f"{np.dtype(dtype)} {shape}"
         raise InputError(f"{name} of the state is {found}: it must be {wanted}")
-
-
-def _keys(pair: IntArray, n: int) -> np.ndarray[Any, Any]:
-    """Number all pairs of n grains in lexicographic order, shape (m,)."""
-    i, j = pair.astype(np.int64).T
-    return i * n + j
