@@ -159,7 +159,7 @@ class TestCertify:
             report = simulation.step()
         assert report.contacts > 5
         assert certify(simulation).error is None
-        velocity = simulation._engine._records.array(0, "grains.velocity")
+        velocity = simulation._engine.records.array(0, "grains.velocity")
         velocity[7, 1] += wrong
         certificate = certify(simulation)
         assert certificate.error == pytest.approx(wrong, abs=certificate.solver_error)
@@ -220,7 +220,7 @@ class TestCertify:
     def test_a_step_that_failed_is_not_the_last_one(self) -> None:
         simulation = Simulation(column(3))
         simulation.step()
-        simulation._engine._records.array(0, "grains.velocity")[:] = np.inf
+        simulation._engine.records.array(0, "grains.velocity")[:] = np.inf
         with pytest.raises(SimulationError, match="reached a velocity"):
             simulation.step()
         begun = simulation.last_start()

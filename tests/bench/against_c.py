@@ -67,7 +67,7 @@ class Sweeps:
     """The contact iteration alone: plain sweeps over the arrays of a simulation's last step."""
 
     def __init__(self, simulation: Simulation):
-        records = simulation._engine._records
+        records = simulation._engine.records
         self._numbers, array = records.host[0], partial(records.array, 0)
         count = self._numbers["contacts"]["count"]
         self.pairs, self.walls = int(count["pairs"]), int(count["walls"])

@@ -47,7 +47,7 @@ class Accelerated:
             scene = scene.replace(mass=rng.choice([0.5, 1.0, 2.0], N))
         self.record = record = OneRecord(scene, CONTACTS)
         record["grains.contact_mass"][:] = scene.mass
-        record._records.keep_history(0, 40)
+        record.records.keep_history(0, 40)
         self.contact = record["contacts.contact"][:CONTACTS]
         self.limits = record["contacts.limits"] if inner or slides else np.empty((N, 2))
         self.is_wall = np.arange(CONTACTS) >= PAIRS

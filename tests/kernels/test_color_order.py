@@ -49,7 +49,7 @@ def test_iteration_by_iteration(reference: MakeReference, simulate: Simulate, or
 
 def test_pairs_are_swept_by_first_fit_colors() -> None:
     simulation = Simulation(Scene.load("polydisperse"), order="color")
-    control = simulation._engine._records.host["control"]
+    control = simulation._engine.records.host["control"]
     anew = 0
     for _ in range(200):
         simulation.step()

@@ -14,6 +14,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.scene.joints import Joints
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.solver import tuning
+from warpgrains.solver.loading import listed_walls
 
 LEFT, RIGHT, UP = (-2.0, 0.0), (2.0, 0.0), (2.0, 1.0)
 
@@ -227,10 +228,9 @@ def test_the_host_has_normal_and_gap_of_the_kernels(corners: str) -> None:
     simulation = Simulation(scene, threads=1)
     for _ in range(60):
         simulation.step()
-        memory = simulation._engine._memory[0]
-        body, index = memory.listed_walls()
+        body, index = listed_walls(simulation._records, 0)
         inside = body[:, 1] > 0  # the annulus is body 0
-        wall, frozen = body[inside] + (0, 1), memory.array("contacts.contact")[index[inside]]
+        wall, frozen = body[inside] + (0, 1), simulation._records.array(0, "contacts.contact")[index[inside]]
         normal, gap = scene.wall_frames(simulation.last_start().position, wall)
         assert np.array_equal(normal, frozen["n"])
         assert np.array_equal(gap / scene.dt, frozen["gap_rate"])

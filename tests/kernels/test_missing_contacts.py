@@ -129,7 +129,7 @@ def test_frame_that_falls_while_grains_hardly_separate(
 
     def less(self: Simulation, *arguments: object, **options: object) -> None:
         original(self, *arguments, **options)
-        self._engine._records.host["tuning"]["acceleration"] = share * g
+        self._engine.records.host["tuning"]["acceleration"] = share * g
 
     monkeypatch.setattr(Simulation, "__init__", less)
     offset = np.arange(grains) * 2.01 - grains * 1.005

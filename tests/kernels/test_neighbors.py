@@ -12,6 +12,7 @@ from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.neighbors import MOST_CONTACTS
 from warpgrains.kernels.record import Phase
 from warpgrains.kernels.step import SEARCH
+from warpgrains.solver import loading
 
 TOO_WIDE = 1e-12  # by which the search may reach too far (kernels/neighbors.py)
 
@@ -80,7 +81,7 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     poison(record)
     record.run(*SEARCH)
     assert record.record["control"]["phase"] == Phase.LISTED
-    return record.memory.listed_pairs()[0]
+    return loading.listed_pairs(record.records, 0)[0]
 
 
 def pairs_within_reach(sought: Cloud, wider: float = 0.0) -> IntArray:

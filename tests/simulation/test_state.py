@@ -44,7 +44,7 @@ def test_a_state_needs_no_more_than_it_keeps(scene: Scene, changes: dict) -> Non
     simulation, fresh = Simulation(scene), Simulation(scene)
     simulation.run(steps=100)
     fresh.restore(simulation.state())
-    verlet = fresh._engine._records.host["verlet"]
+    verlet = fresh._engine.records.host["verlet"]
     assert verlet["numbers"].dtype.names == ("frame_shift", *VERLET_NUMBERS)
     work = verlet["work"]
     for name in work.dtype.names:
@@ -190,7 +190,7 @@ def test_the_first_list_of_a_state_without_one_is_made_after_the_warm_start(scen
     normal, _ = scene.wall_frames(state.position, dv.wall)
     np.subtract.at(expected, grain, dv.wall_correction[:, np.newaxis] * normal)
     # sums of at most some ten corrections below 1 m/s, in another order
-    assert np.abs(fresh._engine._records.array(0, "verlet.reference_velocity") - expected).max() < 1e-13
+    assert np.abs(fresh._engine.records.array(0, "verlet.reference_velocity") - expected).max() < 1e-13
 
 
 def test_first_list_of_a_state_without_one() -> None:
@@ -201,7 +201,7 @@ def test_first_list_of_a_state_without_one() -> None:
     state = simulation.state()
     fresh.restore(State(state.steps, state.position, state.velocity, state.corrections))
     fresh.step()
-    expected = fresh._engine._records.array(0, "verlet.reference_velocity")
+    expected = fresh._engine.records.array(0, "verlet.reference_velocity")
     assert np.abs(expected).max() < 1e-12
 
 

@@ -68,7 +68,7 @@ def test_a_step_that_has_been_served_is_finished_or_undone(
 
     def serve_and_cancel(self: engine.Engine) -> bool:
         going_on = service(self)
-        if (self._records.host["control"]["phase"] == phase).any():
+        if (self.records.host["control"]["phase"] == phase).any():
             served.append(1)
             self._cancel[0] = 1
             return False
@@ -98,7 +98,7 @@ def test_a_gpu_returns_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(worker, "_graph", lambda k: None)
     monkeypatch.setattr(engine.wp, "capture_launch", interrupt)
-    monkeypatch.setattr(worker._records, "pull", returned.append)
+    monkeypatch.setattr(worker.records, "pull", returned.append)
     worker.submit([1])
     with pytest.raises(KeyboardInterrupt):
         worker._work_on_gpu()

@@ -82,7 +82,7 @@ def digests(seed: int, threads: int) -> tuple[list[str], int, Any]:
         text = b"".join(np.ascontiguousarray(p).tobytes() for p in parts if p is not None)
         found.append(hashlib.sha256(text).hexdigest()[:16] + f" {report.iterations}")
         if sys.argv[1] == "write" and scene.order == "color":
-            control = simulation._engine._memory[0].record["control"]
+            control = simulation._records.host["control"][0]
             if (control["resuming"] or report.restarts) and valid == STEPS:
                 valid = step
     return found, valid, scene

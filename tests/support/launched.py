@@ -12,6 +12,7 @@ from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import METHODS, step
 from warpgrains.scene.state import first_state
 from warpgrains.solver.engine import Engine
+from warpgrains.solver.loading import load_state
 from warpgrains.solver.sizes import kind_of
 
 
@@ -33,8 +34,8 @@ def launched_module() -> wp.Module:
 def launched_state(scene: Scene, steps: int) -> State:
     """Take so many steps by a captured graph of launches."""
     engine = Engine([scene], wp.get_device("cpu"))
-    engine.load(0, first_state(scene))
-    records = engine._records
+    records = engine.records
+    load_state(records, 0, first_state(scene))
     records.host["merge"] = 0
     launcher = Launcher(launched_module(), records.device, 0, step(kind_of(scene)), threads=1)
     with wp.ScopedCapture(device="cpu") as capture:
@@ -49,4 +50,4 @@ def launched_state(scene: Scene, steps: int) -> State:
             engine._service.solve_exactly(0)
         else:
             steps -= 1
-    return engine.state(0)
+    return engine.scenes[0].state()

@@ -12,7 +12,6 @@ from warpgrains.kernels.stages import OPTIONS, Stage, fuse
 from warpgrains.kernels.threads import TeamRecord, team_records
 from warpgrains.solver.engine import CPU_BLOCK
 from warpgrains.solver.records import SceneRecords
-from warpgrains.solver.scene_memory import SceneMemory
 from warpgrains.warp_start import start_warp
 
 KERNELS: dict[str, wp.Kernel] = {}
@@ -50,16 +49,15 @@ class OneRecord:
     """The record of one scene, with capacity for this many contacts."""
 
     def __init__(self, scene: Scene, contacts: int):
-        self._records = SceneRecords([scene], 1, wp.get_device("cpu"))
-        self._records.reserve_contacts(0, contacts)
-        self.record = self._records.host[0]
-        self.memory = SceneMemory(self._records, 0, scene)
+        self.records = SceneRecords([scene], 1, wp.get_device("cpu"))
+        self.records.reserve_contacts(0, contacts)
+        self.record = self.records.host[0]
 
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
-        return self._records.array(0, name)
+        return self.records.array(0, name)
 
     def reserve_contacts(self, contacts: int) -> None:
-        self._records.reserve_contacts(0, contacts)
+        self.records.reserve_contacts(0, contacts)
 
     @property
     def verlet_numbers(self) -> np.ndarray[Any, Any]:
@@ -70,7 +68,7 @@ class OneRecord:
         return self.record["verlet"]["work"]
 
     def run(self, *stages: Stage) -> None:
-        inputs = (self._records.device, team_records(1)[0])
+        inputs = (self.records.device, team_records(1)[0])
         wp.launch(kernel_of(*stages), dim=1, inputs=inputs, device="cpu")
 
 

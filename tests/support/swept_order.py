@@ -13,7 +13,7 @@ from warpgrains.reference.reference import Reference, pair_index
 
 def swept_pairs(simulation: Simulation) -> IntArray:
     """Read in which order the last step swept its pairs, shape (m, 2)."""
-    records = simulation._engine._records
+    records = simulation._engine.records
     listed = records.host["contacts"]["count"]["pairs"][0]
     pairs = records.array(0, "contacts.contact")[:listed]
     return np.stack([pairs["i"], pairs["j"]], axis=1).astype(np.int64) // 2

@@ -22,8 +22,9 @@ from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.final_states import FinalStates
+from warpgrains.solver.loaded_scene import LoadedScene
+from warpgrains.solver.loading import load_state
 from warpgrains.solver.memory import free_memory, require_memory
-from warpgrains.solver.present import PresentState
 from warpgrains.solver.sizes import Counts, Sizes, kind_of
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import paying_threads
@@ -75,7 +76,7 @@ class ResidentSets:
         self._resident: int | None = None
         self._engines: list[tuple[Engine, list[int]]] = []
         self._place: dict[int, tuple[int, int]] = {}
-        self.present: dict[int, PresentState] = {}
+        self.present: dict[int, LoadedScene] = {}
         self._is_canceled = False
 
     def _divide(self) -> list[list[int]]:
@@ -115,14 +116,14 @@ class ResidentSets:
         for k in set(range(len(found))) - self.present.keys():
             found[k] = getattr(self.state(k), name)
         for engine, numbers in self._engines:
-            found[numbers] = engine.vectors(name)
+            found[numbers] = engine.records.stacked(f"grains.{name}", np.arange(len(numbers)))
         return found
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state, in memory or not."""
         if k in self.present:
             engine, index = self._place[k]
-            self._engines[engine][0].load(index, state)
+            load_state(self._engines[engine][0].records, index, state)
         else:
             self._states[k] = deepcopy(state)
 
@@ -217,10 +218,10 @@ class ResidentSets:
         for numbers in by_kind:
             engine = Engine([self._scenes[k] for k in numbers], self._device, team)
             for index, k in enumerate(numbers):
-                engine.load(index, self._states[k] or first_state(self._scenes[k]))
+                load_state(engine.records, index, self._states[k] or first_state(self._scenes[k]))
             engines.append((engine, numbers))
         self._resident, self._engines, self._place = number, engines, place
-        self.present = {k: PresentState(self._scenes[k], engines[e][0], i) for k, (e, i) in place.items()}
+        self.present = {k: engines[e][0].scenes[i] for k, (e, i) in place.items()}
         self._states = [None if k in place else state for k, state in enumerate(self._states)]
 
     def _ended(self, runs: Sequence[CountedRun] | None) -> Iterator[tuple[list[int], FinalStates]]:

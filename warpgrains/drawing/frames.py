@@ -17,7 +17,7 @@ from warpgrains.errors import InputError
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.forces import PairContacts, WallContacts
-    from warpgrains.solver.present import PresentState
+    from warpgrains.solver.loaded_scene import LoadedScene
 
 _TOLERANCE = Fraction(1, 10**9)  # tolerance, in steps
 
@@ -43,7 +43,7 @@ class Frame:
     """Coordinates and speeds of walls, see `State.driven`; None where no force drives a wall."""
 
     @classmethod
-    def of(cls, now: PresentState, has_contacts: bool) -> Self:
+    def of(cls, now: LoadedScene, has_contacts: bool) -> Self:
         """Return the present state of a scene, with or without contacts."""
         contacts, walls = now.forces() if has_contacts else (None, None)
         return cls(now.position, now.velocity, contacts, walls, now.spin, now.angle, now.time, now.driven)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.state import State
     from warpgrains.simulation.simulation import Simulation
-    from warpgrains.solver.present import PresentState
+    from warpgrains.solver.loaded_scene import LoadedScene
 
 
 class Observer(Protocol):
@@ -152,7 +152,7 @@ class OpenRun(CountedRun):
             return left
         return min(left, steps_to(self.observer.every, self.first_step + steps))
 
-    def record(self, now: PresentState) -> None:
+    def record(self, now: LoadedScene) -> None:
         steps = self.statistics.steps
         if self.observer is not None and (self.first_step + steps) % self.observer.every == 0:
             self.observer.observe(now)

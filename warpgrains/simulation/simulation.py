@@ -33,8 +33,10 @@ from warpgrains.simulation.until import EndCriterion, Question, criterion
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.last_steps import LastSteps
-from warpgrains.solver.present import PresentState
-from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
+from warpgrains.solver.loaded_scene import LoadedScene
+from warpgrains.solver.loading import change_scene, load_state
+from warpgrains.solver.service import infeasible_grains
+from warpgrains.solver.statistics import RunStatistics, StepHistory, StepReport, Summary
 from warpgrains.solver.tuning import threads_for
 from warpgrains.turns import NOTHING, READ, ExclusiveUse
 from warpgrains.warp_start import find_device
@@ -68,7 +70,7 @@ class StepStart(NamedTuple):
     """[rad/s], shape (n,); None without friction."""
 
 
-class Simulation(PresentState, Shown):
+class Simulation(LoadedScene, Shown):
     """A simulation of one scene on one device.
 
     Python threads may advance different simulations at the same time. Advancing the same simulation from two
@@ -140,8 +142,9 @@ class Simulation(PresentState, Shown):
 
     def _begin(self, scene: Scene, state: State) -> None:
         self._threads = threads_for(scene, self._device, self._threads_wanted)
-        PresentState.__init__(self, scene, Engine([scene], self._device, self._threads))
-        self._engine.load(0, state)
+        self._engine = Engine([scene], self._device, self._threads)
+        LoadedScene.__init__(self, self._engine.records, 0)
+        load_state(self._records, 0, state)
 
     def summary(self) -> dict[str, str]:
         """Return the line that describes the simulation, by name."""
@@ -178,7 +181,11 @@ class Simulation(PresentState, Shown):
         """
         with self._use.held():
             report = self._advance(1, None, history).report(0)
-            return replace(report, history=self._engine.history(0)) if history else report
+            if not history:
+                return report
+            whole = (self._records.array(0, f"history.{name}") for name in StepHistory._fields)
+            kept = (array[: report.iterations].copy() for array in whole)
+            return replace(report, history=StepHistory(*kept))
 
     def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
         """Advance by many time steps without outputs or callbacks between them.
@@ -205,7 +212,7 @@ class Simulation(PresentState, Shown):
             return self._advance(steps, on_progress).statistics(0)
 
     def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> LastSteps:
-        self._engine.keep_history(0, history)
+        self._records.keep_history(0, self.scene.max_iterations if history else 0)
         self._engine.submit([steps])
         with self._use.held(allowed=NOTHING):
             advance([self._engine], self._threads, on_progress)
@@ -225,7 +232,7 @@ class Simulation(PresentState, Shown):
             No step has been taken since the start, or since `restore`.
         """
         self._require_step()
-        return self._engine.infeasible_grains(0)
+        return infeasible_grains(self._records, 0)
 
     def change(self, **fields: Unpack[SceneChanges]) -> None:
         """Change some fields of the scene, such as drag=0.1, and continue from the present state.
@@ -245,8 +252,8 @@ class Simulation(PresentState, Shown):
         """
         with self._use.held():
             change = change_of(self.scene, fields, self.steps, self.position, self.driven)
-            if change.is_local and self._engine.change(self._index, change.scene, change.keeps_list):
-                self.scene = change.scene
+            if change.is_local and self._engine.fits(0, change.scene):
+                change_scene(self._records, 0, change.scene, change.keeps_list)
                 return
             state = change.state_after(self.state())
             if state.last_scene is None:
@@ -265,10 +272,10 @@ class Simulation(PresentState, Shown):
         self._require_step()
         position, velocity = (self._grains(name) for name in ("last_position", "last_velocity"))
         spin = self._grains("last_spin") if self.scene.has_friction else None
-        return StepStart(position, velocity, self._engine.last_staggered(0), spin)
+        return StepStart(position, velocity, bool(self._records.host["scheme"]["last_staggered"][0]), spin)
 
     def _require_step(self) -> None:
-        if not self._engine.has_stepped(0):
+        if not self._records.has_stepped(0):
             raise SimulationError("no step has been taken from this state: call step() first")
 
     def observed(self) -> AbstractContextManager[None]:
@@ -290,7 +297,7 @@ class Simulation(PresentState, Shown):
         """
         require_state(state, self.scene)
         with self._use.held():
-            self._engine.load(0, state)
+            load_state(self._records, 0, state)
 
     @documented(OPTIONS[name] for name in Outputs.__annotations__)
     def run(

@@ -16,7 +16,7 @@ from warpgrains.scene.gravity import TurningGravity
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
-    from warpgrains.solver.present import PresentState
+    from warpgrains.solver.loaded_scene import LoadedScene
     from warpgrains.solver.statistics import RunStatistics
 
 TEST_INTERVAL = 10  # steps between two tests
@@ -60,7 +60,7 @@ class CountedRun:
         left = self.steps - self.statistics.steps
         return left if self.until is None else min(left, steps_to(TEST_INTERVAL, self.statistics.steps))
 
-    def count(self, done: RunStatistics, now: PresentState) -> None:
+    def count(self, done: RunStatistics, now: LoadedScene) -> None:
         """Count steps, at most `steps_to_test`, and end the run if its end criterion is met after them."""
         statistics = self.statistics
         statistics.add(done)
@@ -134,7 +134,7 @@ def _rest(bounds: dict[str, float], scene: Scene) -> EndCriterion:
         bounds["speed"] = max(FROUDE * sqrt(gravity * diameter), TOLERANCE * scene.tolerance)
     speed, energy = bounds.get("speed", np.inf), bounds.get("energy", np.inf)
 
-    def is_at_rest(now: PresentState) -> bool:
+    def is_at_rest(now: LoadedScene) -> bool:
         will_move = any(wall.moves and now.time < wall.motion.to_time for wall in now.scene.walls)
         if will_move or isinstance(now.scene.gravity, TurningGravity):
             return False

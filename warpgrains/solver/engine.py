@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -29,14 +29,14 @@ from warpgrains.kernels.record import (
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import fused_step, step
 from warpgrains.kernels.threads import team_records
-from warpgrains.scene.state import State
 from warpgrains.solver.final_states import FinalStates, counted
 from warpgrains.solver.last_steps import LastSteps
+from warpgrains.solver.loaded_scene import LoadedScene
+from warpgrains.solver.loading import give_up_step, scene_with_walls
 from warpgrains.solver.records import SceneRecords
-from warpgrains.solver.scene_memory import SceneMemory
 from warpgrains.solver.service import Service
 from warpgrains.solver.sizes import kind_of
-from warpgrains.solver.statistics import RunStatistics, StepHistory
+from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import run_threads
 from warpgrains.turns import BUILDING
 
@@ -67,7 +67,8 @@ class Engine:
 
     Attributes
     ----------
-    scenes : sequence of Scene
+    records : SceneRecords
+    scenes : list of LoadedScene
     left, seconds : ndarray
         Remaining steps, and total time of the steps [s], of every scene.
     last_steps : LastSteps
@@ -77,11 +78,10 @@ class Engine:
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, team: int = 1):
-        self.scenes = scenes = list(scenes)  # its parts share it
         self._device, self._team = device, team
-        self._records = SceneRecords(scenes, team, device)
-        self._memory = [SceneMemory(self._records, k, scene) for k, scene in enumerate(scenes)]
-        self._service = Service(scenes, self._records, self._memory)
+        self.records = SceneRecords(scenes, team, device)
+        self.scenes = [LoadedScene(self.records, k) for k in range(len(scenes))]
+        self._service = Service(self.records)
         count = len(scenes)
         self._queue = advance_kernel.Queue()
         self._queue.cursor = wp.zeros(1, dtype=wp.int64, device="cpu")
@@ -94,9 +94,9 @@ class Engine:
         self._grains = np.array([scene.n for scene in scenes])
         self.is_brief, self._is_gravity_given = True, False
         self._tasks: list[Callable[[], None]] = []
-        host, service = self._records.host, self._service
+        host, service = self.records.host, self._service
         arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds, host["steps"]
-        self.last_steps = LastSteps(scenes, *arrays, service.errors)
+        self.last_steps = LastSteps(self.records.scenes, *arrays, service.errors)
         self._sums = host["statistics"].view(np.void)  # filled ten times as fast as by fields
         self._no_steps = np.zeros((), self._sums.dtype)
         self._graphs: dict[int, wp.Graph] = {}
@@ -104,7 +104,7 @@ class Engine:
     @property
     def kernel(self) -> wp.Kernel:
         """The kernel that advances the scenes on a CPU."""
-        kind = kind_of(self.scenes[0])
+        kind = kind_of(self.records.scenes[0])
         with BUILDING:
             return advance_kernel.kernel(_module_name(kind), fused_step(kind))
 
@@ -120,82 +120,31 @@ class Engine:
         if self._device.is_cpu:
             kernel_cache.load(self.kernel.module, self._device, CPU_BLOCK)
 
-    def load(self, k: int, state: State) -> None:
-        """Load a state, from which scene k continues."""
-        self._memory[k].load(state)
-
-    def change(self, k: int, scene: Scene, keeps_list: bool) -> bool:
-        """Give scene k other parameters; return False if they need another engine.
-
-        Its grains, their masses at contacts, and the places of walls must be the same. Without `keeps_list`,
-        the next step makes another list. The parameters of other scenes become those of their starts.
-        """
-        same_kind = kind_of(scene) == kind_of(self.scenes[k])
-        if scene.method == "exact" or not (same_kind and self._records.sizes.fits(k, scene)):
-            return False
-        self.scenes[k] = scene
-        self._records.write_parameters()
-        self._memory[k].change(scene, keeps_list)
-        return True
-
-    def state(self, k: int) -> State:
-        """Return the exact state of scene k."""
-        return self._memory[k].state()
-
-    def steps(self, k: int) -> int:
-        """Return the number of steps of scene k since its start."""
-        return self._memory[k].steps
-
-    def has_stepped(self, k: int) -> bool:
-        """Return True if scene k has taken a step since its state was loaded."""
-        return self._memory[k].has_stepped
-
-    def grains(self, k: int, name: str) -> np.ndarray[Any, Any]:
-        """Return a copy of a grain array of scene k, such as "position"."""
-        return self._memory[k].grains(name).copy()
-
-    def vectors(self, name: str) -> FloatArray:
-        """Return a copy of "position" or "velocity" of all scenes, of n grains each, shape (scenes, n, 2)."""
-        return self._records.stacked(f"grains.{name}", np.arange(len(self.scenes)))
-
-    def driven(self, k: int) -> FloatArray:
-        """Return coordinates [m] and speeds [m/s] of the walls of scene k, if a force drives one."""
-        return self._memory[k].driven()
-
-    def scene_at(self, k: int) -> Scene:
-        """Return scene k with its driven walls where they are."""
-        scene = self.scenes[k]
-        return (
-            scene.with_walls_at(self._memory[k].coordinates("position")) if scene.has_driven_walls else scene
-        )
-
-    def last_staggered(self, k: int) -> bool:
-        """Return True if the velocities of scene k were half a step behind before its last good step."""
-        return bool(self._memory[k].record["scheme"]["last_staggered"])
+    def fits(self, k: int, scene: Scene) -> bool:
+        """Return True if `loading.change_scene` can give scene k other parameters in this engine."""
+        same_kind = kind_of(scene) == kind_of(self.records.scenes[k])
+        return scene.method != "exact" and same_kind and self.records.sizes.fits(k, scene)
 
     def ends(self, which: IndexArray, statistics: Sequence[RunStatistics] | None = None) -> FinalStates:
         """Return the final states of scenes with equal numbers of grains, on a CPU.
 
         Statistics are those of the steps since `submit`, unless they are given for each scene.
         """
-        scenes = [self.scene_at(k) for k in which.tolist()]
+        scenes = [scene_with_walls(self.records, k) for k in which.tolist()]
         done = self.last_steps.counted(which) if statistics is None else counted(statistics)
-        return FinalStates.of(scenes, self._records, which, done)
-
-    def keep_history(self, k: int, keep: bool) -> None:
-        """Switch the history in reports of scene k on or off, see `SceneRecords.keep_history`."""
-        self._records.keep_history(k, self.scenes[k].max_iterations if keep else 0)
+        return FinalStates.of(scenes, self.records, which, done)
 
     def set_gravity(self, gravity: FloatArray | None) -> None:
         """Use another gravity than that of the scenes [m/s2], shape (scenes, 2), until it is set to None."""
         if gravity is not None or self._is_gravity_given:
-            self._records.set_gravity(gravity)
+            own = [scene.gravity for scene in self.records.scenes]
+            self.records.set_gravity(own if gravity is None else gravity)
         self._is_gravity_given = gravity is not None
 
     def submit(self, steps: Sequence[int]) -> None:
         """Set the number of steps to do for each scene, and reset the statistics."""
         self.left[:] = steps
-        iterations = self._records.host["stopping"]["max_iterations"]
+        iterations = self.records.host["stopping"]["max_iterations"]
         self.is_brief = float(self._grains @ iterations) * max(steps) < BRIEF
         self._outcome[:] = SOLVED
         self.seconds[:] = 0.0
@@ -204,7 +153,7 @@ class Engine:
 
     def work(self) -> float:
         """Return the grains times iterations left to do, if each step takes those of the last one."""
-        return float(self._grains * self.left @ (self._records.host["step"]["iterations"] + MOVES))
+        return float(self._grains * self.left @ (self.records.host["step"]["iterations"] + MOVES))
 
     def tasks(self, threads: int) -> list[Callable[[], None]]:
         """Return one task per thread. A task advances free scenes until none is left.
@@ -219,7 +168,7 @@ class Engine:
             self.load_kernels()
             teams = team_records(count) if self._team > 1 else [team_records(1)[0] for _ in range(count)]
             for team in teams[begun:]:
-                inputs = (self._records.device, self._queue, team)
+                inputs = (self.records.device, self._queue, team)
                 with BUILDING:
                     command = wp.launch(self.kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
                 self._tasks.append(command.launch)
@@ -231,28 +180,28 @@ class Engine:
         The memory of the device holds a scene only meanwhile: before and after, the host's does.
         """
         for k in range(len(self.scenes)):
-            self._records.push(k)
+            self.records.push(k)
             try:
                 while self.left[k] > 0 and self._outcome[k] == SOLVED and not self._cancel[0]:
                     with BUILDING:
                         graph = self._graph(k)
                     start = perf_counter()
                     wp.capture_launch(graph)
-                    self._records.pull_records()
+                    self.records.pull_records()
                     self.seconds[k] += perf_counter() - start
-                    self.left[k] -= self._memory[k].record["control"]["phase"] == Phase.ACCEPTED
-                    self._outcome[k] = self._memory[k].record["step"]["outcome"]
+                    self.left[k] -= self.records.host["control"]["phase"][k] == Phase.ACCEPTED
+                    self._outcome[k] = self.records.host["step"]["outcome"][k]
             finally:
-                self._records.pull(k)
+                self.records.pull(k)
 
     def _graph(self, k: int) -> wp.Graph:
         """Return the CUDA graph of one step of scene k."""
         if k not in self._graphs:
-            kind = kind_of(self.scenes[k])
+            kind = kind_of(self.records.scenes[k])
             stages = step(kind)
             module = wp.get_module(_module_name(kind, "gpu"))
             wp.set_module_options(OPTIONS, module)
-            launcher = Launcher(module, self._records.device, k, stages)
+            launcher = Launcher(module, self.records.device, k, stages)
             with wp.ScopedCapture(device=self._device) as capture:
                 launcher(stages)
             self._graphs[k] = capture.graph
@@ -266,7 +215,7 @@ class Engine:
         """
         self._cancel[0] = 1
         if abandon:
-            self._records.host["control"]["cancelled"] = 1
+            self.records.host["control"]["cancelled"] = 1
 
     def service(self) -> bool:
         """Serve the requests of scenes; return True if one of the scenes can continue."""
@@ -292,9 +241,9 @@ class Engine:
             self._raise_violation()
         if self._cancel[0]:
             self._cancel[0] = 0
-            self._records.host["control"]["cancelled"] = 0
+            self.records.host["control"]["cancelled"] = 0
         if np.count_nonzero(self.left):  # a step may have been served, and not continued since
-            phase = self._records.host["control"]["phase"]
+            phase = self.records.host["control"]["phase"]
             self._outcome[phase == Phase.FULL] = WITHOUT_ROOM
             self._outcome[np.isin(phase, (Phase.CORRECTED, Phase.DECLINED))] = SLOW
         if np.count_nonzero(self._outcome):  # not all are solved
@@ -302,16 +251,15 @@ class Engine:
             for k in np.flatnonzero(np.isin(self._outcome, FAILURES)).tolist():
                 self._service.explain(k, self._outcome[k])
             for k in np.flatnonzero(np.isin(self._outcome, (*FAILURES, CANCELLED, SLOW))).tolist():
-                self._memory[k].give_up_step()
+                give_up_step(self.records, k)
 
     def _raise_violation(self) -> None:
         """Raise SimulationError if a kernel has used an index outside of its array."""
         for k in range(len(self.scenes)):
-            violation = self._records.violation(k)
+            violation = self.records.violation(k)
             if violation is not None:
-                raise SimulationError(
-                    f"step {self.steps(k) + 1}: {violation}: please report this defect with the scene"
-                )
+                step = self.scenes[k].steps + 1
+                raise SimulationError(f"step {step}: {violation}: please report this defect with the scene")
 
     def _solve_open_steps(self) -> None:
         """Finish the steps during which lists have to grow."""
@@ -322,14 +270,6 @@ class Engine:
             run_threads(self.tasks(self._team))
             left[amid] += self.left[amid] - 1
             self.left[:] = left
-
-    def history(self, k: int) -> StepHistory:
-        """Return zeta and residual of every iteration of the last step of scene k, which were kept."""
-        return self._memory[k].history()
-
-    def infeasible_grains(self, k: int) -> tuple[int, ...]:
-        """Return the grains of scene k that provably cannot fit in its last step."""
-        return self._service.infeasible_grains(k)
 
 
 def _module_name(kind: Kind, device: str = "") -> str:

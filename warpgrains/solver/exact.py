@@ -16,11 +16,11 @@ from warpgrains.kernels.record import Phase
 from warpgrains.solver import active_set, interior_point
 from warpgrains.solver.bordered import BorderedMatrix
 from warpgrains.solver.constraints import StepConstraints
+from warpgrains.solver.loading import listed_pairs, listed_walls
 from warpgrains.solver.projection import NormalMatrix, Projection, Solution, projection_of
 
 if TYPE_CHECKING:
-    from warpgrains.scene.scene import Scene
-    from warpgrains.solver.scene_memory import SceneMemory
+    from warpgrains.solver.records import SceneRecords
 
 ASKED = 0.5  # of the tolerance; leaves a margin for rounding in the kernels
 BETTER = 0.01  # of the residual after the sweeps: an answer must be below
@@ -55,17 +55,10 @@ def solve(problem: Projection, matrices: Matrices, q: FloatArray, tolerance: flo
 
 
 class ExactSolver:
-    """Host solver for the steps of one scene.
+    """Host solver for the steps of scene k of some records."""
 
-    Parameters
-    ----------
-    scene : Scene
-    memory : SceneMemory
-        Memory of its contacts.
-    """
-
-    def __init__(self, scene: Scene, memory: SceneMemory):
-        self._scene, self._memory = scene, memory
+    def __init__(self, records: SceneRecords, k: int):
+        self._records, self._k = records, k
         self._matrices = Matrices(BorderedMatrix(), NormalMatrix())
 
     def solve(self) -> None:
@@ -74,8 +67,8 @@ class ExactSolver:
         The gaps of a round wall depend on the velocities (MODEL.md, eq. 18). They are iterated: each problem
         takes the gaps of the last answer, until an answer satisfies its own gaps.
         """
-        contacts, record = FrozenContacts(self._scene, self._memory), self._memory.record
-        tolerance, q = ASKED * self._scene.tolerance, contacts.corrections()
+        contacts, record = FrozenContacts(self._records, self._k), self._records.host[self._k]
+        tolerance, q = ASKED * self._records.scenes[self._k].tolerance, contacts.corrections()
         problem = contacts.problem_at(q)
         before = left = problem.residual(q)
         while left > tolerance and record["step"]["factorizations"] < MOST:
@@ -104,18 +97,18 @@ class FrozenContacts:
         The step's problem, with the gaps at the start of the step.
     """
 
-    def __init__(self, scene: Scene, memory: SceneMemory):
-        (pair, self._place), self._dv = memory.listed_pairs(), memory.array("contacts.dv")
-        listed, index = memory.listed_walls()
+    def __init__(self, records: SceneRecords, k: int):
+        (pair, self._place), self._dv = listed_pairs(records, k), records.array(k, "contacts.dv")
+        (listed, index), scene = listed_walls(records, k), records.scenes[k]
         bodies = scene.bodies
         sides = [(number, bodies.of(np.array(number)) == listed[:, 1]) for number in scene.wall_numbers]
         self._at_wall = np.concatenate([index[own] for _, own in sides])
         grain = np.concatenate([listed[own, 0] for _, own in sides])
         wall = np.stack([grain, np.repeat(scene.wall_numbers, [own.sum() for _, own in sides])], axis=1)
         self._sign = bodies.sign(wall[:, 1])
-        time = scene.time_after(memory.steps + 1)
-        self._constraints = StepConstraints.at(scene, memory.array("grains.position"), pair, wall, time)
-        self.problem = projection_of(self._constraints, memory.array("grains.free_velocity"))
+        time = scene.time_after(int(records.host["steps"][k]) + 1)
+        self._constraints = StepConstraints.at(scene, records.array(k, "grains.position"), pair, wall, time)
+        self.problem = projection_of(self._constraints, records.array(k, "grains.free_velocity"))
 
     def problem_at(self, q: FloatArray) -> Projection:
         """Return the step's problem, with the wall gaps for the velocities that corrections q lead to."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
@@ -42,10 +42,17 @@ class SceneRecords:
     device : array of SceneRecord
     host : ndarray
         The same records in host memory.
+    scenes : list of Scene
+    loaded_steps : ndarray
+        Steps after which the last state was loaded, shape (scenes,).
+    last_scenes : list
+        The scene of the step before that, where it was another; else None.
     """
 
     def __init__(self, scenes: Sequence[Scene], team: int, device: wp.Device):
-        self._scenes, self._device = scenes, device
+        self.scenes, self._device = list(scenes), device
+        self.loaded_steps = np.zeros(len(scenes), np.int64)
+        self.last_scenes: list[Scene | None] = [None] * len(scenes)
         self.sizes = Sizes.first(scenes, team, device)
         require_memory(int(bytes_needed(self.sizes).sum()), int(self.sizes.grains.sum()), device)
         self._number = {field.name: number for number, field in enumerate(fields())}
@@ -58,7 +65,7 @@ class SceneRecords:
         self._place(np.arange(len(scenes)), self.sizes)
         if device.is_cpu:
             self._memory = self._block(0).host.base
-        self.write_grains()
+        self._write_grains()
         self.write_parameters()
 
     def _place(self, which: Counts, sizes: Sizes) -> None:
@@ -81,7 +88,7 @@ class SceneRecords:
     def _violations(self) -> NDArray[np.uint64]:
         """Return the address of the `Violation` of each scene, shape (scenes,)."""
         offset = np.dtype(SceneRecord.numpy_dtype()).fields["violation"][1]
-        records = np.arange(len(self._scenes), dtype=np.uint64) * np.uint64(self.host.itemsize)
+        records = np.arange(len(self.scenes), dtype=np.uint64) * np.uint64(self.host.itemsize)
         return records + np.uint64(self.device.ptr + offset)
 
     def violation(self, k: int) -> str | None:
@@ -98,13 +105,17 @@ class SceneRecords:
         where = f"index {found['index']} of {' or '.join(names)}"
         return f"{stage} uses {where}, which has length {found['length']}"
 
-    def write_parameters(self) -> None:
-        """Write all fields of the records that are not arrays, and the arrays of walls."""
-        host, scenes, sizes = self.host, self._scenes, self.sizes
+    def has_stepped(self, k: int) -> bool:
+        """Return True if scene k has taken a step since its state was loaded."""
+        return bool(self.host["steps"][k] != self.loaded_steps[k])
+
+    def write_parameters(self, which: slice = slice(None)) -> None:
+        """Write all fields of some records that are not arrays, and the arrays of walls."""
+        host, scenes, sizes = self.host[which], self.scenes[which], self.sizes
         host["start_time"] = [scene.time for scene in scenes]
         for name in ("drag", "spin_drag", "friction", "dt"):
             host[name] = [getattr(scene, name) for scene in scenes]
-        self.set_gravity()
+        self.set_gravity([scene.gravity for scene in scenes], which)
         host["turning"]["start"] = host["gravity"]
         host["turning"]["rate"] = [scene.gravity_rate for scene in scenes]
         annulus, circles = host["walls"]["annulus"], [scene.bodies.annulus[:2] for scene in scenes]
@@ -122,47 +133,45 @@ class SceneRecords:
         for name in ("tolerance", "max_iterations"):
             host["stopping"][name] = [getattr(scene, name) for scene in scenes]
         host["grid"]["inverse_size"] = [1.0 / tuning.cell_size(scene) for scene in scenes]
-        host["grid"]["width"] = grid_width(sizes.grains)
-        for k, scene in enumerate(scenes):
-            bodies = scene.bodies
-            if sizes.walls[k] > 1:
-                self.array(k, "walls.shape")[:] = [wall.shape for wall in bodies.inside]
-            if sizes.joined[k]:
-                joints = bodies.joints
-                self.array(k, "walls.joint")[:] = np.concatenate(joints)
-                self.array(k, "walls.joint_start")[:] = np.cumsum([0, *map(len, joints)])
-            if sizes.mobile[k]:
-                motions = [(*np.hstack(wall.motion), wall.speed) for wall in bodies.inside]
-                self.array(k, "walls.motion")[:] = motions
-            if sizes.driven[k]:
-                self.array(k, "walls.drive")[:] = [np.hstack(drive) for drive in bodies.drives]
-                inverse = np.array([drive.inverse_mass for drive in bodies.drives])
-                mass = self.array(k, "grains.contact_mass")[scene.n :]
-                mass[:] = np.divide(1.0, inverse, np.zeros(len(inverse)), where=inverse > 0.0)
-            if sizes.friction:
-                self.array(k, "walls.surface")[:] = bodies.surfaces
+        host["grid"]["width"] = grid_width(sizes.grains[which])
         host["by_color"] = [scene.order == "color" for scene in scenes]
         host["merge"] = self._device.is_cpu and not sizes.accelerated and sizes.team == 1
+        for k, scene in zip(range(len(self.scenes))[which], scenes, strict=True):
+            self._write_walls(k, scene)
 
-    def set_gravity(self, gravity: FloatArray | None = None) -> None:
-        """Write the gravity of the scenes, or another one [m/s2], shape (scenes, 2)."""
-        self.host["gravity"] = [scene.gravity for scene in self._scenes] if gravity is None else gravity
-        self.host["tuning"]["acceleration"] = np.hypot(*self.host["gravity"].T)
+    def _write_walls(self, k: int, scene: Scene) -> None:
+        bodies, sizes = scene.bodies, self.sizes
+        if sizes.walls[k] > 1:
+            self.array(k, "walls.shape")[:] = [wall.shape for wall in bodies.inside]
+        if sizes.joined[k]:
+            self.array(k, "walls.joint")[:] = np.concatenate(bodies.joints)
+            self.array(k, "walls.joint_start")[:] = np.cumsum([0, *map(len, bodies.joints)])
+        if sizes.mobile[k]:
+            motions = [(*np.hstack(wall.motion), wall.speed) for wall in bodies.inside]
+            self.array(k, "walls.motion")[:] = motions
+        if sizes.driven[k]:
+            self.array(k, "walls.drive")[:] = [np.hstack(drive) for drive in bodies.drives]
+            inverse = np.array([drive.inverse_mass for drive in bodies.drives])
+            mass = self.array(k, "grains.contact_mass")[scene.n :]
+            mass[:] = np.divide(1.0, inverse, np.zeros(len(inverse)), where=inverse > 0.0)
+        if sizes.friction:
+            self.array(k, "walls.surface")[:] = bodies.surfaces
 
-    def write_grains(self) -> None:
+    def set_gravity(self, gravity: ArrayLike, which: slice = slice(None)) -> None:
+        """Write the gravity of some scenes [m/s2], shape (scenes, 2)."""
+        self.host["gravity"][which] = gravity
+        self.host["tuning"]["acceleration"][which] = np.hypot(*self.host["gravity"][which].T)
+
+    def _write_grains(self) -> None:
         """Write radii and masses of the grains of all scenes."""
         for name in ("radius", "mass", "contact_mass", *(("rim_mass",) if self.sizes.friction else ())):
-            self._write_grains(name)
-
-    def _write_grains(self, name: str) -> None:
-        """Write a field of all scenes to the array of their grains."""
-        whole = self.together(f"grains.{name}")
-        if whole is not None and not self.sizes.driven.any():
-            values = np.concatenate([getattr(scene, name) for scene in self._scenes])
-            whole[:] = values.reshape(whole.shape)
-            return
-        for k, scene in enumerate(self._scenes):
-            self.array(k, f"grains.{name}")[: scene.n] = getattr(scene, name)
+            whole = self.together(f"grains.{name}")
+            if whole is not None and not self.sizes.driven.any():
+                values = np.concatenate([getattr(scene, name) for scene in self.scenes])
+                whole[:] = values.reshape(whole.shape)
+                continue
+            for k, scene in enumerate(self.scenes):
+                self.array(k, f"grains.{name}")[: scene.n] = getattr(scene, name)
 
     def array(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return an array of scene k, a view that is valid until its list grows."""
@@ -187,7 +196,7 @@ class SceneRecords:
 
     def stacked(self, name: str, which: IndexArray) -> np.ndarray[Any, Any]:
         """Return a copy of an array of the grains of some scenes, of n grains each, shape (m, n, ...)."""
-        whole, n = self.together(name), self._scenes[which[0]].n
+        whole, n = self.together(name), self.scenes[which[0]].n
         return np.stack([self.array(int(k), name)[:n] for k in which]) if whole is None else whole[which, :n]
 
     def wall_corrections(self, which: IndexArray) -> FloatArray:
@@ -204,7 +213,7 @@ class SceneRecords:
         return self._at_walls(which, contact[np.newaxis], dv[np.newaxis])
 
     def _at_walls(self, which: IndexArray, contact: np.ndarray[Any, Any], dv: FloatArray) -> FloatArray:
-        scene = self._scenes[which[0]]
+        scene = self.scenes[which[0]]
         n, walls = scene.n, scene.wall_count
         carried, count = np.zeros((len(which), n, walls)), self.host["contacts"]["count"][which]
         index, pairs = np.arange(contact.shape[1]), count["pairs"][:, np.newaxis]
@@ -228,7 +237,7 @@ class SceneRecords:
             There is not so much memory, or the search has found too many contacts.
         """
         if contacts > MOST_CONTACTS:
-            scene = self._scenes[k]
+            scene = self.scenes[k]
             raise SimulationError(
                 f"in a step of {scene.dt} s, more than {MOST_CONTACTS} contacts of {scene.n} grains are"
                 f" within reach: dt is too long for a smallest radius of {scene.smallest_radius} m"
@@ -256,7 +265,7 @@ class SceneRecords:
 
     def _resize(self, k: int, sizes: Sizes) -> None:
         """Move scene k to a memory block for other sizes."""
-        require_memory(int(bytes_needed(sizes.of(k))[0]), self._scenes[k].n, self._device)
+        require_memory(int(bytes_needed(sizes.of(k))[0]), self.scenes[k].n, self._device)
         kept = {field.name: self.array(k, field.name) for field in fields()}
         self.sizes, self._memory = sizes, None
         self._place(np.array([k]), sizes.of(k))

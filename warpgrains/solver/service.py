@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from math import hypot, inf, isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -12,15 +12,15 @@ from warpgrains.solver.infeasible import (
     InfeasibilityProof,
     find_infeasibility_proof,
 )
+from warpgrains.solver.loading import corrections_of
 from warpgrains.solver.statistics import named
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.records import SceneRecords
-    from warpgrains.solver.scene_memory import SceneMemory
 
 
-def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
+def exact_solver(method: str) -> Callable[[SceneRecords, int], Any] | None:
     """Return the class that solves steps of a scene on the host; None if the method needs none.
 
     Raises
@@ -36,15 +36,7 @@ def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
 
 
 class Service:
-    """Server for the requests of scenes during a step; it keeps the errors.
-
-    Parameters
-    ----------
-    scenes : sequence of Scene
-        All of one method.
-    records : SceneRecords
-    memory : list of SceneMemory
-        Memory of each scene.
+    """Server for the requests of scenes of one method during a step; it keeps the errors.
 
     Attributes
     ----------
@@ -52,10 +44,9 @@ class Service:
         Reasons why scenes stopped early, by scene.
     """
 
-    def __init__(self, scenes: Sequence[Scene], records: SceneRecords, memory: list[SceneMemory]):
-        self._scenes, self._records, self._memory = scenes, records, memory
-        solver = exact_solver(scenes[0].method)
-        self._exact = [] if solver is None else list(map(solver, scenes, memory))
+    def __init__(self, records: SceneRecords):
+        self._records, solver = records, exact_solver(records.scenes[0].method)
+        self._exact = [] if solver is None else [solver(records, k) for k in range(len(records.scenes))]
         self.errors: dict[int, SimulationError] = {}
 
     def reserve_contacts(self, k: int) -> bool:
@@ -63,7 +54,7 @@ class Service:
         if k in self.errors:
             return False
         try:
-            self._records.reserve_contacts(k, int(self._memory[k].array("neighbors.total")[0]))
+            self._records.reserve_contacts(k, int(self._records.array(k, "neighbors.total")[0]))
         except SimulationError as error:
             self.errors[k] = error
             return False
@@ -73,48 +64,50 @@ class Service:
         """Solve the step of scene k, in which sweeps converge too slowly."""
         self._exact[k].solve()
 
-    def infeasible_grains(self, k: int) -> tuple[int, ...]:
-        """Return the grains of scene k that provably cannot fit in its last step."""
-        proof = _find_proof(self._scenes[k], self._memory[k], "last_position", "velocity", 0)
-        return () if proof is None else proof.grains
-
     def explain(self, k: int, outcome: int) -> None:
         """Store the reason why the open step of scene k failed."""
-        scene, done = self._scenes[k], self._memory[k].steps
-        why = self.errors.get(k) or SimulationError(_reason(scene, self._memory[k], outcome))
+        scene, done = self._records.scenes[k], int(self._records.host["steps"][k])
+        why = self.errors.get(k) or SimulationError(_reason(self._records, k, outcome))
         self.errors[k] = type(why)(f"step {done + 1}, from t = {scene.time_after(done)} s: {why}")
 
 
-def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
+def infeasible_grains(records: SceneRecords, k: int) -> tuple[int, ...]:
+    """Return the grains of scene k that provably cannot fit in its last step."""
+    proof = _find_proof(records, k, "last_position", "velocity", 0)
+    return () if proof is None else proof.grains
+
+
+def _reason(records: SceneRecords, k: int, outcome: int) -> str:
     """Return the message for the outcome of a failed step."""
     if outcome == NOT_CONVERGED:
-        return _not_converged(scene, memory)
-    grain = int(memory.record["verlet"]["flags"]["bad_body"])
-    if grain >= scene.n:
-        speed, at = (memory.coordinates(name)[grain - scene.n] for name in ("next_velocity", "position"))
+        return _not_converged(records, k)
+    scene, body = records.scenes[k], int(records.host["verlet"]["flags"]["bad_body"][k])
+    velocity = records.array(k, "grains.next_velocity")[body].tolist()
+    if body >= scene.n:
+        at = records.array(k, "grains.position")[body, 0]
         return (
-            f"a driven wall, body {grain - scene.n}, reached a speed of {speed} m/s at {at} m: in a step of"
-            f" {scene.dt} s it would leave no room for the grains, or its place would not be finite"
+            f"a driven wall, body {body - scene.n}, reached a speed of {velocity[0]} m/s at {at} m: in a step"
+            f" of {scene.dt} s it would leave no room for the grains, or its place would not be finite"
         )
-    velocity = memory.array("grains.next_velocity")[grain].tolist()
-    reached = f"grain {grain} reached a velocity of {velocity} m/s"
+    reached = f"grain {body} reached a velocity of {velocity} m/s"
     path = inf if scene.has_driven_walls else scene.dt * hypot(*velocity)
-    undefined = _wall_without_normal(scene, memory, grain, path)
+    undefined = _wall_without_normal(records, k, body, path)
     if undefined is not None or outcome == NOT_FINITE:
         return f"{reached}: {undefined or _excess(scene, velocity)}"
-    circle = scene.radius_out - scene.radius[grain].item()
+    circle = scene.radius_out - scene.radius[body].item()
     return (
         f"{reached} along the round wall: in a step of {scene.dt} s, it leaves the circle of {circle} m on"
         " which it touches the wall"
     )
 
 
-def _wall_without_normal(scene: Scene, memory: SceneMemory, grain: int, path: float) -> str | None:
+def _wall_without_normal(records: SceneRecords, k: int, grain: int, path: float) -> str | None:
     """Return where a grain is if a wall within its path [m] has no normal there; else None."""
-    position, radius = memory.grains("position")[grain : grain + 1], scene.radius[grain : grain + 1]
-    time = scene.time_after(memory.steps + 1)
+    scene, own = records.scenes[k], slice(grain, grain + 1)
+    position = records.array(k, "grains.position")[own]
+    time = scene.time_after(int(records.host["steps"][k]) + 1)
     for number in scene.wall_numbers:
-        if scene.is_without_normal(number, position, radius, path, time).any():
+        if scene.is_without_normal(number, position, scene.radius[own], path, time).any():
             place = tuple(position[0].tolist())
             return f"it is at {place} m, where wall {number}, which it may touch in this step, has no normal"
     return None
@@ -131,27 +124,27 @@ def _excess(scene: Scene, velocity: list[float]) -> str:
     )
 
 
-def _not_converged(scene: Scene, memory: SceneMemory) -> str:
-    proof = _find_proof(scene, memory, "position", "next_velocity", 1)
+def _not_converged(records: SceneRecords, k: int) -> str:
+    proof = _find_proof(records, k, "position", "next_velocity", 1)
     grains = "" if proof is None else f": {named(proof.grains)} cannot fit, {proof}"
-    iterations, zeta, residual = (
-        memory.record["step"][name].item() for name in ("iterations", "zeta", "residual")
-    )
+    step = records.host["step"][k]
+    iterations, zeta, residual = (step[name].item() for name in ("iterations", "zeta", "residual"))
     return (
         f"not converged after {iterations} iterations: zeta {zeta:.3e} m/s, residual {residual:.3e} m/s,"
-        f" tolerance {scene.tolerance:.3e} m/s{grains}"
+        f" tolerance {records.scenes[k].tolerance:.3e} m/s{grains}"
     )
 
 
 def _find_proof(
-    scene: Scene, memory: SceneMemory, position: str, velocity: str, ahead: int
+    records: SceneRecords, k: int, position: str, velocity: str, ahead: int
 ) -> InfeasibilityProof | None:
     """Search for a proof that the step has no solution, from the arrays of these names.
 
     The step ends `ahead` steps after the last one that is counted.
     """
+    scene = records.scenes[k]
     if scene.has_driven_walls:
         return None  # walls yield: the proof is about walls that do not
-    where, how = memory.array(f"grains.{position}"), memory.array(f"grains.{velocity}")
-    time = scene.time_after(memory.steps + ahead)
-    return find_infeasibility_proof(scene, where, how, memory.corrections(), time)
+    where, how = (records.array(k, f"grains.{name}") for name in (position, velocity))
+    time = scene.time_after(int(records.host["steps"][k]) + ahead)
+    return find_infeasibility_proof(scene, where, how, corrections_of(records, k), time)

@@ -19,8 +19,8 @@ from warpgrains.frame_log import log_of
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.run import OpenRun
+from warpgrains.solver.loaded_scene import LoadedScene
 from warpgrains.solver.memory import OutOfMemoryError
-from warpgrains.solver.present import PresentState
 from warpgrains.solver.service import exact_solver
 from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size, write_all
@@ -86,7 +86,7 @@ class LongRun(OpenRun):
     def progress(self) -> float:
         return self.statistics.steps / self.steps if self.has_steps_left else 1.0
 
-    def record(self, now: PresentState) -> None:
+    def record(self, now: LoadedScene) -> None:
         """Observe and record the present state, if due; a run whose frame cannot be recorded has failed."""
         if self.error is None:
             try:

@@ -1,6 +1,8 @@
-"""The present state of a scene in memory."""
+"""A scene in memory, at its present time."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,25 +10,28 @@ from warpgrains.arrays import FloatArray
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
-from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, contacts_of
+from warpgrains.solver.loading import driven_walls, scene_with_walls, state_of
+
+if TYPE_CHECKING:
+    from warpgrains.solver.records import SceneRecords
 
 
-class PresentState:
-    """The present state of one scene of an engine. Every array is a read-only copy.
+class LoadedScene:
+    """Scene k of some records (solver/records.py). Arrays of its state are read-only copies."""
 
-    Attributes
-    ----------
-    scene : Scene
-    """
+    def __init__(self, records: SceneRecords, k: int):
+        self._records, self._k = records, k
 
-    def __init__(self, scene: Scene, engine: Engine, index: int = 0):
-        self.scene, self._engine, self._index = scene, engine, index
+    @property
+    def scene(self) -> Scene:
+        """The scene, with its parameters and the grains of its start."""
+        return self._records.scenes[self._k]
 
     @property
     def steps(self) -> int:
         """Time steps since the start."""
-        return self._engine.steps(self._index)
+        return int(self._records.host["steps"][self._k])
 
     @property
     def time(self) -> float:
@@ -57,14 +62,14 @@ class PresentState:
         return self._grains("angle") if self.scene.has_friction else checks.frozen(np.zeros(self.scene.n))
 
     def _grains(self, name: str) -> FloatArray:
-        return checks.frozen(self._engine.grains(self._index, name))
+        return checks.frozen(self._records.array(self._k, f"grains.{name}")[: self.scene.n].copy())
 
     @property
     def driven(self) -> FloatArray | None:
         """Coordinates [m] and speeds [m/s] of walls as in `State.driven`; None if no force drives one."""
         if not self.scene.has_driven_walls:
             return None
-        return checks.frozen(self._engine.driven(self._index))
+        return checks.frozen(driven_walls(self._records, self._k))
 
     @property
     def present_scene(self) -> Scene:
@@ -74,8 +79,8 @@ class PresentState:
         with velocities that it takes for those of the present.
         """
         spin = self.spin if self.scene.has_friction else None
-        scene = self._engine.scene_at(self._index)
-        return scene.starting_at(self.time, position=self.position, velocity=self.velocity, spin=spin)
+        now = scene_with_walls(self._records, self._k)
+        return now.starting_at(self.time, position=self.position, velocity=self.velocity, spin=spin)
 
     def contacts(self) -> PairContacts:
         """Return the contacts between grains that carry a correction after the last step."""
@@ -91,4 +96,4 @@ class PresentState:
 
     def state(self) -> State:
         """Return the exact state. After `restore`, a simulation continues from it with the same bits."""
-        return self._engine.state(self._index)
+        return state_of(self._records, self._k)

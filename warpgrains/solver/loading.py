@@ -1,0 +1,213 @@
+"""States of scenes in memory: written to their arrays, and read from these."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.kernels.record import Phase
+from warpgrains.scene.state import VERLET_NUMBERS, Corrections, State, VerletList
+from warpgrains.scene.walls import OUTER
+from warpgrains.solver import tuning
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+    from warpgrains.solver.records import SceneRecords
+
+VERLET = ("skin", "recent_deviation", "reference_position", "reference_velocity")
+
+
+def listed_pairs(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
+    """Return the listed pairs in lexicographic order, shape (m, 2), and their indices, shape (m,)."""
+    body, index = _listed(records, k)
+    is_pair = body[:, 1] < records.scenes[k].n
+    return body[is_pair], index[is_pair]
+
+
+def listed_walls(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
+    """Return grains and the device's walls of the listed contacts, shape (m, 2), and their indices."""
+    (body, index), n = _listed(records, k), records.scenes[k].n
+    is_wall = body[:, 1] >= n
+    return body[is_wall] - np.array([0, n], np.int32), index[is_wall]
+
+
+def _listed(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
+    """Return grain and other body of the listed contacts in lexicographic order, and their indices."""
+    rows = np.diff(records.array(k, "neighbors.start"))
+    first = np.repeat(np.arange(len(rows), dtype=np.int32), rows)
+    body = np.stack([first, records.array(k, "neighbors.neighbor")[: len(first)]], axis=1)
+    return body, records.array(k, "workspace.sweep_index")[: len(first)]
+
+
+def corrections_of(records: SceneRecords, k: int) -> Corrections:
+    """Return the corrections that contacts carry now.
+
+    They are those of the last good step or, before `give_up_step`, of the one that failed.
+    """
+    (pair, at_pair), (wall, at_wall), scene = (
+        listed_pairs(records, k),
+        listed_walls(records, k),
+        records.scenes[k],
+    )
+    dv, dv_wall = (records.array(k, "contacts.dv")[index] for index in (at_pair, at_wall))
+    active, at_side = dv != 0.0, dv_wall != 0.0
+    wall[:, 1], carried_at_wall = scene.bodies.carried(wall[:, 1], dv_wall)
+    carried = pair[active], dv[active], wall[at_side], carried_at_wall[at_side]
+    if not scene.has_friction:
+        return Corrections(*carried)
+    dvt = records.array(k, "contacts.dvt")
+    return Corrections(*carried, dvt[at_pair[active]], dvt[at_wall[at_side]])
+
+
+def state_of(records: SceneRecords, k: int) -> State:
+    """Return the exact state of scene k."""
+    scene, record, (wall, _) = records.scenes[k], records.host[k], listed_walls(records, k)
+    wall[:, 1], _ = scene.bodies.carried(wall[:, 1], np.zeros(len(wall)))  # the annulus as its outer circle
+    numbers = record["verlet"]["numbers"]
+    of_list: dict[str, Any] = {name: records.array(k, f"verlet.{name}").copy() for name in VERLET}
+    of_list |= {name: float(numbers[name]) for name in VERLET_NUMBERS}
+    lists = VerletList(
+        listed_pairs(records, k)[0], wall, frame_shift=numbers["frame_shift"].copy(), **of_list
+    )
+    names = ("position", "velocity", *(("spin", "angle") if scene.has_friction else ()))
+    own: dict[str, Any] = {name: records.array(k, f"grains.{name}")[: scene.n].copy() for name in names}
+    if scene.has_driven_walls:
+        own["driven"] = driven_walls(records, k)
+    for name in ("staggered", "last_staggered"):
+        own[name] = bool(record["scheme"][name])
+    return State(
+        int(record["steps"]),
+        corrections=corrections_of(records, k),
+        lists=lists,
+        last_scene=None if records.has_stepped(k) else records.last_scenes[k],
+        **own,
+    )
+
+
+def driven_walls(records: SceneRecords, k: int) -> FloatArray:
+    """Return coordinates [m] and speeds [m/s] of the walls of scene k, if a force drives one."""
+    arrays = (records.array(k, f"grains.{name}") for name in ("position", "velocity"))
+    return np.stack([array[records.scenes[k].n :, 0] for array in arrays], axis=1)
+
+
+def scene_with_walls(records: SceneRecords, k: int) -> Scene:
+    """Return scene k with its driven walls where they are."""
+    scene = records.scenes[k]
+    return scene.with_walls_at(driven_walls(records, k)[:, 0]) if scene.has_driven_walls else scene
+
+
+def load_state(records: SceneRecords, k: int, state: State) -> None:
+    """Load a state, from which scene k continues."""
+    scene, record, lists, corrections = records.scenes[k], records.host[k], state.lists, state.corrections
+    if lists is None:
+        _write_list(records, k, corrections.pair, corrections.wall, corrections)
+        _forget_list(records, k)
+    else:
+        _write_list(records, k, lists.pair, lists.wall, corrections)
+        for name in VERLET:
+            records.array(k, f"verlet.{name}")[:] = getattr(lists, name)
+        for name in ("frame_shift", *VERLET_NUMBERS):
+            record["verlet"]["numbers"][name] = getattr(lists, name)
+    if scene.has_friction:
+        for name in ("spin", "angle"):
+            own = getattr(state, name)
+            records.array(k, f"grains.{name}")[:] = 0.0 if own is None else own
+    records.array(k, "grains.velocity")[: scene.n] = state.velocity
+    for name in ("position", "last_position"):
+        records.array(k, f"grains.{name}")[: scene.n] = state.position
+    if state.driven is not None:
+        for name, column in (("position", 0), ("last_position", 0), ("velocity", 1)):
+            of_walls = records.array(k, f"grains.{name}")[scene.n :]
+            of_walls[:] = np.stack([state.driven[:, column], np.zeros(len(of_walls))], axis=1)
+        record["walls"]["annulus"]["radius_out"] = state.driven[OUTER, 0]
+    record["control"] = 0
+    record["control"]["unordered"] = 1
+    for name in ("staggered", "last_staggered"):
+        record["scheme"][name] = getattr(state, name)
+    record["steps"] = records.loaded_steps[k] = state.steps
+    records.last_scenes[k] = state.last_scene
+
+
+def change_scene(records: SceneRecords, k: int, scene: Scene, keeps_list: bool) -> None:
+    """Continue scene k with other parameters; without `keeps_list`, the next step makes another list.
+
+    Its grains, their masses at contacts, and the places of walls must be the same.
+    """
+    if records.has_stepped(k) or records.last_scenes[k] is None:
+        records.last_scenes[k] = records.scenes[k]
+    records.scenes[k], records.loaded_steps[k] = scene, records.host["steps"][k]
+    records.write_parameters(slice(k, k + 1))
+    if scene.has_driven_walls:
+        place = records.array(k, "grains.position")[scene.n + OUTER, 0]
+        records.host[k]["walls"]["annulus"]["radius_out"] = place
+    if not keeps_list:
+        _forget_list(records, k)
+
+
+def _forget_list(records: SceneRecords, k: int) -> None:
+    """Invalidate the list, so that the next step requests a new one."""
+    records.array(k, "verlet.skin")[:] = tuning.NO_SKIN
+    records.array(k, "verlet.recent_deviation")[:] = 0.0
+    records.host[k]["verlet"]["numbers"] = 0.0
+    records.host[k]["verlet"]["numbers"]["base_skin"] = tuning.first_skin(records.scenes[k])
+
+
+def _write_list(
+    records: SceneRecords, k: int, pair: IntArray, wall: IntArray, corrections: Corrections
+) -> None:
+    """Write the list: pairs in lexicographic order and wall contacts, with their corrections."""
+    count, scene = len(pair) + len(wall), records.scenes[k]
+    records.reserve_contacts(k, count)
+    records.host[k]["contacts"]["count"] = len(pair), 0, len(wall), 0  # the step puts them into sets
+    if count == 0:
+        for rows in ("neighbors", "workspace.old"):
+            records.array(k, f"{rows}.start")[:] = 0
+        return
+
+    def in_bodies(pair: IntArray, wall: IntArray) -> IntArray:
+        body = scene.n + scene.bodies.of(wall[:, 1])
+        return np.concatenate([pair, np.stack([wall[:, 0], body], axis=1)])
+
+    key = np.array([scene.n + scene.wall_count, 1])
+    body, carrying = in_bodies(pair, wall), in_bodies(corrections.pair, corrections.wall)
+    order = np.lexsort(body.T[::-1])
+    place = order[np.searchsorted((body @ key)[order], carrying @ key)]
+    sign = scene.bodies.sign(corrections.wall[:, 1])
+    dv = np.zeros(count)
+    dv[place] = np.concatenate([corrections.pair_correction, sign * corrections.wall_correction])
+    values = {"dv": dv}
+    if scene.has_friction:
+        values["dvt"] = np.zeros(count)
+        if corrections.pair_friction is not None and corrections.wall_friction is not None:
+            values["dvt"][place] = np.concatenate([corrections.pair_friction, corrections.wall_friction])
+    for name, value in values.items():
+        records.array(k, f"contacts.{name}")[:count] = value
+        records.array(k, f"contacts.{name}_start")[:count] = value
+        records.array(k, f"workspace.old_{name}")[:count] = value[order, np.newaxis]
+    contact = records.array(k, "contacts.contact")[:count]
+    contact["i"], contact["j"] = 2 * body.T
+    for rows in ("neighbors", "workspace.old"):
+        records.array(k, f"{rows}.start")[:] = np.searchsorted(body[order, 0], np.arange(scene.n + 1))
+        records.array(k, f"{rows}.neighbor")[:count] = body[order, 1]
+    records.array(k, "workspace.sweep_index")[:count] = order
+    records.array(k, "workspace.old_place")[:count] = np.arange(count)
+
+
+def give_up_step(records: SceneRecords, k: int) -> None:
+    """Undo an unfinished step; if it was about to rebuild the list, the next step does so.
+
+    A search that was repeated may have written rows already: those of the list before return.
+    """
+    record = records.host[k]
+    count, control = record["contacts"]["count"], record["control"]
+    listed = int(count["pairs"] + count["walls"])
+    for name in ("dv", "dvt"):
+        records.array(k, f"contacts.{name}")[:listed] = records.array(k, f"contacts.{name}_start")[:listed]
+    if control["phase"] == Phase.FULL:
+        for rows, count in (("start", records.scenes[k].n + 1), ("neighbor", listed)):
+            records.array(k, f"neighbors.{rows}")[:count] = records.array(k, f"workspace.old.{rows}")[:count]
+        record["control"] = 0
+        records.array(k, "verlet.skin")[:] = tuning.NO_SKIN
+    control["phase"] = Phase.ENDED
