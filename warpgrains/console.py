@@ -40,10 +40,7 @@ def _escaped(letter: str) -> str:
 
 
 def open_standard_streams() -> None:
-    """Open standard input, output and error if they are closed.
-
-    Otherwise the next file to be opened would take their place.
-    """
+    """Open closed standard streams, whose places the next files to be opened would take."""
     for number, name, mode in ((STDIN, "stdin", "r"), (STDOUT, "stdout", "w"), (STDERR, "stderr", "w")):
         try:
             os.fstat(number)
@@ -105,10 +102,7 @@ def progress_bar(
 
 @contextmanager
 def exit_on_interrupt() -> Iterator[None]:
-    """End the process on Ctrl-C while libraries are imported, because they turn it into other errors.
-
-    Afterwards the previous handler is restored, even if a library has set another one.
-    """
+    """End the process on Ctrl-C while libraries are imported, because they turn it into other errors."""
 
     def end(*_: object) -> NoReturn:
         os.write(STDERR, b"warpgrains: error: interrupted\n")
@@ -126,11 +120,7 @@ def exit_on_interrupt() -> Iterator[None]:
 
 @contextmanager
 def stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Call `stop` on Ctrl-C, SIGTERM and SIGHUP. When the block has ended, the command ends.
-
-    No signal interrupts the block itself, so that its context managers can clean up, even if another signal
-    arrives meanwhile.
-    """
+    """Call `stop` on Ctrl-C, SIGTERM and SIGHUP, none of which interrupts the block, and end after it."""
     received: list[int] = []
 
     def on_signal(number: int, _frame: object) -> None:

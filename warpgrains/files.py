@@ -63,19 +63,13 @@ def suffix_of(path: str | os.PathLike[str]) -> str:
 
 
 def resolve_link(path: Path) -> Path:
-    """Return the target of a symbolic link, or the path itself if it is none.
-
-    Writing to a link replaces its target, and the link stays.
-    """
+    """Return the target of a symbolic link, which is written instead of it, or the path itself."""
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 @contextmanager
 def open_regular(path: Path, most: int = _LARGEST) -> Iterator[BinaryIO]:
-    """Open a regular file of at most `most` bytes.
-
-    Raises InputError for anything else, because a pipe would block, and a device might never end.
-    """
+    """Open a regular file of at most `most` bytes; a pipe would block, and a device might never end."""
     try:
         with open(path, "rb", opener=_open_nonblocking) as file:
             status = os.fstat(file.fileno())
@@ -123,8 +117,7 @@ def sync(path: Path) -> None:
 def publish(draft: Path, target: Path, replace: bool = True) -> None:
     """Move the complete file `draft` to `target` on the same file system, and flush both to the disk.
 
-    Without `replace`, an existing target stays, also one that another process makes at the same time, unless
-    the file system has no links.
+    Without `replace`, an existing target stays, unless the file system has no links.
     """
     with naming(target, draft):
         sync(draft)
@@ -153,10 +146,7 @@ def draft_path(target: Path, writer: str = "") -> Path:
 
 @contextmanager
 def draft_folder(target: Path) -> Iterator[Path]:
-    """Yield an empty folder at `draft_path`, for the files of which libraries make `target`.
-
-    What a killed process has left there is removed.
-    """
+    """Yield an empty folder at `draft_path`, for the files of which libraries make `target`."""
     folder = draft_path(target)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
@@ -168,15 +158,7 @@ def draft_folder(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def draft_of(target: Path, writer: str = "", replace: bool = True) -> Iterator[Path]:
-    """Yield the path of a draft; after the block, the draft replaces `target`, see `publish`.
-
-    If several processes may write the same file at once, `writer` distinguishes their drafts.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written. The message names the target.
-    """
+    """Yield the path of a draft, one for each `writer`, which replaces `target` after the block."""
     target = resolve_link(target)
     draft = draft_path(target, writer)
     try:
@@ -188,15 +170,7 @@ def draft_of(target: Path, writer: str = "", replace: bool = True) -> Iterator[P
 
 
 def write_atomically(path: Path, content: bytes | memoryview, writer: str = "", replace: bool = True) -> None:
-    """Write a file atomically: until it is complete and on the disk, an earlier file stays.
-
-    For `writer` and `replace`, see `draft_of` and `publish`.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
+    """Write a file atomically, see `draft_of`: an earlier one stays until it is complete and on the disk."""
     with draft_of(path, writer, replace) as draft:
         draft.write_bytes(content)
 
@@ -227,20 +201,7 @@ def read_columns(path: Path, wanted: Callable[[list[str]], Iterable[str]]) -> di
 
 
 def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
-    """Return some columns of a table that may have millions of rows.
-
-    Parameters
-    ----------
-    lines
-        Lines of the table.
-    wanted
-        Function that returns the names of the columns to read, given the names of all columns.
-
-    Raises
-    ------
-    csv.Error
-        The lines are no table.
-    """
+    """Return the columns of a table that `wanted` chooses from the names of all; csv.Error if it is none."""
     rows = csv.reader(lines, strict=True)
     head = next(rows, [])
     columns: dict[str, list[str]] = {name: [] for name in wanted(head)}

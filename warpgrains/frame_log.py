@@ -50,12 +50,6 @@ class FrameLog:
 
     Every frame is passed to the operating system at once, so that a killed process loses none. It is flushed
     to the disk after 100 frames or 16 MB, and by `sync`.
-
-    Attributes
-    ----------
-    path : Path
-    frames : int
-        Number of frames in the log.
     """
 
     def __init__(self, path: Path, constants: str) -> None:
@@ -75,15 +69,7 @@ class FrameLog:
             )
 
     def reopen(self, frames: int, identity: Callable[[str], str]) -> None:
-        """Continue an existing log after its first `frames` frames; later frames are dropped.
-
-        `identity` returns the part of the constants that must be the same.
-
-        Raises
-        ------
-        InputError
-            The log has constants of another identity, or fewer frames.
-        """
+        """Continue a log after its first frames; `identity` of its constants must be the same."""
         reader = LogReader(self.path)
         if identity(reader.constants) != identity(self._constants):
             raise InputError(
@@ -103,13 +89,7 @@ class FrameLog:
         self._open(end)
 
     def append(self, arrays: Arrays) -> None:
-        """Append one frame.
-
-        Raises
-        ------
-        OSError
-            The frame cannot be written; the log is unchanged.
-        """
+        """Append one frame; if it cannot be written, the log is unchanged."""
         if self._file is None:
             self._create(arrays)
         count, size = self._unsynced
@@ -168,23 +148,7 @@ class FrameLog:
 
 
 class LogReader:
-    """Reader of a log. Iterating yields each frame up to the end of the log.
-
-    Attributes
-    ----------
-    path : Path
-    constants : str
-        Constants of the recording, the text of a USD layer.
-    kinds : dict
-        Type of the elements of each array by name, such as "(3,)<f4" for float32 of three columns.
-    end : int
-        Offset of the end of the last record read [bytes].
-
-    Raises
-    ------
-    InputError
-        The file is missing or is no log.
-    """
+    """Reader of a log: iterating yields each frame up to the end of the log. InputError if it is none."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -24,13 +24,7 @@ def is_cached(module: wp.Module, block: int) -> bool:
 
 
 def load(module: Any, device: wp.Device, block: int) -> None:
-    """Load a module for blocks of so many threads, or compile it. Damaged files are replaced, with a warning.
-
-    Raises
-    ------
-    OSError
-        The cache cannot be written, as on a full disk.
-    """
+    """Load or compile a module for blocks of so many threads; replace damaged files, with a warning."""
     with BUILDING:
         folder, is_damaged = _folder(module, block), False
         if folder.is_dir():

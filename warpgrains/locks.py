@@ -33,13 +33,7 @@ _LONGEST_NAME = 300  # bytes of the description of a lock's owner
 
 
 class Lock:
-    """Exclusive right to write to `path`, until `release`, the end of a ``with`` block or of the process.
-
-    Raises
-    ------
-    OutputError
-        Another process or thread holds the lock, or the folder cannot be written.
-    """
+    """Exclusive right to write to `path`, until `release`, the end of a ``with`` block or of the process."""
 
     def __init__(self, path: Path) -> None:
         path = resolve_link(path)
@@ -154,10 +148,7 @@ def _is_locked(lock: Callable[[], None], path: Path) -> bool:
 
 
 def _is_under(file: Path, descriptor: int) -> bool:
-    """Return whether an open file still has its name.
-
-    Opening it again asks the server of a shared disk; stat may not.
-    """
+    """Return whether an open file still has its name; stat may not ask the server of a shared disk."""
     try:
         again = os.open(file, os.O_RDONLY)
     except FileNotFoundError:

@@ -20,26 +20,14 @@ os.register_at_fork(
 
 
 class ExclusiveUse:
-    """Lock on an object that one thread advances, and its callbacks at most read.
-
-    Parameters
-    ----------
-    what : str
-        Name of the object in messages.
-    """
+    """Lock on an object, named in messages, that one thread advances, and its callbacks at most read."""
 
     def __init__(self, what: str) -> None:
         self._what, self._lock, self._allowed = what, RLock(), CHANGE
 
     @contextmanager
     def held(self, use: int = CHANGE, allowed: int = CHANGE) -> Iterator[None]:
-        """Exclude other threads from a use, `READ` or `CHANGE`, which allows its callbacks at most another.
-
-        Raises
-        ------
-        SimulationError
-            Another thread holds the lock, or this thread does for what does not allow this use.
-        """
+        """Exclude other threads from a use, `READ` or `CHANGE`, whose callbacks are allowed another."""
         if not self._lock.acquire(blocking=False):
             raise self._refusal()
         before = self._allowed

@@ -18,10 +18,7 @@ NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 
 def start_warp() -> None:
-    """Initialize Warp without its banner and without its remark that the machine has no GPU.
-
-    Messages about loaded modules are off too, unless Warp's `log_level` has been set.
-    """
+    """Initialize Warp without its banner and messages, unless its `log_level` has been set."""
     with BUILDING:
         _start_warp()
 

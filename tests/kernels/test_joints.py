@@ -11,7 +11,7 @@ from trimmed import trimmed
 
 from warpgrains import Arc, Disc, Scene, Segment, Simulation
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.joints import Joints
+from warpgrains.scene.bodies import Joints
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.solver import tuning
 from warpgrains.solver.loading import listed_walls

@@ -329,7 +329,7 @@ def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
     assert len(walls)
     drawn = reader.moved_walls(12)
     assert list(drawn) == ["Segment0", "Segment1"]
-    pose = PISTON.pose(recording.time[12])
+    pose = PISTON.motion.pose(recording.time[12])
     assert pose.shift == pytest.approx((0.04, 0.12))
     assert drawn["Segment0"].first.mean(axis=0) == pytest.approx(
         pose.place(reader.walls["Segment0"].first).mean(axis=0), abs=1e-6

@@ -39,29 +39,21 @@ class Arc(ThinWall):
 
     kind: ClassVar[str] = "arc"
     kind_number: ClassVar[int] = 3
-    center: tuple[float, float] = described("Center [m], two components.")
-    radius: float = described("Radius [m].")
-    from_angle: float = described("Angle from the x axis at which it begins [rad].")
-    to_angle: float = described("Angle at which it ends, counterclockwise [rad].")
+    center: tuple[float, float] = described("Center [m], two components.", check=checks.vector)
+    radius: float = described("Radius [m].", check=checks.positive)
+    from_angle: float = described("Angle from the x axis at which it begins [rad].", check=checks.number)
+    to_angle: float = described("Angle at which it ends, counterclockwise [rad].", check=checks.number)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        begin = checks.number("from_angle of an arc", self.from_angle)
-        end = checks.number("to_angle of an arc", self.to_angle)
+        begin, end = self.from_angle, self.to_angle
         if not begin < end < begin + 2.0 * pi:
             raise InputError(
                 f"to_angle of an arc is {end} rad: it must be less than a turn above from_angle, {begin} rad"
             )
-        self._check(
-            center=checks.vector("center of an arc", self.center),
-            radius=checks.positive("radius of an arc", self.radius),
-            from_angle=begin,
-            to_angle=end,
-        )
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Numbers that the kernels need (kernels/arc.py)."""
         middle, half = 0.5 * (self.from_angle + self.to_angle), 0.5 * (self.to_angle - self.from_angle)
         return (*self.center, self.radius, cos(middle), sin(middle), cos(half))
 
@@ -72,15 +64,12 @@ class Arc(ThinWall):
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Center [m]."""
         return self.center
 
     def farthest(self, point: tuple[float, float]) -> float:
-        """Return the distance of the farthest point of the circle from a point [m]."""
         return dist(self.center, point) + self.radius
 
     def away(self, position: FloatArray) -> FloatArray:
-        """Return the ways from points to the nearest points of the arc [m], shape (n, 2)."""
         away, end = position - self.center, self.end_of(position)
         rho = distance(away)[:, np.newaxis]
         away, rho = np.where(rho > 0.0, away, self.numbers[3:5]), np.where(rho > 0.0, rho, 1.0)
@@ -88,7 +77,6 @@ class Arc(ThinWall):
         return np.where(end[:, np.newaxis] < 0, foot, self.ends[end]) - position
 
     def end_of(self, position: FloatArray) -> Indices:
-        """Return which ends are nearest to points, shape (n,): -1 where a point between them is."""
         _, _, _, mx, my, c = self.numbers
         x, y = (position - self.center).T
         end = np.where(mx * y - my * x < 0.0, 0, 1)
@@ -96,18 +84,15 @@ class Arc(ThinWall):
 
     @property
     def ends(self) -> FloatArray:
-        """The ends [m], shape (2, 2)."""
         cx, cy, r, mx, my, c = self.numbers
         s = float(np.sqrt(1.0 - c * c))
         return np.array([(cx + r * (c * mx - t * my), cy + r * (c * my + t * mx)) for t in (-s, s)])
 
     @property
     def inwards(self) -> FloatArray:
-        """Unit vectors along the arc at its ends, away from these, shape (2, 2)."""
         return left_of(self.ends - self.center) / np.array([[self.radius], [-self.radius]])
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the normals of the inner face, or 0, shape (n, 2)."""
         return hollow_normals(self.center, self.radius, point, position)
 
     def drawn(self, thickness: float) -> Band:

@@ -3,31 +3,91 @@
 Body 0 is the annulus, whose circles are its two sides. The walls inside it follow. With friction or a driven
 wall the inner circle is body 1 instead, a disc at the origin, because each circle then needs its own friction
 and speed.
+
+At a joint, an end of a wall lies on another wall (MODEL.md, eq. 8c).
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.scene.disc import Disc
+from warpgrains.scene.geometry import distance, left_of
 from warpgrains.scene.obstacle import Drive, Obstacle
-from warpgrains.scene.walls import INNER, OUTER, Annulus
+from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 
-class Bodies:
-    """The bodies that the walls of a scene are on the device.
+CLOSE = 1e-9  # how far an end may be off the other wall, as a part of the size of the larger one
+FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as in kernels/walls.py
 
-    Attributes
-    ----------
-    two_circles : bool
-        Whether the inner circle is body 1, instead of the other side of body 0.
-    """
+
+class Joints:
+    """The joints of walls that move alike. Walls that a force drives have none."""
+
+    def __init__(self, walls: tuple[Obstacle, ...]):
+        self._walls = walls
+        found: list[list[int]] = [[] for _ in range(2 * len(walls))]
+        ends = np.concatenate([np.zeros((0, 2)), *(wall.ends for wall in walls)])
+        owner = np.repeat(np.arange(len(walls)), [len(wall.ends) for wall in walls])
+        size = np.array([wall.size for wall in walls])[owner]
+        for other, wall in enumerate(walls if len(ends) > 0 else ()):
+            off = np.abs(wall.side(ends, np.zeros(len(ends))).gap)
+            for end in np.flatnonzero(off <= CLOSE * np.maximum(size, wall.size)).tolist():
+                own = walls[k := owner[end]]
+                if k != other and own.path == wall.path and not (own.drive or wall.drive):
+                    found[2 * k + (end > 0 and k == owner[end - 1])].append(other)
+        self.others = found if any(found) else []
+
+    def of(self, number: int) -> list[list[int]]:
+        """Return the walls that are joined at the ends of a wall; [] if none are."""
+        own = self.others[2 * number : 2 * number + 2]
+        return own if any(own) else []
+
+    def side(self, number: int, time: float, position: FloatArray, radius: FloatArray, free: float) -> Side:
+        """Return normals and gaps at a wall at a time [s]; `free` [m] is added where no contact exists."""
+        wall, pose = self._walls[number], self._walls[number].motion.pose(time)
+        x = pose.to_frame(position) if wall.moves else position
+        normal, gap = wall.side(x, radius)
+        end = np.where(gap <= radius, wall.end_of(x), -1)
+        for which, others in enumerate(self.of(number)):
+            grain, known = np.flatnonzero(end == which), sorted([*others, number])
+            gaps = np.array([self._walls[k].side(x[grain], radius[grain]).gap for k in known])
+            nearest, least = gaps.argmin(axis=0), gaps.min(axis=0)
+            for place, other in enumerate(known):
+                own, k = grain[nearest == place], self._walls[other]
+                if other != number and len(own) > 0:
+                    along, p, at_end = wall.inwards[which], wall.ends[which], k.end_of(x[own])
+                    sizes = wall.circle[2], k.circle[2]
+                    rises = k.face_normals(p, x[own]) @ along < -FLUSH
+                    rises &= 2.0 * min(sizes) >= radius[own]
+                    to_ends = np.append([np.inf] * (len(k.ends) == 0), distance(k.ends - p))
+                    is_apart = to_ends[at_end] > 2.0 * FLUSH * max(sizes)
+                    left = left_of(along[np.newaxis])
+                    height = (left * (x[own] - p)).sum(axis=1)
+                    line = np.where(height > 0.0, -1.0, 1.0)[:, np.newaxis] * left
+                    tangent = np.maximum(np.abs(height) - radius[own], least[nearest == place])
+                    takes_tangent = rises & (at_end < 0)
+                    normal[own] = np.where(takes_tangent[:, np.newaxis], line, normal[own])
+                    gap[own] += np.where(rises & is_apart, 0.0, free)
+                    gap[own] = np.where(takes_tangent, tangent, gap[own])
+        return Side(pose.turn(normal) if wall.moves else normal, gap)
+
+
+@lru_cache(64)
+def joints_of(walls: tuple[Obstacle, ...]) -> Joints:
+    """Return the joints of walls."""
+    return Joints(walls)
+
+
+class Bodies:
+    """The bodies that the walls of a scene are on the device."""
 
     def __init__(self, scene: Scene):
         self._scene = scene
@@ -79,10 +139,7 @@ class Bodies:
         return np.where((wall == INNER) & (not self.two_circles), -1.0, 1.0)
 
     def carried(self, body: IntArray, correction: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return the walls that carry corrections of bodies [m/s], and the corrections, >= 0.
-
-        If both circles are body 0, the sign tells them apart; 0 is that of the outer one.
-        """
+        """Return the walls that carry corrections of bodies [m/s], by sign on body 0, and these, >= 0."""
         wall = body
         if not self.two_circles:
             wall = np.where(body > 0, body + 1, np.where(correction < 0.0, INNER, OUTER))

@@ -76,7 +76,7 @@ def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
         return Container(space)
     if not all(isinstance(wall, Segment) for wall in thin):
         return unknown
-    ends = np.array([wall.pose(time).place(np.reshape(wall.numbers, (2, 2))) for wall in thin])
+    ends = np.array([wall.motion.pose(time).place(np.reshape(wall.numbers, (2, 2))) for wall in thin])
     sides, rounding = [_side(own, position) for own in ends], ROUNDING * scene.radius_out
     region = space.cut(*(side for side in sides if side is not None))
     inner = ends[[side is None for side in sides]]
@@ -112,11 +112,7 @@ def _cuts(part: Part, line: FloatArray, rounding: float) -> bool:
 def _uncovered(
     line: FloatArray, others: FloatArray, rounding: float, gap: float, circles: tuple[Circle, ...]
 ) -> FloatArray:
-    """Return the pieces of a line that neither others on it nor what is beyond circles cover, (m, 2, 2).
-
-    Lines are given by their ends [m], shapes (2, 2) and (k, 2, 2). Pieces narrower than `gap` [m] do not
-    count.
-    """
+    """Return the pieces of a line, wider than `gap`, that neither others nor what is beyond circles cover."""
     start, length = line[0], np.hypot(*(line[1] - line[0]))
     if length == 0.0:
         return np.empty((0, 2, 2))

@@ -37,26 +37,16 @@ class Disc(Obstacle):
 
     kind: ClassVar[str] = "disc"
     kind_number: ClassVar[int] = 1
-    center: tuple[float, float] = described("Center [m], two components.")
-    radius: float = described("Radius [m].")
-    inside: bool = described("Whether grains are inside, as in a ring.", default=False)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._check(
-            center=checks.vector("center of a disc", self.center),
-            radius=checks.positive("radius of a disc", self.radius),
-            inside=checks.boolean("inside of a disc", self.inside),
-        )
+    center: tuple[float, float] = described("Center [m], two components.", check=checks.vector)
+    radius: float = described("Radius [m].", check=checks.positive)
+    inside: bool = described("Whether grains are inside, as in a ring.", check=checks.boolean, default=False)
 
     @property
     def border(self) -> Circle:
-        """The disc's circle."""
         return Circle(*self.center, self.radius, self.inside)
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Numbers that the kernels need (kernels/disc.py)."""
         return (*self.center, self.radius, float(self.inside))
 
     @property
@@ -66,7 +56,6 @@ class Disc(Obstacle):
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Center [m]."""
         return self.center
 
     def farthest(self, point: tuple[float, float]) -> float:
@@ -74,7 +63,6 @@ class Disc(Obstacle):
         return dist(self.center, point)
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
-        """Return normals and gaps of grains at the disc, see `Scene.side`."""
         away = np.array(self.center) - position
         rho, normal = distance(away), directions(away)
         if self.inside:
@@ -82,14 +70,11 @@ class Disc(Obstacle):
         return Side(normal, rho - (radius + self.radius))
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the normals of a ring's face, or 0, shape (n, 2)."""
         return hollow_normals(self.center, self.radius, point, position)
 
     def covers(self, position: FloatArray) -> BoolArray:
-        """Return which points are in the disc, or outside of the ring, shape (n,)."""
         rho = distance(np.array(self.center) - position)
         return rho > self.radius if self.inside else rho < self.radius
 
     def drawn(self, thickness: float) -> Band:
-        """Return the drawing of the disc, a ring."""
         return ring(self.border, thickness)

@@ -25,11 +25,7 @@ def box_of_discs(position: FloatArray, radius: FloatArray) -> Box:
 
 
 def extent_of(scene: Scene) -> Box:
-    """Return the smallest box that contains the grains at the start, and the walls that they can touch.
-
-    A grain cannot touch a wall that others keep it from, and, if no wall moves and gravity is constant, one
-    that is higher than its speed carries it.
-    """
+    """Return the smallest box about the grains at the start and the walls that they can touch."""
     borders = enumerate(scene.annulus.borders)
     lines = {number: ring(border, 0.0).first for number, border in borders if border.radius > 0.0}
     for number, wall in scene.numbered_walls.items():

@@ -29,11 +29,7 @@ UNCONVERGED = ("report", "raise")
 
 
 def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING) -> Any:
-    """Return a field of a scene.
-
-    A field with a section is a key of that section of a scene file. The check is a function or a tuple of
-    allowed names. Fields of grains and of the circles have none, because they are checked together.
-    """
+    """Return a field of a scene, with its section in scene files, and its check or a tuple of names."""
     return described(meaning, section=section, check=check, default=default)
 
 
@@ -234,10 +230,7 @@ _CHECKS = {
 
 
 def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]:
-    """Return the named fields in the form in which a scene keeps them; those of grains are checked together.
-
-    Raises InputError if a value is invalid, or an array has another number of grains than `position`.
-    """
+    """Return the named fields in the form in which a scene keeps them; all of grains with the position."""
     found = _checked_grains(scene) if "position" in names else {}
     if not set(names).isdisjoint(Annulus._fields):
         found |= Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict()

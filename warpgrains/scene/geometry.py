@@ -87,10 +87,7 @@ def area_below(radius: FloatArray, level: FloatArray) -> FloatArray:
 
 
 def area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArray:
-    """Return the signed areas of triangles (origin, start, end) inside a disc about the origin, (c,).
-
-    The part of a side outside the disc contributes a sector, the part inside a triangle.
-    """
+    """Return the signed areas of triangles (origin, start, end) in a disc about the origin, shape (c,)."""
     along = end - start
     a, b = (along**2).sum(axis=1), (start * along).sum(axis=1)
     inside = np.maximum(b**2 - a * ((start**2).sum(axis=1) - radius**2), 0.0)
@@ -113,23 +110,11 @@ def _angle(u: FloatArray, v: FloatArray) -> FloatArray:
 
 
 def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tuple[IndexArray, IndexArray]]:
-    """Find the pairs of discs that overlap, each once, in memory proportional to n.
+    """Yield the pairs i < j of discs that overlap, each once, in chunks, in memory proportional to n.
 
     The discs are divided into size classes, each a factor of two wide. A disc can overlap one of the same
     or a smaller class only if their cells are neighbors; a cell is as wide as the largest diameter of
     the class. So a few huge discs among many small ones cost no more than discs of one size.
-
-    Parameters
-    ----------
-    position
-        Centers [m], shape (n, 2).
-    radius
-        Radii [m], shape (n,), all > 0.
-
-    Yields
-    ------
-    i, j
-        Indices of overlapping discs, i < j, in chunks of any length and in no special order.
     """
     size_class = np.frexp(radius)[1]
     touch = ROUNDING * np.abs(position).max(initial=0.0)

@@ -237,10 +237,7 @@ def _spacing(value: Any) -> float:
 
 
 def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> IndexArray:
-    """Return the numbers of grains of the rows that place `count` grains.
-
-    Rows are `pitch` apart, with centers within `reach` of the origin.
-    """
+    """Return how many grains fit in each row; rows are `pitch` apart, within `reach` of the origin."""
     widths: list[int] = []
     while (missing := count - sum(widths)) > 0:
         y = lowest + len(widths) * pitch

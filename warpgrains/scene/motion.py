@@ -63,10 +63,7 @@ class Motion(NamedTuple):
         return Pose(angle, shift)
 
     def velocities(self, points: FloatArray, time: float, dt: float) -> FloatArray:
-        """Return the velocities of points of the wall [m/s], shape (n, 2), in the step that ends at a time.
-
-        They are 0 unless the wall moves for more than half of the step.
-        """
+        """Return velocities of points [m/s] in the step up to a time; 0 unless it moves for half of it."""
         if self.duration(time) - self.duration(time - dt) <= 0.5 * dt:
             return np.zeros_like(points)
         arm = points - np.add(self.pivot, np.multiply(self.velocity, self.duration(time)))

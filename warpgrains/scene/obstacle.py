@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import MISSING, Field, dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from math import inf
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 
@@ -14,7 +14,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band
 from warpgrains.scene.geometry import Circle, directions, distance
-from warpgrains.scene.motion import Motion, Pose
+from warpgrains.scene.motion import Motion
 from warpgrains.scene.walls import Side
 
 MOST_NUMBERS = 6  # of a kind of wall, as on the device (kernels/types.py)
@@ -38,6 +38,14 @@ class Drive(NamedTuple):
     """Unit vector along which the wall moves; 0 for the outer circle."""
 
 
+def _checked_name(field: str, name: Any) -> str:
+    if not _NAME.fullmatch(checks.text(field, name)):
+        raise InputError(
+            f"{field} is {checks.shown(name)}: it must be letters, digits and _, with a small letter first"
+        )
+    return str(name)
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Obstacle:
     """A wall inside the annulus, with the keys of its `[[walls]]` table as fields.
@@ -50,56 +58,51 @@ class Obstacle:
     kind_number: ClassVar[int]
     """Number of the kind on the device (kernels/shapes.py)."""
     velocity: tuple[float, float] = described(
-        "Velocity at which the wall moves [m/s], two components.", default=(0.0, 0.0)
+        "Velocity at which the wall moves [m/s], two components.", check=checks.vector, default=(0.0, 0.0)
     )
     angular_velocity: float = described(
-        "Angular velocity at which the wall turns about the pivot, counterclockwise [rad/s].", default=0.0
+        "Angular velocity at which the wall turns about the pivot, counterclockwise [rad/s].",
+        check=checks.number,
+        default=0.0,
     )
     pivot: tuple[float, float] | None = described(
-        "Point about which the wall turns, which moves with it [m]; by default its middle.", default=None
+        "Point about which the wall turns, which moves with it [m]; by default its middle.",
+        check=checks.vector,
+        default=None,
     )
     from_time: float | None = described(
         "Time at which the wall begins to move from the place that is given [s]; by default the start of the"
         " scene or, in `Simulation.change`, the present.",
+        check=checks.number,
         default=None,
     )
     to_time: float | None = described(
-        "Time at which the wall stops [s]; by default it moves until the end.", default=None
+        "Time at which the wall stops [s]; by default it moves until the end.",
+        check=checks.number,
+        default=None,
     )
     friction: float | None = described(
-        "Coefficient of friction of the wall; by default that of the scene at walls.", default=None
+        "Coefficient of friction of the wall; by default that of the scene at walls.",
+        check=checks.not_negative,
+        default=None,
     )
-
     name: str | None = described(
         "Name of the wall; forces on walls of one name are added up. By default each has its own, such as"
         " Segment0.",
+        check=_checked_name,
         default=None,
     )
 
     def __post_init__(self) -> None:
-        whose = f"of {self.one()}"
-        self._check(
-            velocity=checks.vector(f"velocity {whose}", self.velocity),
-            angular_velocity=checks.number(f"angular_velocity {whose}", self.angular_velocity),
-        )
-        if self.name is not None and not _NAME.fullmatch(checks.text(f"name {whose}", self.name)):
+        for key, own in self.keys().items():
+            value = getattr(self, own.name)
+            if value is not None or own.default is not None:
+                vars(self)[own.name] = own.metadata["check"](f"{key} of {self.one()}", value)
+        if self.to_time is not None and self.from_time is not None and self.to_time <= self.from_time:
             raise InputError(
-                f"name {whose} is {checks.shown(self.name)}: it must be letters, digits and _, with a small"
-                " letter first"
+                f"to_time of {self.one()} is {self.to_time} s: it must be later than from_time,"
+                f" {self.from_time} s"
             )
-        if self.pivot is not None:
-            self._check(pivot=checks.vector(f"pivot {whose}", self.pivot))
-        if self.friction is not None:
-            self._check(friction=checks.not_negative(f"friction {whose}", self.friction))
-        if self.from_time is not None:
-            self._check(from_time=checks.number(f"from_time {whose}", self.from_time))
-        if self.to_time is not None:
-            self._check(to_time=checks.number(f"to_time {whose}", self.to_time))
-            if self.from_time is not None and self.to_time <= self.from_time:
-                raise InputError(
-                    f"to_time {whose} is {self.to_time} s: it must be later than from_time,"
-                    f" {self.from_time} s"
-                )
 
     @classmethod
     def one(cls) -> str:
@@ -107,6 +110,7 @@ class Obstacle:
         return f"a{'n' * (cls.kind[0] in 'aeiou')} {cls.kind}"
 
     @classmethod
+    @cache
     def keys(cls) -> dict[str, Field[Any]]:
         """Return the fields of the kind by their keys in a scene file."""
         return {own.metadata.get("key", own.name): own for own in _own_first(cls)}
@@ -124,10 +128,6 @@ class Obstacle:
         """Return key and field of every value that is not the default."""
         return [(key, own) for key, own in self.keys().items() if getattr(self, own.name) != own.default]
 
-    def _check(self, **checked: Any) -> None:
-        """Replace fields by their checked values."""
-        vars(self).update(checked)
-
     @property
     def border(self) -> Circle | None:
         """The circle that bounds the space of the grains; None for a wall that fills no area."""
@@ -137,7 +137,7 @@ class Obstacle:
         """Return the border as it is at a time [s]."""
         if self.border is None or not self.moves:
             return self.border
-        ((x, y),) = self.pose(time).place(np.array([self.border[:2]])).tolist()
+        ((x, y),) = self.motion.pose(time).place(np.array([self.border[:2]])).tolist()
         return self.border._replace(x=x, y=y)
 
     @property
@@ -174,7 +174,7 @@ class Obstacle:
         """Return the wall as given where it is at a time [s], from which it moves on."""
         if not self.moves or time <= self.motion.from_time:
             return self
-        pose = self.pose(time)
+        pose = self.motion.pose(time)
         given = [name for name in ("center", "start", "end", "pivot") if getattr(self, name, None)]
         places = pose.place(np.array([getattr(self, name) for name in given])).tolist()
         moved: dict[str, Any] = dict(zip(given, places, strict=True))
@@ -194,15 +194,11 @@ class Obstacle:
         """Largest speed at which a point of the wall moves across its place [m/s]."""
         return self.motion.largest_speed(self.farthest(self.motion.pivot))
 
-    def pose(self, time: float) -> Pose:
-        """Return the place of the wall at a time [s]."""
-        return self.motion.pose(time)
-
     def side_at(self, time: float, position: FloatArray, radius: FloatArray) -> Side:
         """Return normals and gaps of grains at the wall as it is at a time [s], see `Scene.side`."""
         if not self.moves:
             return self.side(position, radius)
-        pose = self.pose(time)
+        pose = self.motion.pose(time)
         normal, gap = self.side(pose.to_frame(position), radius)
         return Side(pose.turn(normal), gap)
 
@@ -258,7 +254,7 @@ class Obstacle:
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
         """Return the normals at a point of the wall of the faces on the side of points [m], shape (n, 2).
 
-        They point into the wall, and are 0 where the face bulges (`face_normal` of kernels/shapes.py).
+        They point into the wall, and are 0 where the face bulges.
         """
         raise NotImplementedError
 
@@ -269,7 +265,7 @@ class Obstacle:
     def drawn_at(self, time: float, thickness: float) -> Band:
         """Return the drawing of the wall as it is at a time [s]."""
         band = self.drawn(thickness)
-        return band.moved(self.pose(time)) if self.moves else band
+        return band.moved(self.motion.pose(time)) if self.moves else band
 
     def drawn(self, thickness: float) -> Band:
         """Return the drawing of the wall, with this thickness [m]."""
@@ -281,7 +277,6 @@ class ThinWall(Obstacle):
 
     @property
     def size(self) -> float:
-        """Radius of the circle about the wall [m]."""
         return self.circle[2]
 
     def away(self, position: FloatArray) -> FloatArray:
@@ -289,12 +284,10 @@ class ThinWall(Obstacle):
         raise NotImplementedError
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
-        """Return normals and gaps of grains at the wall, see `Scene.side`."""
         away = self.away(position)
         return Side(directions(away), distance(away) - radius)
 
     def covers(self, position: FloatArray) -> BoolArray:
-        """Return which points are on the wall, shape (n,)."""
         return ~(distance(self.away(position)) > 0.0)
 
 

@@ -58,10 +58,7 @@ class Part(NamedTuple):
         return np.where(self.contains(points), nearest, -nearest)
 
     def outermost(self, direction: FloatArray) -> FloatArray:
-        """Return points, those farthest along and against a direction among them [m], shape (m, 2).
-
-        The circles outside of which the part lies do not count.
-        """
+        """Return points, those farthest along and against a direction among them [m], shape (m, 2)."""
         outline = self._replace(circles=tuple(circle for circle in self.circles if circle.keeps_inside))
         points = [self.corner]
         for circle in outline.circles:

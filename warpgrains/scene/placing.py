@@ -42,23 +42,9 @@ AT_ONCE = 20  # sweeps between two tests of the displacements
 def place_at_random(
     region: Region, radius: FloatArray, generator: np.random.Generator, obstacles: Sequence[Obstacle] = ()
 ) -> FloatArray:
-    """Place discs by random sequential addition, the largest first.
+    """Place discs by random sequential addition in a region, the largest first, clear of walls inside.
 
-    Parameters
-    ----------
-    region
-        Region that contains the discs completely.
-    radius
-        Radii [m], shape (n,), all > 0.
-    generator
-        Source of the random positions.
-    obstacles
-        Walls inside the annulus, which discs do not overlap.
-
-    Returns
-    -------
-    ndarray
-        Positions [m], shape (n, 2); NaN for the discs that remained when a million tries for one failed.
+    Returns positions [m], shape (n, 2); NaN for the discs that remained when a million tries for one failed.
     """
     order = np.argsort(-radius, kind="stable")
     discs = _Discs(region, radius[order], obstacles)
@@ -120,10 +106,7 @@ class _Discs:
         launch(_kernels().place, [record])
 
     def _set(self, name: str, array: np.ndarray[Any, Any], record: Any = None) -> None:
-        """Store the address of a NumPy array in the kernel's record, or in a part of it.
-
-        Creating nine Warp arrays a scene would take longer than the placing.
-        """
+        """Store the address of an array in the record: making Warp arrays would take longer than placing."""
         self._arrays[name] = array
         field = (self._record if record is None else record)[name]
         field["data"], field["ndim"] = array.ctypes.data, 1
@@ -133,10 +116,7 @@ class _Discs:
 def grow(
     region: Region, radius: FloatArray, generator: np.random.Generator, obstacles: Sequence[Obstacle] = ()
 ) -> tuple[FloatArray, float]:
-    """Return dense positions of discs [m], shape (n, 2), and the largest scale of the radii without overlaps.
-
-    The scale is 1 if the discs fit, and less than 1 otherwise.
-    """
+    """Return dense positions of discs [m], (n, 2), and the scale of the radii at which none overlap."""
     filled = float(np.pi * (radius**2).sum()) / region.area
     start = min(1.0, float(np.sqrt(INITIAL_FRACTION / filled)))
     position = place_at_random(region, start * radius, generator, obstacles)
@@ -176,10 +156,7 @@ def _push(
     enough: float,
     sweeps: int,
 ) -> float:
-    """Push discs apart in place until no overlap is above `enough`; return the worst one, in radii.
-
-    A list of pairs is valid until some disc has moved so far that it could touch an unlisted one.
-    """
+    """Push discs apart in place until no overlap is above `enough`; return the worst one, in radii."""
     import warp as wp
 
     with BUILDING:

@@ -40,13 +40,7 @@ def listed_radii(radius: Any) -> FloatArray | None:
 
 
 def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, float]:
-    """Return a function that draws radii according to `grains.radius`, and the largest possible radius [m].
-
-    Raises
-    ------
-    InputError
-        `radius` is neither a number, nor a pair of numbers, nor the table of a distribution.
-    """
+    """Return a function that draws radii according to `grains.radius`, and the largest one [m]."""
     if not isinstance(radius, dict):
         low, high = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
         return _uniform(checks.positive("grains.radius", low), high, generator), high

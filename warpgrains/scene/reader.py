@@ -75,15 +75,7 @@ def _require_section(section: str) -> None:
 
 
 def document_fields(document: Table, folder: Path) -> Table:
-    """Return the fields of a scene from its document, except name and text.
-
-    File names are relative to `folder`.
-
-    Raises
-    ------
-    InputError
-        A section or a key is unknown or missing, or the grains do not fit.
-    """
+    """Return the fields of a scene, except name and text, from its document in a folder."""
     fields = section_fields(document)
     if "radius_out" not in fields:
         raise InputError("domain.radius_out is missing")
@@ -97,13 +89,7 @@ def document_fields(document: Table, folder: Path) -> Table:
 
 
 def section_fields(document: Table) -> Table:
-    """Return the fields of all sections of a document but `[grains]`, without their checks, and the walls.
-
-    Raises
-    ------
-    InputError
-        A section or a key is unknown, a section is none, or a wall is invalid.
-    """
+    """Return the fields of all sections of a document but `[grains]`, without their checks, and the walls."""
     fields: Table = {"walls": checked_walls("walls", document.get("walls", []))}
     for section, table in document.items():
         if section == "walls":
@@ -197,13 +183,7 @@ def _refuse_unknown_keys(
 
 
 def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
-    """Read `position` and any other arrays of a file of grains; `folder` is that of the scene file.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read or holds no grains.
-    """
+    """Read `position` and any other arrays of a file of grains; `folder` is that of the scene file."""
     grains = _grains_of_file(folder, name)
     if "position" not in grains:
         raise InputError(
@@ -218,13 +198,7 @@ def is_file_of_radii(radius: Any) -> bool:
 
 
 def read_radii(folder: Path, table: dict[str, Any]) -> FloatArray:
-    """Read the radii [m] of the file that ``{file = NAME}`` names; its other columns are ignored.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read or holds no radii.
-    """
+    """Read the radii [m] of the file that ``{file = NAME}`` names; its other columns are ignored."""
     if len(table) > 1:
         raise InputError(f"grains.radius is {table!r}: next to file it takes no other key")
     grains = _grains_of_file(folder, table["file"])

@@ -176,15 +176,7 @@ def sides_of(corner: FloatArray) -> Iterable[Side]:
 
 
 def region_of(annulus: Annulus, given: Any, field: str = "grains.region") -> Region:
-    """Return the region that a field such as `grains.region` gives as a table of ranges [m].
-
-    All ranges are optional.
-
-    Raises
-    ------
-    InputError
-        The table is invalid, or the region is empty.
-    """
+    """Return the region of a table of ranges [m], all optional; NoAreaError if it is empty."""
     if given is None:
         return Region(annulus)
     if not isinstance(given, Mapping):
@@ -204,13 +196,7 @@ def region_of(annulus: Annulus, given: Any, field: str = "grains.region") -> Reg
 
 
 def table_of(field: str, text: Any) -> dict[str, Any]:
-    """Return the table that a text of an option describes, such as "x = [-1.0, 0.0], below = 0.5".
-
-    Raises
-    ------
-    InputError
-        It is no table.
-    """
+    """Return the table that a text of an option describes, such as "x = [-1.0, 0.0], below = 0.5"."""
     line = checks.text(field, text).strip()
     try:
         return dict(tomllib.loads(f"region = {line if line.startswith('{') else f'{{{line}}}'}")["region"])

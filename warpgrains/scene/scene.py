@@ -15,14 +15,13 @@ from warpgrains.arrays import BoolArray, FloatArray, Indices
 from warpgrains.described import documented, fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.bodies import Bodies
+from warpgrains.scene.bodies import Bodies, Joints, joints_of
 from warpgrains.scene.box import Box
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import FIELDS, SceneChanges, SceneFields, SceneOptions, checked_fields
 from warpgrains.scene.geometry import distance, left_of, overlapping_pairs, pair_gaps
 from warpgrains.scene.gravity import TurningGravity
-from warpgrains.scene.joints import Joints, joints_of
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region

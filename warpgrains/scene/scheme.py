@@ -15,11 +15,7 @@ SCHEMES = ("text", "leapfrog")
 
 
 def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool, time: float = 0.0) -> FloatArray:
-    """Return v* [m/s], shape (n, 2), from the velocities at the start of a step (eqs. 2, 16, 17).
-
-    `staggered`: the velocities are those of the middle of the last step, see `State`. `time`: that at which
-    the step starts [s], for gravity that turns.
-    """
+    """Return v* [m/s], (n, 2), of a step from a time [s] (eqs. 2, 16, 17); for `staggered`, see `State`."""
     dt, gravity, drag = scene.dt, np.array(scene.gravity_at(time)), scene.drag
     mass = scene.mass[:, np.newaxis]
     if scene.scheme == "text":
@@ -55,10 +51,7 @@ class Kick(NamedTuple):
 def kick_of(scene: Scene, free: FloatArray, velocity: FloatArray, staggered: bool, time: float) -> Kick:
     """Return the kick of a step from its free velocities and its end velocities [m/s], shape (n, 2).
 
-    `time` is that at which the step starts [s].
-
-    `before` inverts `free_velocity`. It is not finite in the leapfrog scheme if drag dt = 2 m, because then
-    drag removes the whole velocity.
+    `before` inverts `free_velocity`, and is not finite in the leapfrog scheme if drag dt = 2 m.
     """
     rate = (scene.drag / scene.mass)[:, np.newaxis]
     return _kick(scene, np.array(scene.gravity_at(time)), rate, free, velocity, staggered)

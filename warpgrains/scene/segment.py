@@ -41,56 +41,44 @@ class Segment(ThinWall):
 
     kind: ClassVar[str] = "segment"
     kind_number: ClassVar[int] = 2
-    start: tuple[float, float] = described("One end [m], two components.", key="from")
-    end: tuple[float, float] = described("The other end [m], two components.", key="to")
+    start: tuple[float, float] = described("One end [m], two components.", key="from", check=checks.vector)
+    end: tuple[float, float] = described("The other end [m], two components.", key="to", check=checks.vector)
     force: float | None = described(
         "Force that drives the wall along its normal [N], which is to the left of the way from one end to the"
         " other; by default no force does.",
+        check=checks.number,
         default=None,
     )
-    mass: float | None = described("Mass of a wall that a force drives [kg].", default=None)
+    mass: float | None = described(
+        "Mass of a wall that a force drives [kg].", check=checks.positive, default=None
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        start, end = (
-            checks.vector("from of a segment", self.start),
-            checks.vector("to of a segment", self.end),
-        )
-        if dist(start, end) < SMALLEST:
-            raise InputError(f"to of a segment is {end}: it must be another point than from, {start}")
-        self._check(start=start, end=end)
+        if dist(self.start, self.end) < SMALLEST:
+            raise InputError(f"to of a segment is {self.end}: it must be another point than from")
         if (self.force is None) != (self.mass is None):
             missing = "force" if self.force is None else "mass"
             raise InputError(f"{missing} of a segment is missing: a wall that a force drives needs both")
-        if self.force is not None:
-            self._check(
-                force=checks.number("force of a segment", self.force),
-                mass=checks.positive("mass of a segment", self.mass),
-            )
-            if self.moves:
-                raise InputError("velocity of a segment is given, and a force: a wall has only one of them")
+        if self.force is not None and self.moves:
+            raise InputError("velocity of a segment is given, and a force: a wall has only one of them")
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Numbers that the kernels need (kernels/segment.py)."""
         return (*self.start, *self.end)
 
     @property
     def circle(self) -> tuple[float, float, float]:
-        """Circle about the segment [m]."""
         return (*self.middle, self.farthest(self.middle))
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Point half-way between the ends [m]."""
         return 0.5 * (self.start[0] + self.end[0]), 0.5 * (self.start[1] + self.end[1])
 
     def farthest(self, point: tuple[float, float]) -> float:
-        """Return the distance of the farther end from a point [m]."""
         return max(dist(self.start, point), dist(self.end, point))
 
     def away(self, position: FloatArray) -> FloatArray:
-        """Return the ways from points to the nearest points of the segment [m], shape (n, 2)."""
         along = np.subtract(self.end, self.start)
         return np.array(self.start) + self._share(position)[:, np.newaxis] * along - position
 
@@ -101,36 +89,30 @@ class Segment(ThinWall):
         return share
 
     def end_of(self, position: FloatArray) -> Indices:
-        """Return which ends are nearest to points, shape (n,): -1 where a point between them is."""
         share = self._share(position)
         return np.where(share == 0.0, 0, np.where(share == 1.0, 1, -1))
 
     @property
     def ends(self) -> FloatArray:
-        """The ends [m], shape (2, 2)."""
         return np.array([self.start, self.end])
 
     @property
     def inwards(self) -> FloatArray:
-        """Unit vectors along the segment at its ends, away from these, shape (2, 2)."""
         along = np.subtract(self.end, self.start) / dist(self.start, self.end)
         return np.array([along, -along])
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the normals of the side at which points are, shape (n, 2)."""
         left = left_of(self.inwards[:1])
         is_left = (self.side(position, np.zeros(len(position))).normal * left).sum(axis=1) > 0.0
         return np.where(is_left[:, np.newaxis], left, -left)
 
     @property
     def drive(self) -> Drive | None:
-        """Force and mass that drive the segment, or None."""
         if self.force is None or self.mass is None:
             return None
         return Drive(1.0 / self.mass, self.force, direction=self._normal)
 
     def shifted(self, way: float) -> Obstacle:
-        """Return the segment moved along its normal [m]."""
         if self.force is None:
             return self
         x, y = (way * along for along in self._normal)
@@ -143,5 +125,4 @@ class Segment(ThinWall):
         return -float(y), float(x)
 
     def drawn(self, thickness: float) -> Band:
-        """Return the drawing of the segment, half as thick as a circle, because grains touch both sides."""
         return strip(np.array([self.start, self.end]), 0.5 * thickness)

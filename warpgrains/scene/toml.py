@@ -44,10 +44,7 @@ def shipped_text(kind: str, name: str) -> str:
 
 
 def read_text(path: Path, kind: str) -> str:
-    """Return the text of a scene or sweep, given by file or by the name of a shipped one.
-
-    Raises InputError if neither exists.
-    """
+    """Return the text of a scene or sweep, given by file or by the name of a shipped one."""
     if not _exists(path):
         checks.one_of(f"{kind}, neither a file nor a shipped one,", str(path), shipped(kind))
         return shipped_text(kind, str(path))
@@ -104,13 +101,7 @@ def overridden(document: Table, override: str) -> Table:
 
 
 def with_key(document: Table, key: str, value: Any) -> Table:
-    """Return a document with another value of a key, such as "physics.drag" or "walls.0.friction".
-
-    Raises
-    ------
-    InputError
-        The section is none, or there is no such wall.
-    """
+    """Return a document with another value of a key, such as "physics.drag" or "walls.0.friction"."""
     section, _, name = key.partition(".")
     table = document.get(section, {})
     if section == "walls":
@@ -143,15 +134,7 @@ def _folder(kind: str) -> Traversable:
 
 
 def toml_text(document: Table) -> str:
-    """Return a document as TOML, one line a key, in the order of its sections.
-
-    Floats are read back as the same doubles.
-
-    Raises
-    ------
-    InputError
-        A value has a type that scenes do not use, such as a date.
-    """
+    """Return a document as TOML, one line a key; floats are read back as the same doubles."""
     bare = {key: value for key, value in document.items() if not isinstance(value, dict)}
     parts = [_lines(bare)] if bare else []
     parts += [f"[{_key(key)}]\n{_lines(table)}" for key, table in document.items() if isinstance(table, dict)]

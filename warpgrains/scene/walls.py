@@ -90,10 +90,7 @@ class Annulus(NamedTuple):
     def side(
         self, number: int, position: FloatArray, radius: FloatArray, move: FloatArray | None = None
     ) -> Side:
-        """Return normals and gaps of grains at circle `number`, see `Scene.side`.
-
-        The gaps at a missing inner circle are inf.
-        """
+        """Return normals and gaps at a circle, see `Scene.side`; those at a missing one are inf."""
         rho, normal = distance(position), directions(position)
         if number == INNER:
             nowhere = np.full_like(rho, np.inf)
