@@ -10,6 +10,7 @@ import pytest
 
 from warpgrains import Disc, Scene, Simulation, analysis
 from warpgrains.described import described
+from warpgrains.scene import checks
 from warpgrains.scene.geometry import Circle
 from warpgrains.scene.layouts import random
 from warpgrains.scene.obstacle import Obstacle, kind_of_wall
@@ -95,7 +96,7 @@ class Post(Obstacle):
 
     kind: ClassVar[str] = "post"
     kind_number: ClassVar[int] = 9
-    center: tuple[float, float] = described("Center [m].")
+    center: tuple[float, float] = described("Center [m].", check=checks.vector)
     middle = property(lambda self: self.center)
     numbers = property(lambda self: self.center)
     border = property(lambda self: Circle(*self.center, 0.1, False))

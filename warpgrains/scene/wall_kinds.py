@@ -100,9 +100,7 @@ def checked_walls(field: str, value: Any) -> tuple[Obstacle, ...]:
         if isinstance(wall, Polyline):
             parts = wall.segments(k)
             if wall.name is None and any(parts[0].name == other.name for other in walls):
-                raise InputError(
-                    f"{field}[{k}] has no name: give it one other than {parts[0].name}, a wall's name"
-                )
+                raise InputError(f"{field}[{k}] has no name: give it one other than {parts[0].name}")
         if (largest := max(abs(number) for part in parts for number in part.numbers)) > LARGEST:
             raise InputError(
                 f"{field}[{k}] has the length or coordinate {largest} m: it must be at most {LARGEST:g} m,"
