@@ -18,7 +18,6 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
 
 if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
-    from warpgrains.analysis.recording import Recording
     from warpgrains.batch.batch import Batch, SceneSummary
     from warpgrains.errors import InputError, NoAreaError, OutputError, SceneError, SimulationError
     from warpgrains.packings.compress import Packing, compress
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.wall_kinds import Polyline
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.statistics import StepReport, Summary
+    from warpgrains.usd.recording import Recording
 
 __all__ = [
     "Arc",
@@ -65,7 +65,7 @@ _NAMES = {
     "packings.compress": ("Packing", "compress"),
     "packings.pack": ("Rest", "pack"),
     "packings.separate": ("Separation", "separate"),
-    "analysis.recording": ("Recording",),
+    "usd.recording": ("Recording",),
     "batch.batch": ("Batch", "SceneSummary"),
     "errors": ("InputError", "NoAreaError", "OutputError", "SceneError", "SimulationError"),
     "scene.arc": ("Arc",),

@@ -10,7 +10,7 @@ from sections import Numbers, Section, panels
 
 import warpgrains as wg
 from warpgrains import analysis
-from warpgrains.drawing.colors import QUANTITIES
+from warpgrains.drawing.colorings import COLORINGS
 
 DRAGS = (0.05, 0.1, 0.2, 0.4)  # kg/s
 
@@ -43,7 +43,7 @@ def draw(settled: Sequence[wg.Simulation]) -> Figure:
     first = settled[0]
     size = 2.0 * first.scene.radius
     place = {"units": "xy", "offsets": first.position, "offset_transform": drum.transData}
-    color = QUANTITIES["pressure"].colormap
+    color = COLORINGS["pressure"].colormap
     grains = EllipseCollection(size, size, 0.0 * size, cmap=color, **place)
     grains.set_array(np.trace(analysis.grain_stresses(first), axis1=1, axis2=2) / 2.0)
     drum.add_collection(grains)

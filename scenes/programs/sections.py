@@ -10,7 +10,8 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 import warpgrains as wg
-from warpgrains.pictures.shots import Painter
+from warpgrains.analysis.snapshot import snapshot
+from warpgrains.drawing.painter import Painter
 from warpgrains.pictures.still import FrameArtists, add_color_bar
 from warpgrains.solver.statistics import RunStatistics
 
@@ -56,9 +57,9 @@ class Row:
     def show(self, simulation: wg.Simulation, color_by: str = "speed", **options: Any) -> None:
         """Draw the present state in the next panel, with options of `Painter`."""
         painter = Painter(simulation.scene, color_by, forces=True, **options)
-        FrameArtists(self._free.pop(0), painter.setting).show(painter.shot_of(simulation))
-        if not self._free and painter.setting.scale is not None:
-            add_color_bar(self.figure, self.axes, painter.setting.scale)
+        FrameArtists(self._free.pop(0), painter).show(snapshot(simulation))
+        if not self._free and painter.colors.scale is not None:
+            add_color_bar(self.figure, self.axes, painter.colors.scale)
 
 
 def moments(

@@ -6,15 +6,14 @@ import sys
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from recordings import RADIUS, make_contacts, make_frames, make_scene, points_recorder, record
+from recordings import RADIUS, make_contacts, make_frames, make_scene, moment, points_recorder, record
 from walls_seen import View
 
 from warpgrains import InputError
 from warpgrains.analysis.plots import measure, plot
 from warpgrains.cli.main import main
 from warpgrains.drawing.chains import CHAIN_COLOR
-from warpgrains.drawing.frames import Frame
-from warpgrains.usd.reader import RecordingReader
+from warpgrains.usd.recording import Recording, painter_of
 
 WHITE = np.ones(3)
 WALL = np.full(3, 0.35)
@@ -65,7 +64,8 @@ class TestFrame:
         recording = record(tmp_path / "run.usdc", frames, **options)
         for number, (position, _) in enumerate(frames):
             picture = draw(recording, number)
-            colors = RecordingReader(recording).color(number)
+            source = Recording(recording)
+            colors = painter_of(source).color(source.frame(number, contacts=False))
             for place, radius, color in zip(position, RADIUS, colors, strict=True):
                 edge = 2.0 / picture.scale  # half an outline, and a pixel that is partly covered
                 for direction in AROUND:
@@ -91,15 +91,15 @@ class TestFrame:
         without = record(tmp_path / "without.usdc", frames, scene)
         for number, (position, _) in enumerate(frames):
             with_chains, plain = draw(recording, number), draw(without, number)
-            contacts, _ = make_contacts(number)
-            for (i, j), force in zip(contacts.pair, contacts.force, strict=True):
+            for i, j in [*make_contacts(number)["pair"].tolist(), (2, 3)]:
                 middle = (position[i] + position[j]) / 2.0
-                assert with_chains.shows(CHAIN, middle) == (force > 0.0)
+                assert with_chains.shows(CHAIN, middle) == ((i, j) != (2, 3))
                 assert not plain.shows(CHAIN, middle)
 
     def test_force_chains_are_as_wide_as_in_the_file(self, tmp_path, frames):
         recording = record(tmp_path / "run.usdc", frames, make_scene(gravity=(0.0, -1.0)), forces=True)
-        picture, chains = draw(recording, 1), RecordingReader(recording).chains(1)
+        picture, chains = draw(recording, 1), Recording(recording)
+        chains = painter_of(chains).chains(chains.frame(1))
         for (start, end), width in zip(chains.ends, chains.width, strict=True):
             along = (end - start) / np.linalg.norm(end - start)
             across = np.array([-along[1], along[0]])
@@ -149,23 +149,20 @@ class TestCurves:
         scene = make_scene(mass=mass, gravity=(3.0, -4.0), friction=0.5)
         spin, path = np.arange(5.0) - 9.0, tmp_path / "run.usdc"
         with points_recorder(path, scene, forces=True) as recorder:
-            for seed, (position, velocity) in enumerate(frames):
-                contacts = make_contacts(seed)
-                for of_kind in contacts:
-                    of_kind.tangential_force = 0.0 * of_kind.force
-                recorder.record(Frame(position, velocity, *contacts, spin=spin, angle=spin))
-        reader = RecordingReader(path)
-        energy, height, contacts = measure(reader).values()
+            for seed, frame in enumerate(frames):
+                recorder.record(moment(*frame, scene, **make_contacts(seed), spin=spin, angle=spin))
+        source = Recording(path)
+        energy, height, contacts = measure(source).values()
         position, velocity = frames[:, 0], frames[:, 1]
         energies = 0.5 * mass * (velocity**2).sum(axis=2) + 0.25 * mass * (RADIUS * spin) ** 2
         # recorded as float32, each with a relative error of 6e-8
         assert energy == pytest.approx(energies.sum(axis=1) / mass.sum(), rel=1e-6)
         assert height == pytest.approx((position @ [-0.6, 0.8]).mean(axis=1), rel=1e-6)
         assert contacts.tolist() == [5, 5, 5]
-        assert [reader.times.time(k) for k in range(len(reader))] == pytest.approx([0.0, 0.02, 0.04])
+        assert [source.times.time(k) for k in range(len(source))] == pytest.approx([0.0, 0.02, 0.04])
 
     def test_contacts_only_where_forces_were_recorded(self, recording):
-        assert len(measure(RecordingReader(recording))) == 2
+        assert len(measure(Recording(recording))) == 2
 
     def test_are_drawn_below_the_frames(self, recording):
         picture = recording.with_suffix(".svg")

@@ -10,8 +10,8 @@ from warpgrains import Disc, Scene, Simulation
 from warpgrains.analysis import height_profile, quantities, snapshot
 from warpgrains.analysis.quantities import SWEEP_QUANTITIES
 from warpgrains.scene.geometry import area_below
+from warpgrains.scene.snapshot import Snapshots
 from warpgrains.scene.walls import Annulus
-from warpgrains.solver.final_states import StackedGrains
 
 EPS = np.finfo(np.float64).eps
 G = 9.81
@@ -33,7 +33,7 @@ def test_many_runs_at_once(n):
     generator = np.random.default_rng(n)
     m, share = 9, generator.uniform(0.0, 1.0, (9, 1))
     force = generator.uniform(size=(m, n, 2)) * (generator.random((m, n)) < share)[..., np.newaxis]
-    grains = StackedGrains(
+    grains = Snapshots(
         mass=generator.uniform(0.1, 3.0, (m, n)),
         radius=generator.uniform(0.01, 0.1, (m, n)),
         position=generator.uniform(-1.0, 1.0, (m, n, 2)),
@@ -50,7 +50,7 @@ def test_many_runs_at_once(n):
         assert together.shape == (m,)
         for k in range(m):
             annulus = Annulus(*(radii[k : k + 1] for radii in grains.annulus[:2]))
-            one = StackedGrains(*(array[k : k + 1].copy() for array in grains[:-2]), annulus, {})
+            one = Snapshots(*(array[k : k + 1].copy() for array in grains[:-2]), annulus, {})
             assert of_runs(one).item() == together[k], name
 
 

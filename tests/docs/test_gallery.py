@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from pages import PAGES, ROOT
 
-from warpgrains.drawing.colors import QUANTITIES, colormap
+from warpgrains.drawing.colorings import COLORINGS
+from warpgrains.drawing.colors import colormap
 from warpgrains.pictures.still import FrameArtists
 from warpgrains.scene.toml import shipped_scenes
 
@@ -52,20 +53,17 @@ def test_no_curve_of_the_column_hides_another(monkeypatch):
 
 
 def test_scales_of_the_jam_reach_to_its_forces(monkeypatch):
-    settings = []
-    begin = FrameArtists.__init__
-    keep = lambda artists, axes, setting: settings.append(setting) or begin(artists, axes, setting)  # noqa: E731
-    monkeypatch.setattr(FrameArtists, "__init__", keep)
-    shots = []
-    show = FrameArtists.show
-    monkeypatch.setattr(FrameArtists, "show", lambda artists, shot: shots.append(shot) or show(artists, shot))
+    drawn, show = [], FrameArtists.show
+    keep = lambda artists, now: drawn.append((artists._painter, now)) or show(artists, now)  # noqa: E731
+    monkeypatch.setattr(FrameArtists, "show", keep)
     gallery.SECTIONS["jam"]()
-    first, last = (shot.chains.force.max() for shot in shots)
+    chains = [painter.chains(now) for painter, now in drawn]
+    first, last = (own.force.max() for own in chains)
     assert last == pytest.approx(16.0 * first, rel=0.02)  # 400 N a step, and the first somewhat more
-    for setting in settings:
-        assert setting.chain_scale.force == pytest.approx(last, rel=0.01)  # that of a wall is a little larger
-        assert setting.scale.high >= 2.0 * last / (2.0 * np.pi * setting.radius.max())
-    assert shots[0].chains.width.max() < 0.1 * shots[1].chains.width.max()
+    for painter, _ in drawn:
+        assert painter.chain_scale.force == pytest.approx(last, rel=0.01)  # that of a wall is a little larger
+        assert painter.colors.scale.high >= 2.0 * last / (2.0 * np.pi * painter.scene.radius.max())
+    assert chains[0].width.max() < 0.1 * chains[1].width.max()
 
 
 @pytest.mark.parametrize("name", ["drum", "batch", "jam", "bidisperse", "bullet"])
@@ -85,7 +83,7 @@ def test_a_quantity_has_one_colormap(name, monkeypatch):
     for bar, mapped in bars:
         quantity = bar.ax.get_ylabel().partition(" [")[0]
         shown = mapped.cmap(np.linspace(0.0, 1.0, 5))[:, :3]
-        for other, of in QUANTITIES.items():
+        for other, of in COLORINGS.items():
             is_its = np.abs(shown - colormap(of.colormap, np.linspace(0.0, 1.0, 5))).max() < 0.03
             assert is_its == (other == quantity), (quantity, other)
 

@@ -11,16 +11,17 @@ import pytest
 from command import exit_code, require_refusal
 from matplotlib.image import imread
 from PIL import Image, ImageSequence
-from recordings import make_scene, record
+from recordings import make_scene, moment, record
 from walls_seen import View
 
 from warpgrains import InputError, OutputError, Scene, Segment, Simulation
 from warpgrains.analysis.plots import plot
+from warpgrains.analysis.snapshot import snapshot
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import GrainColors, mark_color
-from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.frames import FrameTimes
+from warpgrains.drawing.painter import Painter
 from warpgrains.pictures.film import Film, draw_film, encoding_of_frames
-from warpgrains.pictures.shots import Painter
 from warpgrains.pictures.still import FrameArtists, Picture
 from warpgrains.simulation.options import RunOptions
 
@@ -73,7 +74,7 @@ def test_frames_show_the_states(tmp_path, states, suffix):
     assert (len(frames), rate) == (len(states), pytest.approx(25.0))
     view, colors = View(frames[0], 0.08), GrainColors(Scene.load("annulus"), "speed")
     for pixels, (position, velocity) in zip(frames, states, strict=True):
-        assert np.allclose(view.at(pixels, position), colors.of(Frame(position, velocity)), atol=LOSS)
+        assert np.allclose(view.at(pixels, position), colors.of(moment(position, velocity)), atol=LOSS)
         assert np.allclose(view.at(pixels, -position), 1.0, atol=0.05)
 
 
@@ -93,7 +94,7 @@ def test_marks_show_how_far_grains_have_turned(tmp_path, suffix):
 def require_marks(view, pixels, simulation):
     """Check that the sectors of grains into which they have turned differ from the color of the grains."""
     angle, radius = simulation.angle, simulation.scene.radius
-    colors = GrainColors(simulation.scene, "speed").of(Frame(simulation.position, simulation.velocity))
+    colors = GrainColors(simulation.scene, "speed").of(snapshot(simulation))
     ahead = 0.6 * radius[:, np.newaxis] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     for shift, expected in ((-ahead, colors), (ahead, mark_color(colors))):
         assert np.allclose(view.at(pixels, simulation.position + shift), expected, atol=LOSS)
@@ -108,7 +109,7 @@ def test_film_of_a_recording(tmp_path, states, capsys, suffix):
     frames, rate = film_frames(film)
     assert (len(frames), rate) == (11, pytest.approx(50.0))
     view, (position, velocity) = View(frames[0], 0.08), states[-1]
-    colors = GrainColors(Scene.load("annulus"), "speed").of(Frame(position, velocity))
+    colors = GrainColors(Scene.load("annulus"), "speed").of(moment(position, velocity))
     assert np.allclose(view.at(frames[-1], position), colors, atol=LOSS)
 
 
@@ -128,8 +129,8 @@ WITHIN_STEPS = ["t = 0.50 s", "t = 0.53 s", "t = 0.55 s", "t = 0.57 s"]  # every
 def test_a_second_run_shows_the_simulated_time(tmp_path, monkeypatch, suffix, expected):
     drawn, show = [], FrameArtists.show
 
-    def noted(artists, shot):
-        show(artists, shot)
+    def noted(artists, now):
+        show(artists, now)
         drawn.append(artists.changing[-1].get_text())
 
     monkeypatch.setattr(FrameArtists, "show", noted)
@@ -151,7 +152,7 @@ def test_a_film_that_is_not_finished_leaves_what_was_there(tmp_path, suffix):
 
     def interrupted():
         with Film(*run) as film:
-            film.record(Frame(scene.position, scene.velocity))
+            film.record(moment(scene.position, scene.velocity))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -254,10 +255,10 @@ class TestStill:
         scene = Scene(position=[(0.0, 0.1)], radius=0.05, mass=0.1, radius_out=2.0, walls=walls)
         painter, framed = (Painter(scene, "palette", False, frame=frame) for frame in (None, FRAME))
         for y, top in ((0.1, 0.62), (1.0, 1.05)):
-            shot = painter.shot(Frame(np.array([(0.0, y)]), np.zeros((1, 2))))
-            (axes,) = Picture(painter.setting, shot).figure.axes
+            now = moment(np.array([(0.0, y)]), np.zeros((1, 2)), scene)
+            (axes,) = Picture(painter, now).figure.axes
             assert [*axes.get_xlim(), *axes.get_ylim()] == pytest.approx([-0.32, 0.32, -0.42, top])
-            (axes,) = Picture(framed.setting, shot).figure.axes
+            (axes,) = Picture(framed, now).figure.axes
             assert [*axes.get_xlim(), *axes.get_ylim()] == [-0.5, 1.5, -0.25, 0.75]
 
     def test_shows_the_state(self, tmp_path):

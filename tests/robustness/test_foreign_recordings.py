@@ -8,11 +8,11 @@ from recordings import make_frames, record
 
 from warpgrains import InputError
 from warpgrains.analysis.plots import plot
-from warpgrains.analysis.recording import Recording
 from warpgrains.analysis.vtk import export
 from warpgrains.cli import check
 from warpgrains.pictures.film import draw_film
 from warpgrains.usd.check import inspect_recording
+from warpgrains.usd.recording import Recording
 
 POINTS = '#usda 1.0\ndef Xform "World" {{\n  def Points "Grains" {{\n{}\n  }}\n}}\n'
 INSTANCER = POINTS.replace("def Points", "def PointInstancer")

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 from command import exit_code, require_refusal
-from recordings import make_frames, make_scene, record
+from recordings import make_frames, make_scene, moment, record
 
 from warpgrains import InputError, Scene, Simulation, locks
 from warpgrains.cli.grade import write_template
-from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.errors import OutputError
 from warpgrains.locks import Lock, RunLocks
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -168,7 +168,7 @@ class TestRun:
 class TestPython:
     def test_recorder(self, tmp_path):
         with Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60)) as recorder:
-            recorder.record(Frame(*make_frames(1)[0]))
+            recorder.record(moment(*make_frames(1)[0]))
             with pytest.raises(OutputError, match="is being written by process"):
                 Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60))
             recorder.flush()

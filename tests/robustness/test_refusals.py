@@ -197,7 +197,7 @@ def folder(tmp_path_factory):
 def test_command(folder, monkeypatch, capfd, command, complaint, missing):
     monkeypatch.chdir(folder)
     if missing is not None:  # a library
-        for module in ("analysis.plots", "pictures.film", "pictures.still", "pictures.shots"):
+        for module in ("analysis.plots", "pictures.film", "pictures.still"):
             monkeypatch.delitem(sys.modules, f"warpgrains.{module}", raising=False)
         monkeypatch.setitem(sys.modules, missing, None)
     before = files(folder)

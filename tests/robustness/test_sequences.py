@@ -24,8 +24,8 @@ from trimmed import trimmed
 from warpgrains import Scene, Simulation, files
 from warpgrains.scene.fields import ORDERS
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import log_of, recover
+from warpgrains.usd.recording import Recording
 
 STEPS, FPS = 24, 100  # a frame after every step
 RUN = ["run", "annulus", "--set", "grains.shift=1e-7", "--fps", str(FPS), "--steps", str(STEPS)]
@@ -48,10 +48,8 @@ def model():
 
 def require_frames(path, count):
     """Check that a recording holds the first frames of the model, as far as its numbers go."""
-    reader = RecordingReader(path)
-    assert len(reader) == count
-    for frame in range(count):
-        assert np.array_equal(reader.position(frame), model()[frame].position.astype(np.float32))
+    expected = np.array([state.position for state in model()[:count]], np.float32)
+    assert np.array_equal(Recording(path).position, expected)
 
 
 class Sequences(RuleBasedStateMachine):

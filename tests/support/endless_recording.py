@@ -9,8 +9,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from recordings import moment
 
-from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.recorder import Recorder
 
@@ -27,10 +28,11 @@ def frame(number, grains):
 
 
 def main(output, grains, frames, counter):
-    recorder = Recorder(output, scene_of(grains), FrameTimes(0.01, 50), draw_as="points")
+    scene = scene_of(grains)
+    recorder = Recorder(output, scene, FrameTimes(0.01, 50), draw_as="points")
     with Path(counter).open("wb", buffering=0) as count, recorder:
         for number in range(frames):
-            recorder.record(Frame(*frame(number, grains)))
+            recorder.record(moment(*frame(number, grains), scene))
             count.seek(0)
             count.write(recorder.frames.to_bytes(8, "little"))
 

@@ -1,28 +1,18 @@
 """Scenes and frames for the tests of recordings."""
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from pxr import UsdGeom
 
-from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.analysis.snapshot import snapshot
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import first_state
 from warpgrains.usd.recorder import Recorder
 
 GRAINS = "/World/Grains"
 RADIUS = np.array([0.1, 0.07, 0.031, 0.1, 0.2])
-
-
-@dataclass
-class Contacts:
-    pair: np.ndarray
-    force: np.ndarray
-
-
-@dataclass
-class WallContacts:
-    wall: np.ndarray
-    force: np.ndarray
 
 
 def make_scene(radius=RADIUS, **fields):
@@ -45,10 +35,17 @@ def make_frames(count, grains=5, seed=0):
 
 
 def make_contacts(seed=0):
-    """Contacts of five grains: four between them, the last without a force, and one at each wall."""
+    """Contacts of five grains, as fields of a snapshot: three between them, and one at each wall."""
     force = np.random.default_rng(seed).uniform(1.0, 20.0, 6)
-    pair = np.array([(0, 1), (1, 2), (0, 4), (2, 3)])
-    return Contacts(pair, np.append(force[:3], 0.0)), WallContacts(np.array([(0, 0), (3, 1)]), force[4:])
+    pair, wall = np.array([(0, 1), (1, 2), (0, 4)], np.int32), np.array([(0, 0), (3, 1)], np.int32)
+    tangential = {"tangential_force": np.zeros(3), "wall_tangential_force": np.zeros(2)}
+    return {"pair": pair, "force": force[:3], "wall": wall, "wall_force": force[4:], **tangential}
+
+
+def moment(position, velocity, scene=None, **fields):
+    """A snapshot of a scene with other grains."""
+    scene = make_scene() if scene is None else scene
+    return replace(snapshot(scene, first_state(scene)), position=position, velocity=velocity, **fields)
 
 
 def points_recorder(path, scene, **options):
@@ -58,10 +55,11 @@ def points_recorder(path, scene, **options):
 
 def record(path, frames, scene=None, **options):
     """Record frames, each with contacts of its own, and return the path; by default as points."""
-    with points_recorder(path, scene or make_scene(), **options) as recorder:
-        for seed, (position, velocity) in enumerate(frames):
-            contacts = make_contacts(seed) if recorder.needs_contacts else ()
-            recorder.record(Frame(position, velocity, *contacts))
+    scene = make_scene() if scene is None else scene
+    with points_recorder(path, scene, **options) as recorder:
+        for seed, frame in enumerate(frames):
+            contacts = make_contacts(seed) if recorder.needs_contacts else {}
+            recorder.record(moment(*frame, scene, **contacts))
     return path
 
 

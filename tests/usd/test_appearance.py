@@ -4,40 +4,19 @@ import matplotlib
 import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils
-from recordings import (
-    GRAINS,
-    RADIUS,
-    Contacts,
-    WallContacts,
-    make_contacts,
-    make_frames,
-    make_scene,
-    record,
-)
+from recordings import GRAINS, RADIUS, make_contacts, make_frames, make_scene, moment, record
 
 from warpgrains import Disc, Scene, Segment, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
-from warpgrains.drawing.colors import (
-    LEVELS,
-    PALETTE,
-    QUANTITIES,
-    GrainColors,
-    colormap,
-    encoded,
-    linear,
-    pressure_scale,
-    speed_scale,
-    spin_scale,
-)
-from warpgrains.drawing.frames import Frame, FrameTimes, pressure
-from warpgrains.usd.reader import RecordingReader
-from warpgrains.usd.recorder import Recorder
+from warpgrains.drawing.colorings import COLORINGS, pressure, pressure_scale, speed_scale, spin_scale
+from warpgrains.drawing.colors import LEVELS, PALETTE, GrainColors, colormap, encoded, linear
+from warpgrains.usd.recording import Recording, painter_of
 
 FORCES = "/World/Forces"
 HALF_STEP = 0.5 / (LEVELS - 1)  # of a scale
 
 
-@pytest.mark.parametrize("name", sorted(own.colormap for own in QUANTITIES.values()))
+@pytest.mark.parametrize("name", sorted(own.colormap for own in COLORINGS.values()))
 def test_colormaps_are_those_of_matplotlib(name):
     share = np.linspace(0.0, 1.0, 1001)
     assert np.allclose(colormap(name, share), matplotlib.colormaps[name](share)[:, :3], atol=0.025)
@@ -49,17 +28,12 @@ def test_linear_colors_are_encoded_back():
 
 
 def test_pressure_is_force_over_circumference():
-    contacts = Contacts(np.array([(0, 1), (0, 4)]), np.array([3.0, 5.0]))
-    wall_contacts = WallContacts(np.array([(1, 0), (3, 1)]), np.array([2.0, 7.0]))
-    frame = Frame(*make_frames(1)[0], contacts, wall_contacts)
-    total = np.array([3 + 5, 3 + 2, 0, 7, 5])
-    assert np.array_equal(pressure(frame, RADIUS), total / (2 * np.pi * RADIUS))
-
-
-def no_contacts(wall):
-    return Contacts(np.empty((0, 2), dtype=int), np.empty(0)), WallContacts(
-        np.stack([np.arange(len(wall)), np.zeros(len(wall), int)], axis=1), np.array(wall)
+    pairs = {"pair": np.array([(0, 1), (0, 4)]), "force": np.array([3.0, 5.0])}
+    now = moment(
+        *make_frames(1)[0], **pairs, wall=np.array([(1, 0), (3, 1)]), wall_force=np.array([2.0, 7.0])
     )
+    total = np.array([3 + 5, 3 + 2, 0, 7, 5])
+    assert np.array_equal(pressure(now), total / (2 * np.pi * RADIUS))
 
 
 def test_scales_come_from_the_scene():
@@ -104,20 +78,21 @@ def test_colors_run_from_nothing_to_the_scale_and_no_further(color_by):
     scene = make_scene()
     velocity = speed_scale(scene) * np.array([[0, 0], [0, 1 / 3], [-1, 0], [7, 0], [0, 0]])
     wall = pressure_scale(scene) * 2 * np.pi * RADIUS * np.array([0, 1 / 3, 1, 7, 0])
-    frame = Frame(scene.position, velocity, *no_contacts(wall))
+    at_wall = {"wall": np.stack([np.arange(5), np.zeros(5, int)], axis=1), "wall_force": wall}
+    now = moment(scene.position, velocity, scene, **at_wall)
     colors = GrainColors(scene, color_by)
-    assert colors.levels(frame).tolist() == [0, 21, 63, 63, 0]
-    expected = matplotlib.colormaps[QUANTITIES[color_by].colormap](np.array([0.0, 1 / 3, 1.0, 1.0, 0.0]))[
+    assert colors.levels(now).tolist() == [0, 21, 63, 63, 0]
+    expected = matplotlib.colormaps[COLORINGS[color_by].colormap](np.array([0.0, 1 / 3, 1.0, 1.0, 0.0]))[
         :, :3
     ]
-    assert np.allclose(colors.of(frame), expected, atol=0.025 + HALF_STEP)
+    assert np.allclose(colors.of(now), expected, atol=0.025 + HALF_STEP)
 
 
 def test_a_scene_without_a_scale_has_the_lowest_color():
     scene = make_scene(np.full(5, 0.1), gravity=(0, 0))
-    frame = Frame(scene.position, scene.velocity, *no_contacts([]))
+    now = moment(scene.position, scene.velocity, scene)
     for color_by in ("radius", "speed", "pressure"):
-        assert GrainColors(scene, color_by).levels(frame).tolist() == [0] * 5
+        assert GrainColors(scene, color_by).levels(now).tolist() == [0] * 5
 
 
 @pytest.mark.parametrize("draw_as", ["discs", "spheres", "points"])
@@ -134,11 +109,14 @@ def test_grains_have_their_colors_and_only_what_changes_is_written_each_frame(
     indices = ["primvars:displayColor:indices"] + ["protoIndices"] * (draw_as != "points")
     assert [grains.GetAttribute(name).GetNumTimeSamples() for name in indices] == [codes] * len(indices)
     assert grains.GetAttribute("primvars:displayColor").GetNumTimeSamples() == 0
-    reader, colors = RecordingReader(path), GrainColors(make_scene(), color_by)
-    assert reader.scale == colors.scale
+    recording, colors = Recording(path), GrainColors(make_scene(), color_by)
+    assert recording.scale == colors.scale
+    table = UsdGeom.PrimvarsAPI(grains).GetPrimvar("displayColor")
     for number, state in enumerate(frames):
-        frame = Frame(*state, *make_contacts(number))
-        assert np.allclose(reader.color(number), colors.of(frame), atol=1e-6)  # float32, linear and back
+        expected = colors.of(moment(*state, **make_contacts(number)))
+        shown = encoded(np.array(table.ComputeFlattened(number)))
+        assert np.allclose(shown, expected, atol=1e-6)  # float32, linear and back
+        assert np.array_equal(painter_of(recording).color(recording.frame(number, contacts=False)), expected)
 
 
 @pytest.mark.parametrize("draw_as", ["discs", "spheres", "points"])
@@ -149,13 +127,13 @@ def test_raw_values_stand_beside_the_colors(tmp_path, draw_as):
     grains = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(GRAINS))
     assert np.array_equal(grains.GetPrimvar("radius").Get(), RADIUS.astype(np.float32))
     for number, (position, velocity) in enumerate(frames):
-        contacts, wall_contacts = make_contacts(number)
-        frame = Frame(position, velocity, contacts, wall_contacts)
+        contacts = make_contacts(number)
+        now = moment(position, velocity, **contacts)
         speed, raw_pressure = (grains.GetPrimvar(name).Get(number) for name in ("speed", "pressure"))
         assert np.array_equal(speed, np.hypot(*velocity.T).astype(np.float32))
-        assert np.array_equal(raw_pressure, pressure(frame, RADIUS).astype(np.float32))
+        assert np.array_equal(raw_pressure, pressure(now).astype(np.float32))
         force = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(FORCES)).GetPrimvar("force").Get(number)
-        expected = np.concatenate([contacts.force[:3], wall_contacts.force])
+        expected = np.concatenate([contacts["force"], contacts["wall_force"]])
         assert np.array_equal(force, expected.astype(np.float32))
 
 
@@ -169,7 +147,7 @@ def test_prototypes_have_about_the_colors_of_their_grains(tmp_path, draw_as, col
     assert len(shapes) == (len(PALETTE) if color_by == "palette" else 16)
     color = np.array([UsdGeom.Mesh(shape).GetDisplayColorPrimvar().Get()[0] for shape in shapes])
     shown = encoded(color[np.array(instancer.GetProtoIndicesAttr().Get(0))])
-    exact = GrainColors(make_scene(), color_by).of(Frame(*frames[0]))
+    exact = GrainColors(make_scene(), color_by).of(moment(*frames[0]))
     assert np.allclose(shown, exact, atol=1e-6 if color_by == "palette" else 0.06)
 
 
@@ -241,8 +219,8 @@ class TestForceChains:
 
     def test_join_centres_and_walls(self, recording):
         for code in range(3):
-            position = self.frames[code, 0]
-            ends = RecordingReader(recording).chains(code).ends
+            (a, b, c, d), position = bands_of(recording, code).swapaxes(0, 1), self.frames[code, 0]
+            ends = np.stack([(a + d) / 2.0, (b + c) / 2.0], axis=1)
             pairs = [position[[0, 1]], position[[1, 2]], position[[0, 4]]]
             assert np.allclose(ends[:3], pairs, atol=1e-6)  # float32
             for grain, side, (centre, foot) in zip((0, 3), (1, -1), ends[3:], strict=True):
@@ -251,10 +229,12 @@ class TestForceChains:
                 assert np.allclose(foot, position[grain] + side * RADIUS[grain] * outwards, atol=1e-6)
 
     def test_are_as_wide_as_their_forces_up_to_half_the_smallest_grain(self, recording):
-        contacts, wall_contacts = make_contacts(seed=1)
-        force = np.concatenate([contacts.force[:3], wall_contacts.force])
+        contacts = make_contacts(seed=1)
+        force = np.concatenate([contacts["force"], contacts["wall_force"]])
         expected = np.minimum(force / ChainScale.of(make_scene()).force, 1.0) * RADIUS.min()
-        assert np.allclose(RecordingReader(recording).chains(1).width, expected, atol=1e-6)  # float32
+        bands = bands_of(recording, 1)
+        width = np.hypot(*(bands[:, 0] - bands[:, 3]).T)
+        assert np.allclose(width, expected, atol=1e-6)  # float32
 
     @pytest.mark.parametrize(("draw_as", "height"), [("discs", 0.24), ("spheres", 1.0), ("points", 1.0)])
     def test_are_in_front_of_the_grains(self, tmp_path, draw_as, height):
@@ -266,9 +246,13 @@ class TestForceChains:
         assert np.allclose(bands.GetDisplayColorPrimvar().Get()[0], linear(np.array(CHAIN_COLOR)))
 
     def test_may_be_none(self, tmp_path):
-        scene = make_scene()
-        with Recorder(tmp_path / "run.usdc", scene, FrameTimes(scene.dt, 60), forces=True) as recorder:
-            recorder.record(Frame(scene.position, scene.velocity, *no_contacts([])))
-        stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
-        assert len(stage.GetAttributeAtPath(f"{FORCES}.points").Get(0)) == 0
-        assert RecordingReader(tmp_path / "run.usdc").chains(0).ends.shape == (0, 2, 2)
+        Simulation(Scene.load("annulus")).run(steps=1, record=tmp_path / "run.usdc", forces=True)
+        assert bands_of(tmp_path / "run.usdc", 0).shape == (0, 4, 2)
+        assert Recording(tmp_path / "run.usdc").frame(0).force.shape == (0,)
+
+
+def bands_of(path, code):
+    """Return the corners of the bands of a frame [m], shape (m, 4, 2)."""
+    stage = Usd.Stage.Open(str(path))
+    points = stage.GetAttributeAtPath(f"{FORCES}.points").Get(code)
+    return np.array(points).reshape(-1, 4, 3)[:, :, :2]

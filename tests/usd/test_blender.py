@@ -14,12 +14,13 @@ import pytest
 from matplotlib.image import imread
 from pages import blocks
 from pxr import Usd
-from recordings import GRAINS, RADIUS, make_scene, record
+from recordings import GRAINS, RADIUS, make_scene, moment, record
 
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
-from warpgrains.drawing.colors import GrainColors, mark_color, speed_scale
-from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.colorings import speed_scale
+from warpgrains.drawing.colors import GrainColors, mark_color
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.usd.recorder import Recorder
 
 pytestmark = pytest.mark.blender
@@ -151,7 +152,7 @@ class TestAsOpened:
         colors = GrainColors(scene, color_by)
         for picture, frame in zip(pictures, frames, strict=True):
             shown = self.pixels_at(scene.position, picture)
-            assert np.allclose(shown, meant(colors, Frame(*frame), draw_as), atol=0.01)
+            assert np.allclose(shown, meant(colors, moment(*frame), draw_as), atol=0.01)
 
     @pytest.mark.parametrize("draw_as", ["discs", "spheres"])
     def test_marks_show_how_far_grains_have_turned(self, rendered, tmp_path, draw_as):
@@ -159,7 +160,7 @@ class TestAsOpened:
         angles = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [1.5, -1.0, 7.0, 0.3, -2.0]])
         with Recorder(path, scene, FrameTimes(scene.dt, 50), draw_as=draw_as, color_by="palette") as recorder:
             for angle in angles:
-                recorder.record(Frame(scene.position, scene.velocity, spin=angle, angle=angle))
+                recorder.record(moment(scene.position, scene.velocity, scene, spin=angle, angle=angle))
         pictures, _ = rendered(path, [0, 1], "Standard", (1200, 1200))  # no pixel is of mark and grain
         colors = GrainColors(scene, "palette").colors[:5]
         for picture, angle in zip(pictures, angles, strict=True):

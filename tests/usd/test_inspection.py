@@ -3,9 +3,9 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
 from recordings import GRAINS, grains_of, make_frames, record
 
-from warpgrains.analysis.recording import Recording
 from warpgrains.errors import InputError
 from warpgrains.usd.check import inspect_recording
+from warpgrains.usd.recording import Recording
 
 COLOR = "primvars:displayColor:indices"
 

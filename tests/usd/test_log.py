@@ -8,11 +8,11 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 from pxr import Sdf, Usd
-from recordings import RADIUS, grains_of, make_frames, make_scene, points_recorder, record
+from recordings import RADIUS, grains_of, make_frames, make_scene, moment, points_recorder, record
 
 import warpgrains
 from warpgrains import files
-from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError
 from warpgrains.frame_log import _MAGIC, FrameLog, LogReader, _record
@@ -95,7 +95,7 @@ class TestLog:
         frames = make_frames(9)
         with points_recorder(tmp_path / "run.usdc", make_scene()) as recorder:
             for frame in frames[:3]:
-                recorder.record(Frame(*frame))
+                recorder.record(moment(*frame))
             before = recorder.log.read_bytes()
             file = recorder._frames._file
 
@@ -111,11 +111,11 @@ class TestLog:
             with monkeypatch.context() as patch:
                 patch.setattr(recorder._frames, "_file", FullDisk())
                 with pytest.raises(OSError, match=r"run.usdc.frames' cannot be written: No space left"):
-                    recorder.record(Frame(*frames[3]))
+                    recorder.record(moment(*frames[3]))
             assert recorder.log.read_bytes() == before
             assert recorder.frames == 3
             for frame in frames[3:]:
-                recorder.record(Frame(*frame))
+                recorder.record(moment(*frame))
         require_frames(tmp_path / "run.usdc", frames)
 
 
@@ -266,7 +266,7 @@ class TestNothingIsLost:
     def test_frames_lost_from_the_log_during_the_run_are_noticed(self, tmp_path):
         recorder = points_recorder(tmp_path / "run.usdc", make_scene())
         for frame in make_frames(12):
-            recorder.record(Frame(*frame))
+            recorder.record(moment(*frame))
         lost = "reads back 8 frames of /World/Grains.extent, but 12 were written"
         with pytest.raises(OSError, match=re.escape(lost)), recorder:
             os.truncate(recorder.log, ends_of_records(recorder.log)[8])
@@ -298,12 +298,12 @@ class TestResume:
         frames, path = make_frames(11), tmp_path / "run.usdc"
         killed = points_recorder(path, make_scene())
         for frame in frames[:10]:
-            killed.record(Frame(*frame))
+            killed.record(moment(*frame))
         del killed  # and with it its lock
         with points_recorder(path, make_scene(), resume_at=6) as recorder:
             assert recorder.frames == 6
             for frame in frames[6:]:
-                recorder.record(Frame(*frame))
+                recorder.record(moment(*frame))
         require_frames(path, frames)
         whole = record(tmp_path / "whole.usdc", frames)
         assert path.read_bytes() == whole.read_bytes()
@@ -324,7 +324,7 @@ class TestResume:
         path = record(tmp_path / f"run{suffix}", frames[:8])
         with points_recorder(path, make_scene(), resume_at=6) as recorder:
             for frame in frames[6:]:
-                recorder.record(Frame(*frame))
+                recorder.record(moment(*frame))
         require_frames(path, frames)
         assert path.read_bytes() == whole.read_bytes()
 
@@ -350,7 +350,7 @@ class TestResume:
                 cut_short(path, frames[:6], draw_as="discs")
         with points_recorder(path, make_scene(), draw_as="discs", resume_at=5) as recorder:
             for frame in frames[5:]:
-                recorder.record(Frame(*frame))
+                recorder.record(moment(*frame))
         assert inspect_recording(path) == []
         assert Usd.Stage.Open(str(path)).GetEndTimeCode() == 8.0
 

@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from pxr import Sdf, Usd, UsdGeom, UsdValidation, Vt
-from recordings import GRAINS, make_frames, make_scene
+from recordings import GRAINS, make_frames, make_scene, moment
 
 import warpgrains as wg
 from warpgrains import Scene, Simulation
+from warpgrains.analysis.snapshot import snapshot
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.colors import GrainColors, encoded, mark_color, spin_scale
-from warpgrains.drawing.frames import Frame, FrameTimes, mobilized
+from warpgrains.drawing.colorings import mobilized, spin_scale
+from warpgrains.drawing.colors import GrainColors, encoded, mark_color
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.shapes import Shape, disc, mark, sphere
-from warpgrains.solver.forces import PairContacts, WallContacts
 from warpgrains.usd.check import inspect_recording
-from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import Recorder, recover
+from warpgrains.usd.recording import Recording, painter_of
 
 FORMS = ("points", "discs", "spheres")
 ROTATION = {"primvars:spin", "primvars:angle", "orientations", "primvars:tangential_force"}
@@ -113,14 +114,6 @@ def test_a_recording_without_friction_has_nothing_more(tmp_path: Path, draw_as: 
     assert not wg.Recording(tmp_path / "run.usdc").angle.any()
 
 
-def test_grains_turn_on_within_a_step() -> None:
-    times, spin = FrameTimes.of(0.01, 24), np.array([2.0, -3.0])
-    still = np.zeros((2, 2))
-    for k in range(49):
-        frame = times.shown(k, Frame(still, still, spin=spin, angle=times.step(k) * 0.01 * spin))
-        assert_allclose(frame.angle, k / 24 * spin, rtol=0, atol=1e-14)
-
-
 def test_read_back_as_arrays(tmp_path: Path) -> None:
     simulation = record(tmp_path / "run.usdc", forces=True)
     recording = wg.Recording(tmp_path / "run.usdc")
@@ -170,42 +163,41 @@ def test_spin_is_colored_by_its_sign() -> None:
     assert spin_scale(scene.replace(spin=-1000.0)) == 1000.0
     assert spin_scale(scene.replace(angular_velocity_out=-1000.0)) == pytest.approx(0.5 * 1000.0 * 2.0 / 0.1)
     spin = largest * np.array([-7.0, -1.0, 1.0 / 63.0, 1.0 / 3.0, 1.0])
-    frame = Frame(scene.position, scene.velocity, spin=spin, angle=spin)
-    assert GrainColors(scene, "spin").levels(frame).tolist() == [0, 0, 32, 42, 63]
+    now = moment(scene.position, scene.velocity, scene, spin=spin)
+    assert GrainColors(scene, "spin").levels(now).tolist() == [0, 0, 32, 42, 63]
 
 
 def test_mobilized_friction_is_the_largest_of_a_grain() -> None:
     scene = make_scene(friction=0.5, wall_friction=0.1)
-    none = np.zeros((2, 2))
-    pair = np.array([[0, 1], [1, 2]], np.int32)
-    force, tangential = np.array([2.0, 4.0]), np.array([-1.0, 0.5])
-    contacts = PairContacts(pair, none, none[0], none[0], force, tangential, none[0] > 1)
-    wall = np.array([[2, 0], [3, 1]], np.int32)
-    at_wall = WallContacts(wall, none, none[0], none[0], np.ones(2), np.array([0.04, -0.07]), none[0] > 1)
-    assert_allclose(mobilized(scene, contacts, at_wall), [1.0, 1.0, 0.4, 0.7, 0.0])
+    contacts = {
+        "pair": np.array([[0, 1], [1, 2]], np.int32),
+        "force": np.array([2.0, 4.0]),
+        "tangential_force": np.array([-1.0, 0.5]),
+        "wall": np.array([[2, 0], [3, 1]], np.int32),
+        "wall_force": np.ones(2),
+        "wall_tangential_force": np.array([0.04, -0.07]),
+    }
+    where = scene.position, scene.velocity
+    assert_allclose(mobilized(moment(*where, scene, **contacts)), [1.0, 1.0, 0.4, 0.7, 0.0])
     smooth = scene.replace(wall_friction=0.0)
-    assert_allclose(mobilized(smooth, contacts, at_wall), [1.0, 1.0, 0.25, 0.0, 0.0])
+    assert_allclose(mobilized(moment(*where, smooth, **contacts)), [1.0, 1.0, 0.25, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("draw_as", FORMS)
 @pytest.mark.parametrize("color_by", ["spin", "mobilized"])
 def test_grains_have_their_colors(tmp_path: Path, color_by: str, draw_as: str) -> None:
     simulation = record(tmp_path / "run.usdc", color_by=color_by, draw_as=draw_as)
-    frame = Frame(
-        simulation.position,
-        simulation.velocity,
-        simulation.contacts(),
-        simulation.wall_contacts(),
-        simulation.spin,
-        simulation.angle,
-    )
-    reader, colors = RecordingReader(tmp_path / "run.usdc"), GrainColors(simulation.scene, color_by)
+    now, colors = snapshot(simulation), GrainColors(simulation.scene, color_by)
+    reader = Recording(tmp_path / "run.usdc")
     assert reader.scale == colors.scale
-    assert_allclose(reader.color(STEPS // 2), colors.of(frame), atol=1e-6)
-    assert len(np.unique(colors.levels(frame))) >= 3
+    frame, grains = reader.frame(STEPS // 2, contacts=False), UsdGeom.PrimvarsAPI(reader._prim)
+    color = grains.GetPrimvar("displayColor").ComputeFlattened(STEPS // 2)
+    assert_allclose(encoded(np.array(color)), colors.of(now), atol=1e-6)
+    assert np.array_equal(painter_of(reader).color(frame), colors.of(now))
+    assert len(np.unique(colors.levels(now))) >= 3
     assert inspect_recording(tmp_path / "run.usdc") == []
     if color_by == "mobilized":
-        expected = mobilized(simulation.scene, *frame.forces())
+        expected = mobilized(now)
         assert expected.max() == pytest.approx(1.0)
         stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
         found = stage.GetPrimAtPath(GRAINS).GetAttribute("primvars:mobilized")
@@ -215,9 +207,8 @@ def test_grains_have_their_colors(tmp_path: Path, color_by: str, draw_as: str) -
 def test_chains_are_the_total_forces(tmp_path: Path) -> None:
     """Bands go through the contact points, along the forces, and are as wide as they."""
     simulation = record(tmp_path / "run.usdc", forces=True)
-    reader = RecordingReader(tmp_path / "run.usdc")
-    chains, x = reader.chains(STEPS // 2), simulation.position
-    assert reader.parameters["friction"] == 0.5
+    reader = Recording(tmp_path / "run.usdc")
+    chains, x = painter_of(reader).chains(reader.frame(STEPS // 2)), simulation.position
     at_wall, radius = chains.pair[:, 1] < 0, simulation.scene.radius
     assert at_wall.any()
     i, j = chains.pair.T
@@ -250,7 +241,7 @@ def test_a_recording_can_be_continued_and_recovered(tmp_path: Path, draw_as: str
             path, scene, FrameTimes(scene.dt, 50), draw_as=draw_as, resume_at=resume_at
         ) as recorder:
             for k in which:
-                recorder.record(Frame(*frames[k], spin=still + k, angle=still + 0.3 * k))
+                recorder.record(moment(*frames[k], scene, spin=still + k, angle=still + 0.3 * k))
 
     write(paths[0], range(6))
     write(paths[1], range(4))
@@ -267,22 +258,8 @@ def test_a_recording_can_be_continued_and_recovered(tmp_path: Path, draw_as: str
 def interrupted(path: Path, scene: Scene, frames: Any, draw_as: str) -> None:
     with Recorder(path, scene, FrameTimes(scene.dt, 50), draw_as=draw_as) as recorder:
         for k, frame in enumerate(frames):
-            recorder.record(Frame(*frame, spin=np.full(5, float(k)), angle=np.full(5, 0.3 * k)))
+            recorder.record(moment(*frame, scene, spin=np.full(5, float(k)), angle=np.full(5, 0.3 * k)))
         raise KeyboardInterrupt
-
-
-@pytest.mark.parametrize(
-    ("rotation", "complaint"),
-    [
-        ({}, "needs spin and angle"),
-        ({"spin": np.zeros(5)}, "needs spin and angle"),
-        ({"spin": np.zeros(5), "angle": np.zeros(4)}, r"angle of a frame has shape \(5,\), not \(4,\)"),
-    ],
-)
-def test_a_frame_without_rotation_is_refused(tmp_path: Path, rotation: Any, complaint: str) -> None:
-    recorder = Recorder(tmp_path / "run.usdc", make_scene(friction=0.3), FrameTimes(0.01, 50))
-    with pytest.raises(ValueError, match=complaint):
-        recorder.record(Frame(*make_frames(1)[0], **rotation))
 
 
 def shorten_angles(grains: Usd.Prim) -> None:

@@ -12,11 +12,11 @@ from same_bits import contents
 from walls_seen import View
 
 from warpgrains import Scene, Simulation
+from warpgrains.analysis.snapshot import snapshot
 from warpgrains.drawing.colors import GrainColors, mark_color
-from warpgrains.drawing.frames import Frame
-from warpgrains.usd.reader import RecordingReader
+from warpgrains.usd.recording import Recording
 from warpgrains.view.page import Page
-from warpgrains.view.players import Recorded
+from warpgrains.view.players import Replay
 
 pytestmark = pytest.mark.browser
 
@@ -137,8 +137,7 @@ def require_colors(tab, folder, simulation, ahead=0.0, color_of=lambda colors: c
     """
     tab.driver.save_screenshot(str(folder / "page.png"))
     pixels = imread(folder / "page.png")[:, :, :3]
-    frame = Frame(simulation.position, simulation.velocity)
-    expected = color_of(GrainColors(simulation.scene, "speed").of(frame))
+    expected = color_of(GrainColors(simulation.scene, "speed").of(snapshot(simulation)))
     turned = np.stack([np.cos(simulation.angle), np.sin(simulation.angle)], axis=1)
     places = simulation.position + ahead * simulation.scene.radius[:, np.newaxis] * turned
     shown = View(pixels, 0.04).at(pixels, places)
@@ -150,7 +149,7 @@ def require_colors(tab, folder, simulation, ahead=0.0, color_of=lambda colors: c
 
 def test_keys_and_scrubber_of_a_recording(driver, tmp_path):
     path = record(tmp_path / "run.usdc", make_frames(9), make_scene(), forces=True, draw_as="discs")
-    page = Page(Recorded(RecordingReader(path), "run.usdc"), 8310).start()
+    page = Page(Replay(Recording(path)), 8310).start()
     with opened(driver, page.url) as tab:
 
         def scrubbed():

@@ -13,9 +13,9 @@ from same_bits import contents
 
 from warpgrains import InputError, Scene, Simulation
 from warpgrains.grade.grader import Grader
-from warpgrains.usd.reader import RecordingReader
+from warpgrains.usd.recording import Recording
 from warpgrains.view.homework import Homework
-from warpgrains.view.players import AXES, FRAMES, Live, Pace, Recorded
+from warpgrains.view.players import AXES, FRAMES, Live, Pace, Replay
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def test_stops_steps_and_looks_change_no_bit(simulation):
     for steps in (1, 1, 30, 1, 7):
         live.advance(steps)
         live.set_style("pressure", forces=True)
-        assert live.shot().chains is not None
+        assert live.painter.chains(live.snapshot()) is not None
         assert live.readout()["steps"] == str(live.steps)
         live.curves()
     plain.run(steps=40)
@@ -106,10 +106,10 @@ def test_a_right_homework_differs_nowhere(play, simulation):
     while player.readout()["step"] != "31":
         player.advance(1)
         assert player.readout()["largest difference of v"] == "none"
-        assert len(np.unique(player.shot().color, axis=0)) == 1
+        assert len(np.unique(player.painter.color(player.snapshot()), axis=0)) == 1
     simulation.advance(30)
-    assert np.array_equal(player.shot().position, simulation.position)
-    assert player.shot().time == pytest.approx(simulation.time)
+    assert np.array_equal(player.snapshot().position, simulation.position)
+    assert player.snapshot().time == pytest.approx(simulation.time)
     assert set(player.curves()) <= set(AXES)
 
 
@@ -119,7 +119,7 @@ def test_a_wrong_homework_is_colored_where_it_differs(play):
         player.advance(1)
     assert player.readout()["stage"] == "iteration 1"
     worst = int(player.readout()["largest difference of v"].split()[-1])
-    color = player.shot().color
+    color = player.painter.color(player.snapshot())
     assert color[:, 1].argmin() == worst
     assert len(np.unique(color, axis=0)) > 1
 
@@ -224,14 +224,13 @@ def test_frames_keep_their_rate_and_do_not_hurry_after_a_slow_one(monkeypatch):
 
 def test_recording_ends_with_its_last_frame(tmp_path):
     frames = make_frames(4)
-    played = Recorded(RecordingReader(record(tmp_path / "run.usdc", frames, forces=True)), "run")
+    played = Replay(Recording(record(tmp_path / "run.usdc", frames, forces=True)))
     played.advance(2)
-    assert np.allclose(played.shot().position, frames[2, 0], atol=1e-6)  # float32
+    assert np.allclose(played.snapshot().position, frames[2, 0], atol=1e-6)  # float32
     played.advance(7)
     assert (played.steps, played.has_ended) == (3, True)
     played.set_style("speed", forces=False)
-    assert played.shot().chains is None
-    assert played.shot().angle is None
+    assert played.painter.chains(played.snapshot()) is None
     played.restart()
     assert played.readout() == {"time": "0 s", "frame": "0 of 3", "contacts": "5"}
 
@@ -249,7 +248,7 @@ class TestFriction:
         plain.change(friction=0.5, angular_velocity_out=2.0, angular_velocity_in=-1.0)
         plain.advance(50)
         assert contents(simulation.state()) == contents(plain.state())
-        assert np.array_equal(live.shot().angle, plain.angle)
+        assert np.array_equal(live.snapshot().angle, plain.angle)
         energy = 0.5 * plain.scene.mass * ((plain.velocity**2).sum(axis=1) + (0.1 * plain.spin) ** 2 / 2.0)
         assert live.readout()["kinetic energy"] == f"{energy.sum():.4g} J"
         assert live.readout()["rotation of the walls"] == "2, -1 rad/s"
@@ -257,7 +256,7 @@ class TestFriction:
         assert simulation.scene.angular_velocity_out == 0.0
         assert live.colorings == ("palette", "radius", "speed", "pressure")
         live.set_style("speed", forces=False)
-        assert live.shot().angle is None
+        assert not live.snapshot().scene.has_friction
 
     def test_keeps_what_the_scene_has_of_it(self):
         scene = Scene.load("annulus").replace(friction=0.3, wall_friction=0.2, spin=4.0, spin_drag=1e-4)
@@ -272,9 +271,9 @@ class TestFriction:
         live.set_friction(0.4, 1.0, 0.0)
         live.restart()
         assert (live.scene.spin_drag, live.scene.angular_velocity_out) == (1e-4, 1.0)
-        assert (live.shot().angle == 0.0).all()
+        assert (live.snapshot().angle == 0.0).all()
         live.advance(1)
-        assert live.shot().angle == pytest.approx(0.01 * 4.0, rel=0.1)
+        assert live.snapshot().angle == pytest.approx(0.01 * 4.0, rel=0.1)
 
 
 class TestChange:

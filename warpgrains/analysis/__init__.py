@@ -49,9 +49,10 @@ from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES, quantities
 from warpgrains.analysis.region_table import grains_in, region_of
 from warpgrains.analysis.series import Series
-from warpgrains.analysis.snapshot import Snapshot, snapshot
+from warpgrains.analysis.snapshot import snapshot
 from warpgrains.analysis.structure import structure_factor
 from warpgrains.scene.region import Region
+from warpgrains.scene.snapshot import Snapshot
 
 __all__ = [
     "GROUPS",

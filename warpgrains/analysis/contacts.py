@@ -21,10 +21,10 @@ import numpy as np
 
 from warpgrains.analysis.packing import cell_areas
 from warpgrains.analysis.region_table import Where, region_of
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.geometry import left_of
-from warpgrains.solver.final_states import StackedGrains
+from warpgrains.scene.snapshot import Snapshot, Snapshots
 
 
 def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
@@ -46,7 +46,7 @@ def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
     return tuple(total.values())
 
 
-def wall_force_sums(grains: StackedGrains, wall: int) -> FloatArray:
+def wall_force_sums(grains: Snapshots, wall: int) -> FloatArray:
     """Return the sum of the forces on a wall for many runs [N], shape (m,)."""
     force = grains.wall_force[..., wall]
     sums, is_positive = np.zeros(len(force)), force > 0.0

@@ -7,13 +7,14 @@ from numpy.typing import ArrayLike
 
 from warpgrains.analysis.packing import mean_heights
 from warpgrains.analysis.region_table import Where, region_of
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.errors import InputError, NoAreaError, requiring
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.gravity import upwards
 from warpgrains.scene.region import Region
+from warpgrains.scene.snapshot import Snapshot
 
 
 class RadialDistribution(NamedTuple):

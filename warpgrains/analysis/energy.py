@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene import energy
 from warpgrains.scene.geometry import left_of
 from warpgrains.scene.scheme import kick_of, spin_kick_of
-from warpgrains.solver.final_states import StackedGrains
+from warpgrains.scene.snapshot import Snapshot, Snapshots
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -33,7 +33,7 @@ def kinetic_energy(of: Snapshot | HasState) -> float:
     return kinetic_energies(snapshot(of).grains).item()
 
 
-def kinetic_energies(grains: StackedGrains) -> FloatArray:
+def kinetic_energies(grains: Snapshots) -> FloatArray:
     """Return the kinetic energies of many runs [J], shape (m,)."""
     return energy.kinetic_energy(grains.mass, grains.radius, grains.velocity, grains.spin)
 
@@ -49,7 +49,7 @@ def potential_energy(of: Snapshot | HasState) -> float:
     return potential_energies(snapshot(of).grains).item()
 
 
-def potential_energies(grains: StackedGrains) -> FloatArray:
+def potential_energies(grains: Snapshots) -> FloatArray:
     """Return the potential energies of many runs [J], shape (m,)."""
     return -(grains.mass * (grains.position @ grains.gravity[..., np.newaxis])[..., 0]).sum(axis=-1)
 

@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.analysis.region_table import Where, region_of
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.scene import checks
+from warpgrains.scene.snapshot import Snapshot
 
 
 def fabric_tensor(of: Snapshot | HasState, region: Where = None) -> FloatArray:

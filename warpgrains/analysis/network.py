@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.analysis.region_table import Where, grains_in
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from warpgrains.errors import InputError, requiring
 from warpgrains.scene.geometry import left_of
+from warpgrains.scene.snapshot import Snapshot
 
 MOST_FREEDOMS = 3000  # of `rigidity`: a singular value decomposition of a matrix of this size takes some 20 s
 

@@ -11,14 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from warpgrains.analysis.region_table import Where, region_of
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import NoAreaError, requiring
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import area_below, area_in_disc
 from warpgrains.scene.gravity import upwards
 from warpgrains.scene.region import Region
-from warpgrains.solver.final_states import StackedGrains
+from warpgrains.scene.snapshot import Snapshot, Snapshots
 
 BEYOND = 10.0  # in radii of the outer wall: three auxiliary points there close the outermost cells
 
@@ -34,7 +34,7 @@ def heights(of: Snapshot | HasState) -> FloatArray:
     return _heights(snapshot(of).grains)[0]
 
 
-def _heights(grains: StackedGrains) -> FloatArray:
+def _heights(grains: Snapshots) -> FloatArray:
     return (grains.position @ upwards(grains.gravity)[..., np.newaxis])[..., 0]
 
 
@@ -58,7 +58,7 @@ def pile_height(of: Snapshot | HasState) -> float:
     return pile_heights(now.grains).item()
 
 
-def pile_heights(grains: StackedGrains) -> FloatArray:
+def pile_heights(grains: Snapshots) -> FloatArray:
     """Return the pile heights of many runs [m], shape (m,); NaN where the container is unknown."""
     lowest = np.broadcast_to(-grains.annulus.depth, len(grains.mass)).copy()
     for k, container in grains.containers.items():
@@ -102,7 +102,7 @@ def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
     return float(counted.areas(now.position, now.scene.radius).sum() / counted.area)
 
 
-def packing_fractions(grains: StackedGrains) -> FloatArray:
+def packing_fractions(grains: Snapshots) -> FloatArray:
     """Return the packing fractions of many runs, shape (m,); NaN where the area is unknown."""
     radius, height, level = grains.radius, _heights(grains), mean_heights(grains)
     discs = (grains.discs[..., :2] @ upwards(grains.gravity)[..., np.newaxis])[..., 0]
@@ -116,7 +116,7 @@ def packing_fractions(grains: StackedGrains) -> FloatArray:
     return filled / space
 
 
-def mean_heights(grains: StackedGrains) -> FloatArray:
+def mean_heights(grains: Snapshots) -> FloatArray:
     """Return the mean heights of the grains of many runs, weighted by area [m], shape (m,)."""
     area = grains.radius**2
     return (area * _heights(grains)).sum(axis=-1) / area.sum(axis=-1)

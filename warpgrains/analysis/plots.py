@@ -10,19 +10,18 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
 
+from warpgrains.analysis.energy import kinetic_energy
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.kinds import STILLS
 from warpgrains.drawing.views import size_of
 from warpgrains.errors import InputError
 from warpgrains.files import read_table, require_writable_path
 from warpgrains.locks import Lock
-from warpgrains.pictures.shots import setting_of, shot_of
 from warpgrains.pictures.still import DOTS_PER_INCH, FrameArtists, add_color_bar, save_figure, shares
 from warpgrains.scene import checks
-from warpgrains.scene.energy import kinetic_energy
 from warpgrains.scene.gravity import upwards
 from warpgrains.shown import number_of
-from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
+from warpgrains.usd.recording import Recording, painter_of
 
 _FRAMES_IN_A_ROW = 5
 _FRAME_SIZE = 2.4  # inches per frame; larger for fewer than three frames
@@ -74,10 +73,10 @@ def plot(
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
     pixels = None if size is None else size_of("size", size)
-    reader = RecordingReader(recording)
-    numbers = _numbers(frames, len(reader))
-    with Lock(output), refusing_untrusted_content(recording):
-        save_figure(_draw(reader, numbers, curves and len(reader) > 1, pixels, frame), output)
+    source = Recording(recording)
+    numbers = _numbers(frames, len(source))
+    with Lock(output):
+        save_figure(_draw(source, numbers, curves and len(source) > 1, pixels, frame), output)
     return numbers
 
 
@@ -98,7 +97,7 @@ def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
 
 
 def _draw(
-    reader: RecordingReader,
+    source: Recording,
     numbers: list[int],
     curves: bool,
     pixels: tuple[int, int] | None,
@@ -107,9 +106,10 @@ def _draw(
     columns = min(len(numbers), _FRAMES_IN_A_ROW)
     rows = -(-len(numbers) // columns)
     size = max(_FRAME_SIZE, 3.0 * _FRAME_SIZE / columns)
-    shots = [shot_of(reader, number) for number in numbers]
-    setting = setting_of(reader, frame).covering(*shots)
-    across, along = shares(setting.view)
+    snapshots = [source.frame(number, source.has_forces) for number in numbers]
+    painter = painter_of(source, frame)
+    painter.show_all(*snapshots)
+    across, along = shares(painter.view)
     heights = [rows * along * size] + [_CURVES_HEIGHT] * curves
     inches = columns * across * size, float(sum(heights))
     if pixels is not None:
@@ -118,20 +118,20 @@ def _draw(
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
     upper = figure.add_subfigure(grid[0])
     places = upper.subplots(rows, columns, squeeze=False)
-    for axes, shot in zip_longest(places.flat, shots):
+    for axes, now in zip_longest(places.flat, snapshots):
         axes.set_axis_off()
-        if shot is not None:
-            FrameArtists(axes, setting).show(shot)
-    if setting.scale is not None:
-        add_color_bar(upper, places, setting.scale)
+        if now is not None:
+            FrameArtists(axes, painter).show(now)
+    if source.scale is not None:
+        add_color_bar(upper, places, source.scale)
     if curves:
-        _draw_curves(figure.add_subfigure(grid[1]), reader, numbers)
+        _draw_curves(figure.add_subfigure(grid[1]), source, numbers)
     return figure
 
 
-def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: list[int]) -> None:
+def _draw_curves(figure: SubFigure, source: Recording, marked: list[int]) -> None:
     """Draw kinetic energy, height and number of contacts over time, and mark the times of some frames."""
-    curves, time = measure(reader), np.array([reader.times.time(k) for k in range(len(reader))])
+    curves, time = measure(source), np.array([source.times.time(k) for k in range(len(source))])
     for axes, (label, values) in zip(
         figure.subplots(1, len(curves), squeeze=False).flat, curves.items(), strict=True
     ):
@@ -144,18 +144,16 @@ def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: list[int]) 
         axes.margins(x=0.0)
 
 
-def measure(reader: RecordingReader) -> dict[str, FloatArray]:
+def measure(source: Recording) -> dict[str, FloatArray]:
     """Return the curves by title, shape (f,): energy of all grains per their mass, mean of heights."""
-    scene, mass, radius = reader.scene(), reader.mass, reader.radius
-    curves: dict[str, list[float]] = {"kinetic energy per mass [J/kg]": [], "mean height [m]": []}
-    energies, heights = curves.values()
-    for frame in range(len(reader)):
-        spin, _ = reader.rotation(frame)
-        energies.append(float(kinetic_energy(mass, radius, reader.velocity(frame), spin) / mass.sum()))
-        up = upwards(scene.gravity_at(reader.times.time(frame)))
-        heights.append(float((reader.position(frame) @ up).mean()))
-    if reader.chain_scale is not None:
-        curves["contacts that push"] = [len(reader.chains(frame).width) for frame in range(len(reader))]
+    energies, heights, contacts = list[float](), list[float](), list[float]()
+    for k in range(len(source)):
+        now = source.frame(k, source.has_forces)
+        energies.append(kinetic_energy(now) / float(now.scene.mass.sum()))
+        heights.append(float((now.position @ upwards(now.scene.gravity_at(now.time))).mean()))
+        contacts.append(len(now.force) + len(now.wall_force))
+    curves = {"kinetic energy per mass [J/kg]": energies, "mean height [m]": heights}
+    curves |= {"contacts that push": contacts} if source.has_forces else {}
     return {title: np.array(values, dtype=np.float64) for title, values in curves.items()}
 
 

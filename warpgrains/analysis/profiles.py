@@ -7,13 +7,14 @@ import numpy as np
 
 from warpgrains.analysis.packing import heights
 from warpgrains.analysis.region_table import Where, region_of
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.described import fields_in_help
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import directions, distance, left_of
 from warpgrains.scene.gravity import upwards
 from warpgrains.scene.region import Region
+from warpgrains.scene.snapshot import Snapshot
 
 
 @fields_in_help

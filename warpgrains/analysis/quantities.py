@@ -10,15 +10,15 @@ import numpy as np
 from warpgrains.analysis import contacts, energy, forces, network, packing
 from warpgrains.analysis.energy import EnergyBalance, require_energy_balance, step_energy_balance
 from warpgrains.analysis.region_table import Where, region_of
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import NoAreaError
 from warpgrains.scene import checks
 from warpgrains.scene.container import container_of
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.snapshot import Snapshot, Snapshots
 from warpgrains.scene.state import first_state
 from warpgrains.scene.walls import INNER, OUTER
-from warpgrains.solver.final_states import StackedGrains
 
 
 class Quantity(NamedTuple):
@@ -31,7 +31,7 @@ class Quantity(NamedTuple):
     """Unit; empty for a dimensionless number."""
     function: Callable[..., Any]
     part: Callable[[Any], float] = float
-    of_runs: Callable[[StackedGrains], FloatArray] | None = None
+    of_runs: Callable[[Snapshots], FloatArray] | None = None
     """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
     meaning: str = ""
     require: Callable[[str, Scene], object] = lambda name, scene: None
@@ -48,7 +48,7 @@ def _require_closed(name: str, scene: Scene) -> None:
     container_of(scene, 0.0, scene.position).closed(f"{name}: ")
 
 
-def _of_runs(unit: str, of_runs: Callable[[StackedGrains], FloatArray], meaning: str) -> Quantity:
+def _of_runs(unit: str, of_runs: Callable[[Snapshots], FloatArray], meaning: str) -> Quantity:
     return Quantity(unit, lambda now: of_runs(now.grains).item(), of_runs=of_runs, meaning=meaning)
 
 

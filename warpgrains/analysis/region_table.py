@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import BoolArray
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
 from warpgrains.scene import region as ranges
 from warpgrains.scene.gravity import upwards
 from warpgrains.scene.region import Region, Side, sides_of
+from warpgrains.scene.snapshot import Snapshot
 
 KEYS = (*ranges.KEYS, "angle", "polygon", "below")
 MOST_COLUMNS = 64  # into which the space above a pile is divided

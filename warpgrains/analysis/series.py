@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities, takes_region
-from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import read_table, require_writable_path, table_text, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.scene import checks
+from warpgrains.scene.snapshot import Snapshot
 from warpgrains.tables import dataset, library
 
 if TYPE_CHECKING:

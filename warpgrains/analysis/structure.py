@@ -7,10 +7,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpgrains.analysis.correlations import counted_region
 from warpgrains.analysis.region_table import Where
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.snapshot import Snapshot
 
 CHUNK = 2048  # grains whose waves fit into the cache
 SAME_CHANGE = 1e-15  # of wave numbers, relative to the largest one: equally spaced ones are off by rounding

@@ -8,14 +8,13 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from warpgrains.analysis.recording import Recording
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_ends, contact_normals, with_walls
 from warpgrains.drawing.shapes import drawn_walls, moved_walls, wall_mesh
 from warpgrains.errors import InputError, requiring
 from warpgrains.files import draft_of, make_folder, require_writable_path, resolve_link, write_atomically
 from warpgrains.locks import Lock
-from warpgrains.usd.reader import RecordingReader
+from warpgrains.usd.recording import Recording
 
 _FRAME = re.compile(r"(\.draft\.)?([a-z]+-)?\d{4,}\.vtp")  # drafts are those of an export that was killed
 
@@ -58,11 +57,10 @@ def _write(source: Recording, output: Path) -> None:
     if any(not _FRAME.fullmatch(path.name) for path in earlier):
         raise InputError(f"refusing to overwrite folder '{folder}': it holds other files than frames")
     make_folder(folder)
-    reader, lines = source.reader, list[str]()
-    latest, written = dict[str, Path](), set[Path]()
+    lines, latest, written = list[str](), dict[str, Path](), set[Path]()
     with ExitStack() as drafts:
         for k, time in enumerate(source.time.tolist()):
-            for name, data in _blocks(source, reader, k).items():
+            for name, data in _blocks(source, k).items():
                 latest[name] = folder / f"{name.lower()}-{k:04}.vtp"
                 drafts.enter_context(draft_of(latest[name])).write_bytes(_vtp(data))
             written.update(latest.values())
@@ -90,19 +88,20 @@ def _vtp(data: Any) -> bytes:
     return bytes(writer.GetOutputString(), "utf-8")
 
 
-def _blocks(source: Recording, reader: RecordingReader, k: int) -> dict[str, Any]:
+def _blocks(source: Recording, k: int) -> dict[str, Any]:
     """Return the polydata of a frame by name, without walls if they are as in the frame before."""
     frame = source.frame(k, contacts=source.has_forces)
     number, scene = np.arange(frame.n), frame.scene
     grains = _polydata(frame.position)
     grains.SetVerts(_cells(number[:, np.newaxis]))
-    own = {"grain": number, "radius": scene.radius, "mass": scene.mass, "velocity": _in_space(frame.velocity)}
-    _add(grains.GetPointData(), reader.numbers(k) | own)
+    own = {**frame.recorded, "radius": scene.radius, "mass": scene.mass}
+    own |= {"spin": frame.spin, "angle": frame.angle} if scene.has_friction else {}
+    vector = {"grain": number, "velocity": _in_space(frame.velocity)}
+    _add(grains.GetPointData(), dict(sorted(own.items())) | vector)
     found = {"Grains": grains}
     if source.has_forces:
         pair = with_walls(frame.pair, frame.wall)
-        normal = contact_normals(scene, frame.position, pair, frame.time)
-        ends = contact_ends(scene, frame.position, pair, normal).reshape(-1, 2)
+        ends = contact_ends(frame, pair, contact_normals(frame, pair)).reshape(-1, 2)
         found["Contacts"] = contacts = _polydata(ends)
         contacts.SetLines(_cells(np.arange(len(ends)).reshape(-1, 2)))
         carried = {"force": np.concatenate([frame.force, frame.wall_force])}
@@ -110,7 +109,7 @@ def _blocks(source: Recording, reader: RecordingReader, k: int) -> dict[str, Any
             tangential = frame.tangential_force, frame.wall_tangential_force
             carried["tangential_force"] = np.concatenate(tangential)
         _add(contacts.GetCellData(), {"grain": pair[:, 0], "other": pair[:, 1]} | carried)
-    moved = moved_walls(scene, frame.time)
+    moved = moved_walls(scene, scene, frame.time)
     if moved or k == 0:
         meshes = [wall_mesh(band) for band in (drawn_walls(scene) | moved).values()]
         first = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])

@@ -15,9 +15,9 @@ from warpgrains.grade.sandbox import Processes
 from warpgrains.reference.reference import MOST_GRAINS
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
-from warpgrains.usd.reader import RecordingReader
+from warpgrains.usd.recording import Recording
 from warpgrains.view.homework import Homework
-from warpgrains.view.players import Live, Player, Recorded
+from warpgrains.view.players import Live, Player, Replay
 from warpgrains.warp_start import start_warp
 
 
@@ -78,10 +78,10 @@ def _require_the_texts(scene: Scene) -> None:
             )
 
 
-def _recorded(arguments: Namespace) -> Recorded:
+def _recorded(arguments: Namespace) -> Replay:
     if arguments.overrides:
         raise InputError("--set has no effect on a recording")
-    return Recorded(RecordingReader(arguments.what), Path(arguments.what).name)
+    return Replay(Recording(arguments.what))
 
 
 def _live(arguments: Namespace) -> Live:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, IntArray
-from warpgrains.drawing.colors import pressure_scale
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.colorings import pressure_scale
 from warpgrains.scene.geometry import left_of, pair_normals
+from warpgrains.scene.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -33,12 +33,6 @@ class Chains:
     pair: IntArray
     """Grains i < j of each segment, shape (m, 2); j is -1 for the outer wall, -2 for the inner one, and -3,
     -4, ... for those of `Scene.walls`."""
-
-    @classmethod
-    def of_corners(cls, corners: FloatArray, *values: Any) -> Self:
-        """Return the chains whose bands have these corners [m], shape (m, 4, 2), with the other fields."""
-        ends = np.stack([corners[:, [0, 3]].mean(axis=1), corners[:, [1, 2]].mean(axis=1)], axis=1)
-        return cls(ends, np.hypot(*(corners[:, 0] - corners[:, 3]).T), *values)
 
     def corners(self) -> FloatArray:
         """Return the corners of each band [m], counter-clockwise, shape (m, 4, 2)."""
@@ -73,27 +67,24 @@ class ChainScale:
         return cls(described["force"], described["width"])
 
 
-def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
-    """Return a band from center to center or wall for each contact with a force, in its direction."""
-    contacts, wall_contacts = frame.forces()
-    scene = scene.with_walls_at(frame.places)
-    pushes = contacts.force > 0.0
-    pair = with_walls(contacts.pair[pushes], wall_contacts.wall)
-    force = np.concatenate([contacts.force[pushes], wall_contacts.force])
-    normal = contact_normals(scene, frame.position, pair, frame.time)
-    ends = contact_ends(scene, frame.position, pair, normal)
-    total, tangential = force, np.zeros_like(force)
-    if scene.has_friction:
-        tangential = np.concatenate([contacts.tangential_force[pushes], wall_contacts.tangential_force])
-        total = np.hypot(force, tangential)
-        ends = _turned(scene.radius[pair[:, 0]], normal, ends, np.stack([force, tangential], axis=1))
+def chains_of(scale: ChainScale, now: Snapshot) -> Chains:
+    """Return a band from center to center or wall for each contact, in the direction of its force."""
+    pair = with_walls(now.pair, now.wall)
+    force = np.concatenate([now.force, now.wall_force])
+    tangential = np.concatenate([now.tangential_force, now.wall_tangential_force])
+    normal = contact_normals(now, pair)
+    ends = contact_ends(now, pair, normal)
+    if now.scene.has_friction:
+        ends = _turned(now.scene.radius[pair[:, 0]], normal, ends, np.stack([force, tangential], axis=1))
+    total = np.hypot(force, tangential)
     return Chains(ends, np.minimum(total / scale.force, 1.0) * scale.width, force, tangential, pair)
 
 
 def _turned(radius: FloatArray, normal: FloatArray, ends: FloatArray, force: FloatArray) -> FloatArray:
     """Return segments turned about contact points into forces (normal > 0, tangential) [N], (m, 2, 2)."""
     radius = radius[:, np.newaxis]
-    along, across = (force / np.hypot(*force.T)[:, np.newaxis]).T[:, :, np.newaxis]
+    size = np.maximum(np.hypot(*force.T), np.finfo(np.float64).tiny)[:, np.newaxis]
+    along, across = (force / size).T[:, :, np.newaxis]
     direction = along * normal + across * left_of(normal)
     contact = ends[:, 0] + radius * normal
     beyond = ((ends[:, 1] - contact) * normal).sum(axis=1, keepdims=True)
@@ -113,17 +104,17 @@ def pairs_and_walls(pair: IntArray) -> tuple[BoolArray, IntArray, IntArray]:
     return between, pair[between], np.stack([grain, -1 - code], axis=1)
 
 
-def contact_normals(scene: Scene, position: FloatArray, pair: IntArray, time: float) -> FloatArray:
-    """Return unit vectors from each grain to the other one or into its wall at a time [s], shape (m, 2)."""
+def contact_normals(now: Snapshot, pair: IntArray) -> FloatArray:
+    """Return unit vectors from each grain to the other one or into its wall, shape (m, 2)."""
     between, pairs, wall = pairs_and_walls(pair)
     normal = np.zeros(pair.shape)
-    normal[between] = pair_normals(position, *pairs.T)
-    normal[~between], _ = scene.wall_frames(position, wall, time=time)
+    normal[between] = pair_normals(now.position, *pairs.T)
+    normal[~between], _ = now.scene.wall_frames(now.position, wall, time=now.time)
     return normal
 
 
-def contact_ends(scene: Scene, position: FloatArray, pair: IntArray, normal: FloatArray) -> FloatArray:
+def contact_ends(now: Snapshot, pair: IntArray, normal: FloatArray) -> FloatArray:
     """Return the ends of contacts [m], (m, 2, 2): a grain's center, and the other center or wall point."""
-    i, j = pair.T
-    foot = position[i] + scene.radius[i, np.newaxis] * normal
-    return np.stack([position[i], np.where(j[:, np.newaxis] >= 0, position[np.maximum(j, 0)], foot)], axis=1)
+    (i, j), center = pair.T, now.position
+    foot = center[i] + now.scene.radius[i, np.newaxis] * normal
+    return np.stack([center[i], np.where(j[:, np.newaxis] >= 0, center[np.maximum(j, 0)], foot)], axis=1)

@@ -1,21 +1,19 @@
-"""Colors of grains, and the ranges of values that they represent."""
+"""Colors of grains: their tables and scales."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.drawing.colormaps import COLORS
-from warpgrains.drawing.frames import Frame, mobilized, pressure
+from warpgrains.drawing.colorings import COLORINGS, colorings_of
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.walls import INNER, OUTER
+from warpgrains.scene.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -40,25 +38,36 @@ PALETTE: FloatArray = np.array(
     ]
 )
 
-
-class Quantity(NamedTuple):
-    """A quantity by which grains are colored, which recordings also hold as numbers."""
-
-    unit: str
-    """Empty for a pure number."""
-    colormap: str
-    extends: str
-    """Matplotlib's name of the ends of the scale that values may exceed."""
-    ends: Callable[[Scene], tuple[float, float]]
-    """Function that returns the values of the first and last color in a scene."""
-    values: Callable[[Scene, Frame], FloatArray]
-    """Function that returns the value of each grain in a frame, shape (n,)."""
-    changes: bool = True
-    """Whether frames differ in it."""
-    needs_friction: bool = False
-    """Whether only scenes with friction have it."""
-    needs_contacts: bool = False
-    """Whether it follows from the contacts of a frame."""
+# Matplotlib's perceptually uniform colormaps, safe for color-blind readers, at 32 points of the range, for
+# use without Matplotlib. Colors between are interpolated in sRGB; tests/usd/test_appearance.py bounds
+# the error.
+_COLORMAPS = {
+    "viridis": """
+        440154 470d60 48186a 482374 472e7c 453882 424186 3e4a89 3a548c 365d8d 32658e 2e6d8e 2b758e 287d8e
+        25848e 228c8d 1f948c 1e9c89 20a386 25ab82 2eb37c 3aba76 48c16e 58c765 6ccd5a 7fd34e 93d741 a8db34
+        c0df25 d5e21a eae51a fde725
+    """,
+    "cividis": """
+        00224e 00285b 002e6a 053371 1c396f 293f6e 33446d 3c4a6c 45506c 4d556c 555b6d 5c616e 646770 6b6d72
+        727274 787877 807f78 888578 908b78 979177 a09875 a89e73 b0a571 b9ab6d c2b369 cbb965 d3c05f dcc859
+        e6d051 efd748 f8df3c fee838
+    """,
+    "plasma": """
+        0d0887 220690 310597 3f049c 4e02a2 5b01a5 6700a8 7401a8 8104a7 8d0ba5 9814a0 a21d9a ad2793 b6308b
+        bf3984 c7427c cf4c74 d6556d dd5e66 e3685f e97257 ef7c51 f3874a f79143 fa9e3b fca934 fdb52e fdc229
+        fcd025 f9dd25 f5eb27 f0f921
+    """,
+    "managua": """
+        ffcf67 f5bf62 ebb05d e1a158 d79152 cd844e c3774a b96c46 ae5f42 a3543f 97493c 8a3f3a 7c3639 702f3a
+        652a3d 5c2843 542a4e 4f305b 4d376a 4c4179 4d4e8a 4f5a98 5266a5 5672b1 5b80bc 608dc6 659acf 6aa8d9
+        70b8e3 76c7ec 7bd7f5 81e7ff
+    """,
+    "magma": """
+        000004 030312 0a0822 130d34 1e1149 2a115c 38106c 451077 54137d 601880 6d1d81 792282 882781 942c80
+        a1307e ae347b bd3977 ca3e72 d6456c e24d66 ec5860 f3655c f8745c fb835f fd9467 fea36f feb27a fec185
+        fed194 fde0a1 fceeb0 fcfdbf
+    """,
+}
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,7 @@ class ColorScale:
     """Colors of a quantity, with the same colormap in recordings, pictures, films and windows."""
 
     quantity: str
-    """One of `QUANTITIES`."""
+    """One of `COLORINGS`."""
     low: float
     """Value of the first color; smaller values have it too."""
     high: float
@@ -75,17 +84,18 @@ class ColorScale:
     @property
     def label(self) -> str:
         """Name and unit of the quantity; a pure number has none."""
-        unit = QUANTITIES[self.quantity].unit
+        unit = COLORINGS[self.quantity].unit
         return f"{self.quantity} [{unit}]" if unit else self.quantity
 
     def described(self) -> dict[str, str | float]:
         """Return the scale as a recording stores it."""
-        unit, name, *_ = QUANTITIES[self.quantity]
+        unit, name, *_ = COLORINGS[self.quantity]
         return {"quantity": self.quantity, "unit": unit, "colormap": name, "low": self.low, "high": self.high}
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> Self:
-        return cls(described["quantity"], described["low"], described["high"])
+        name = checks.one_of("quantity of colors", described["quantity"], COLORINGS)
+        return cls(name, described["low"], described["high"])
 
     def levels(self, values: FloatArray) -> IndexArray:
         """Return the index into `colors` of each value, shape (n,)."""
@@ -95,149 +105,54 @@ class ColorScale:
 
     def colors(self) -> FloatArray:
         """Colors from low to high (sRGB), shape (64, 3)."""
-        return colormap(QUANTITIES[self.quantity].colormap, np.linspace(0.0, 1.0, LEVELS))
-
-
-def quantities_of(scene: Scene, has_contacts: bool = True) -> dict[str, Quantity]:
-    """Return the quantities that frames of a scene have, with or without contacts, by name."""
-    return {
-        name: own
-        for name, own in QUANTITIES.items()
-        if scene.has_friction >= own.needs_friction and has_contacts >= own.needs_contacts
-    }
-
-
-def colorings(scene: Scene) -> tuple[str, ...]:
-    return "palette", *quantities_of(scene)
+        return colormap(COLORINGS[self.quantity].colormap, np.linspace(0.0, 1.0, LEVELS))
 
 
 class GrainColors:
-    """Colors of the grains of a scene by one of `QUANTITIES`, or the "palette" that distinguishes neighbors.
+    """Colors of the grains of a scene by one of `COLORINGS`, or the "palette" that distinguishes neighbors.
 
-    Scales depend only on the scene, so that a color means the same in every frame and after a restart.
+    Scales depend only on the scene, so that a color means the same in every snapshot and after a restart.
     `still` holds the index of the color of each grain, shape (n,), where it is constant. Raises InputError
     where `color_by` is unknown, or needs friction that the scene does not have.
     """
 
     def __init__(self, scene: Scene, color_by: str) -> None:
-        quantity = QUANTITIES.get(color_by) if isinstance(color_by, str) else None
-        if quantity is not None and quantity.needs_friction and not scene.has_friction:
+        coloring = COLORINGS.get(color_by) if isinstance(color_by, str) else None
+        if coloring is not None and coloring.needs_friction and not scene.has_friction:
             raise InputError(f"color_by is {color_by!r}: it needs a scene with friction")
         checks.one_of("color_by", color_by, colorings(scene))
-        self._scene = scene
-        self.needs_contacts = False
-        self.scale: ColorScale | None = None
+        self.needs_contacts = coloring is not None and coloring.needs_contacts
+        self.scale = None if coloring is None else ColorScale(color_by, *coloring.ends(scene))
+        self.colors = PALETTE if self.scale is None else self.scale.colors()
         self.still: IndexArray | None = None
-        if quantity is None:
-            self.still, self.colors = np.arange(scene.n) % len(PALETTE), PALETTE
-            return
-        self.needs_contacts = quantity.needs_contacts
-        self.scale = ColorScale(color_by, *quantity.ends(scene))
-        self.colors = self.scale.colors()
-        if not quantity.changes:
-            self.still = self.levels(Frame(scene.position, scene.velocity))
+        if coloring is None:
+            self.still = np.arange(scene.n) % len(PALETTE)
+        elif self.scale is not None and not coloring.changes:
+            self.still = self.scale.levels(getattr(scene, color_by))
 
-    def levels(self, frame: Frame) -> IndexArray:
-        """Return the index of the color of each grain in a frame, shape (n,)."""
+    def levels(self, now: Snapshot) -> IndexArray:
+        """Return the index of the color of each grain, shape (n,)."""
         if self.still is not None:
             return self.still
         assert self.scale is not None
-        return self.scale.levels(QUANTITIES[self.scale.quantity].values(self._scene, frame))
+        name = self.scale.quantity
+        return self.scale.levels(now.recorded[name] if name in now.recorded else COLORINGS[name].values(now))
 
-    def of(self, frame: Frame) -> FloatArray:
-        """Return the colors of the grains in a frame (sRGB), shape (n, 3)."""
-        return self.colors[self.levels(frame)]
-
-
-def speed_scale(scene: Scene) -> float:
-    """Return a speed [m/s] of grains: at the start, by a fall across the domain, a force, or a wall."""
-    thrown = float(np.hypot(*scene.velocity.T).max())
-    gravity = float(np.hypot(*scene.gravity))
-    falling = np.sqrt(2.0 * gravity * scene.annulus.depth)
-    if scene.drag > 0.0:
-        falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
-    out, inside = (scene.surface_speed(wall) for wall in (OUTER, INNER))
-    mass = float(scene.mass.sum())
-    pressed = np.sqrt(2.0 * abs(scene.pressure or 0.0) * scene.area / mass)
-    found = [thrown, float(falling), float(pressed), abs(out), abs(inside)]
-    for wall in scene.walls:
-        rim = wall.border.radius if wall.border is not None and scene.has_friction else 0.0
-        found.append(wall.motion.largest_speed(wall.farthest(wall.motion.pivot) + rim))
-        if wall.drive is not None:
-            inverse_mass, force, *_ = wall.drive
-            found.append(sqrt(2.0 * abs(force) * scene.annulus.diameter / (1.0 / inverse_mass + mass)))
-    return max(found)
+    def of(self, now: Snapshot) -> FloatArray:
+        """Return the colors of the grains (sRGB), shape (n, 3)."""
+        return self.colors[self.levels(now)]
 
 
-def spin_scale(scene: Scene) -> float:
-    """Return the spin [rad/s] that many grains reach: rolling at half of `speed_scale`, or at the start."""
-    return max(float(np.abs(scene.spin_at_start).max()), 0.5 * speed_scale(scene) / scene.typical_radius)
-
-
-def pressure_scale(scene: Scene) -> float:
-    """Return a large pressure [N/m]: the weight of all grains on a quarter of the outer diameter.
-
-    It is at least four times the pressure on a driven wall. Without these, it is that on a mean grain that is
-    stopped within one step from the scene's largest speed, or if that is zero, from a radius per step.
-    """
-    weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
-    driven = [abs(wall.drive[1]) / (2.0 * wall.circle[2]) for wall in scene.walls if wall.drive is not None]
-    given = 4.0 * max([abs(scene.pressure or 0.0), *driven])
-    if weight > 0.0 or given > 0.0:
-        return max(given, weight / (scene.annulus.depth / 2.0))
-    radius = float(scene.radius.mean())
-    stopping = float(scene.mass.mean()) * (speed_scale(scene) or radius / scene.dt) / scene.dt
-    return stopping / (2.0 * np.pi * radius)
-
-
-QUANTITIES = {
-    "radius": Quantity(
-        "m",
-        "plasma",
-        "neither",
-        lambda scene: (float(scene.radius.min()), float(scene.radius.max())),
-        lambda scene, frame: scene.radius,
-        changes=False,
-    ),
-    "speed": Quantity(
-        "m/s",
-        "viridis",
-        "max",
-        lambda scene: (0.0, speed_scale(scene)),
-        lambda scene, frame: np.hypot(*frame.velocity.T),
-    ),
-    "pressure": Quantity(
-        "N/m",
-        "cividis",
-        "max",
-        lambda scene: (0.0, pressure_scale(scene)),
-        lambda scene, frame: pressure(frame, scene.radius),
-        needs_contacts=True,
-    ),
-    "spin": Quantity(
-        "rad/s",
-        "managua",
-        "both",
-        lambda scene: (-spin_scale(scene), spin_scale(scene)),
-        lambda scene, frame: frame.rotation()[0],
-        needs_friction=True,
-    ),
-    "mobilized": Quantity(
-        "",
-        "magma",
-        "neither",
-        lambda scene: (0.0, 1.0),
-        lambda scene, frame: mobilized(scene, *frame.forces()),
-        needs_friction=True,
-        needs_contacts=True,
-    ),
-}
-"""The quantities by name."""
+def colorings(scene: Scene) -> tuple[str, ...]:
+    """Return the names of all colorings of a scene."""
+    return "palette", *colorings_of(scene)
 
 
 def colormap(name: str, share: FloatArray) -> FloatArray:
     """Return the sRGB colors at shares of the range, shape (n,), as an array of shape (n, 3), in [0, 1]."""
-    known = np.array([[channel / 255.0 for channel in bytes.fromhex(word)] for word in COLORS[name].split()])
+    known = np.array(
+        [[channel / 255.0 for channel in bytes.fromhex(word)] for word in _COLORMAPS[name].split()]
+    )
     place = np.clip(share, 0.0, 1.0) * (len(known) - 1.0)
     return np.stack([np.interp(place, np.arange(len(known)), channel) for channel in known.T], axis=1)
 

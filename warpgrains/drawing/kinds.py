@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from warpgrains.errors import requiring
 
 if TYPE_CHECKING:
-    from warpgrains.drawing.frames import FrameTimes, Output
+    from warpgrains.drawing.frames import FrameTimes
     from warpgrains.scene.scene import Scene
+    from warpgrains.scene.snapshot import Snapshot
     from warpgrains.simulation.options import RunOptions
 
 RECORDINGS = (".usdc", ".usda", ".usdz")
@@ -46,6 +47,19 @@ FILMS = {
     ".webp": FilmFormat("webp", ("libwebp_anim", "yuv420p", "-lossless", "0", "-q:v", "80", "-loop", "0")),
 }
 """Formats of films by suffix."""
+
+
+class Output(AbstractContextManager[Any], Protocol):
+    """Interface of a file that receives frames of a run, and is complete at the end of the ``with`` block."""
+
+    needs_contacts: bool
+    """Whether frames must have contacts."""
+
+    def record(self, now: Snapshot) -> None:
+        """Append the next frame, which is at its time; a picture's only frame is the end."""
+
+    def flush(self) -> None:
+        """Flush to the disk the frames from which a later run can continue."""
 
 
 class Kind(NamedTuple):

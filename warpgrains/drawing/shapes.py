@@ -116,9 +116,9 @@ def drawn_walls(scene: Scene) -> dict[str, Band]:
     return _by_name(scene, drawn)
 
 
-def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> dict[str, Band]:
-    """Return the mobile walls as drawn at a time [s], by name; driven ones at `places` [m]."""
-    now, thickness = scene.with_walls_at(places), _THICKNESS * scene.extent.half
+def moved_walls(scene: Scene, now: Scene, time: float) -> dict[str, Band]:
+    """Return the mobile walls of a scene as drawn at a time [s], by name; driven ones as in the scene now."""
+    thickness = _THICKNESS * scene.extent.half
     moved = {} if scene.pressure is None else {OUTER: ring(now.annulus.borders[OUTER], thickness)}
     for number, wall in now.numbered_walls.items():
         if wall.is_mobile:

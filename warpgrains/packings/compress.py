@@ -8,11 +8,12 @@ import numpy as np
 from warpgrains.analysis.network import rattlers
 from warpgrains.analysis.packing import global_packing_fraction
 from warpgrains.analysis.profiles import radial_profile
-from warpgrains.analysis.snapshot import Snapshot, snapshot
+from warpgrains.analysis.snapshot import snapshot
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene.energy import TOLERANCES, kinetic_energy
 from warpgrains.scene.scene import SceneLike, as_scene
+from warpgrains.scene.snapshot import Snapshot
 from warpgrains.scene.walls import OUTER
 from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation

@@ -17,14 +17,15 @@ import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import FILMS, SLOWEST, FilmFormat
+from warpgrains.drawing.painter import Painter
 from warpgrains.drawing.views import size_of
 from warpgrains.errors import InputError
 from warpgrains.files import draft_folder, draft_of, draft_path, require_writable_path, suffix_of
 from warpgrains.locks import Lock
-from warpgrains.pictures.shots import DrawnOutput, Setting, Shot, setting_of, shot_of
-from warpgrains.pictures.still import Canvas
+from warpgrains.pictures.still import Canvas, DrawnOutput
+from warpgrains.scene.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -105,23 +106,23 @@ def require_rate(rate: float) -> None:
 
 
 class FilmWriter:
-    """Writer of a film of shots, at `rate` frames per second [1/s], until the end of the ``with`` block.
+    """Writer of a film of snapshots, at `rate` frames per second [1/s], until the end of the ``with`` block.
 
     ValueError if the film has no frame, OSError if it cannot be encoded.
     """
 
     def __init__(
-        self, path: Path, setting: Setting, rate: float, size: tuple[int, int] | None = None
+        self, path: Path, painter: Painter, rate: float, size: tuple[int, int] | None = None
     ) -> None:
         self._path, self._rate = path, rate
-        self._canvas = Canvas(setting, FILMS[suffix_of(path)].side, size)
+        self._canvas = Canvas(painter, FILMS[suffix_of(path)].side, size)
         self._held = ExitStack()
         has_palette = not FILMS[suffix_of(path)].encoding
         self._encoded = draft_path(path) / "film.mkv" if has_palette else path
         self._encoder: Encoding | None = None
 
-    def add(self, shot: Shot) -> None:
-        pixels = np.ascontiguousarray(self._canvas.pixels(shot))
+    def add(self, now: Snapshot) -> None:
+        pixels = np.ascontiguousarray(self._canvas.pixels(now))
         if self._encoder is None:
             self._encoder = encoding_of_frames(self._encoded, pixels.shape, self._rate)
         self._encoder.write(pixels)
@@ -152,23 +153,21 @@ def draw_film(
     recording: str | Path, output: str | Path, size: str | None = None, frame: str | None = None
 ) -> list[int]:
     """Make a film of a recording, with size and frame as in `RunOptions`; return the frames in it."""
-    # a film of a run needs no USD
-    from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
+    from warpgrains.usd.recording import Recording, painter_of  # a film of a run needs no USD
 
     output = Path(output)
     require_writable_path("film", output, *FILMS)
     pixels = None if size is None else size_of("size", size, is_film=True)
-    reader = RecordingReader(recording)
-    require_rate(reader.times.rate)
-    frames = range(0, len(reader), max(1, ceil(reader.times.rate / FILMS[suffix_of(output)].fastest)))
+    source = Recording(recording)
+    require_rate(source.times.rate)
+    frames = range(0, len(source), max(1, ceil(source.times.rate / FILMS[suffix_of(output)].fastest)))
     with (
-        refusing_untrusted_content(recording),
         Lock(output),
         draft_of(output) as draft,
-        FilmWriter(draft, setting_of(reader, frame), reader.times.rate / frames.step, pixels) as film,
+        FilmWriter(draft, painter_of(source, frame), source.times.rate / frames.step, pixels) as film,
     ):
         for number in frames:
-            film.add(shot_of(reader, number))
+            film.add(source.frame(number, source.has_forces))
     return list(frames)
 
 
@@ -182,8 +181,8 @@ class Film(DrawnOutput):
 
     def __enter__(self) -> Self:
         draft = self.enter_context(draft_of(self._path))
-        self._writer = self.enter_context(FilmWriter(draft, self._painter.setting, self._rate, self._size))
+        self._writer = self.enter_context(FilmWriter(draft, self._painter, self._rate, self._size))
         return self
 
-    def record(self, frame: Frame) -> None:
-        self._writer.add(self._painter.shot(frame))
+    def record(self, now: Snapshot) -> None:
+        self._writer.add(now)

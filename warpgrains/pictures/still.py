@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import pathlib
-from typing import Any
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,15 +19,21 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
-from warpgrains.drawing.colors import QUANTITIES, ColorScale, mark_color
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.colorings import COLORINGS
+from warpgrains.drawing.colors import ColorScale, mark_color
 from warpgrains.drawing.kinds import STILLS
-from warpgrains.drawing.shapes import WALL_COLOR, marks
+from warpgrains.drawing.painter import Painter
+from warpgrains.drawing.shapes import WALL_COLOR, marks, moved_walls
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
-from warpgrains.pictures.shots import DrawnOutput, Setting, Shot
 from warpgrains.scene.band import Band
 from warpgrains.scene.box import Box
+from warpgrains.scene.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from warpgrains.drawing.frames import FrameTimes
+    from warpgrains.scene.scene import Scene
+    from warpgrains.simulation.options import RunOptions
 
 _OUTLINE = 0.3  # line width [points]; less for small grains
 _CASING = 0.15  # width of the white border of a force chain, in widths of the chain
@@ -38,64 +45,57 @@ _BAR: dict[str, Any] = {"fraction": 0.046, "pad": 0.02, "aspect": 30, "panchor":
 
 
 class FrameArtists:
-    """Artists on axes that draw one shot after the other."""
+    """Artists on axes that draw one snapshot after the other."""
 
-    def __init__(self, axes: Axes, setting: Setting) -> None:
-        self._axes = axes
-        view = setting.view
+    def __init__(self, axes: Axes, painter: Painter) -> None:
+        self._painter = painter
+        view, radius = painter.view, painter.scene.radius
         axes.set_axis_off()
         axes.set(xlim=(view.left, view.right), ylim=(view.bottom, view.top), aspect="equal")
-        outlines = {name: _outline(wall) for name, wall in setting.walls.items()}
-        walls = {name: PathPatch(line, color=WALL_COLOR, linewidth=0.0) for name, line in outlines.items()}
-        for wall in walls.values():
+        walls = painter.walls.items()
+        self._walls = {name: PathPatch(_outline(w), color=WALL_COLOR, linewidth=0.0) for name, w in walls}
+        for wall in self._walls.values():
             axes.add_patch(wall)
-        self._mobile = {name: walls[name] for name in setting.mobile}
-        diameter = 2.0 * setting.radius
         self._grains = EllipseCollection(
-            diameter,
-            diameter,
-            np.zeros_like(diameter),
+            2.0 * radius,
+            2.0 * radius,
+            np.zeros_like(radius),
             units="xy",
-            offsets=np.zeros((len(diameter), 2)),
+            offsets=np.zeros((len(radius), 2)),
             offset_transform=axes.transData,
             edgecolors="black",
-            linewidths=np.minimum(_OUTLINE, 3.0 * diameter / view.half),
+            linewidths=np.minimum(_OUTLINE, 6.0 * radius / view.half),
         )
-        self._radius = setting.radius
-        self._marks = PolyCollection([], linewidths=0.0) if setting.rotates else None
+        self._marks = PolyCollection([], linewidths=0.0)
         self._chains = PolyCollection([], facecolors=[CHAIN_COLOR], edgecolors="white")
         window = axes.get_window_extent()
         pixels = min(window.width / view.width, window.height / view.height)
         self._points = 72.0 * pixels / axes.figure.dpi
-        side = "top" if setting.has_free_corners else "bottom"
+        side = "top" if painter.has_free_corners else "bottom"
         self._time = axes.text(0.0, 1.0, "t", transform=axes.transAxes, va=side, fontsize="small")
-        for collection in self._collections:
+        marks = [self._marks] if painter.scene.has_friction else []
+        collections = self._grains, *marks, self._chains
+        for collection in collections:
             axes.add_collection(collection, autolim=False)
-        if setting.chain_scale is not None:
-            _add_chain_legend(axes, setting.chain_scale, setting)
-
-    @property
-    def changing(self) -> tuple[Any, ...]:
+        mobile = [self._walls[name] for name in moved_walls(painter.scene, painter.scene, 0.0)]
+        self.changing: tuple[Any, ...] = *mobile, *collections, self._time
         """Artists that `show` changes, from back to front."""
-        return *self._mobile.values(), *self._collections, self._time
+        if painter.chain_scale is not None:
+            _add_chain_legend(axes, painter.chain_scale, painter)
 
-    @property
-    def _collections(self) -> tuple[Any, ...]:
-        marks = () if self._marks is None else (self._marks,)
-        return self._grains, *marks, self._chains
-
-    def show(self, shot: Shot) -> None:
-        """Draw a shot, replacing the last one."""
-        for name, wall in self._mobile.items():
-            wall.set_path(_outline(shot.walls[name]))
-        self._grains.set(offsets=shot.position, facecolor=shot.color)
-        if self._marks is not None and shot.angle is not None:
-            turned = marks(shot.position, self._radius, shot.angle)
-            self._marks.set(verts=turned, facecolor=mark_color(shot.color))
-        if shot.chains is not None:
-            casing = _CASING * self._points * shot.chains.width
-            self._chains.set(verts=shot.chains.corners(), linewidth=casing)  # one array is set fastest
-        time = float(f"{shot.time:.12g}")  # without the rounding of its computation, which differs by output
+    def show(self, now: Snapshot) -> None:
+        """Draw a snapshot, replacing the last one."""
+        for name, wall in moved_walls(self._painter.scene, now.scene, now.time).items():
+            self._walls[name].set_path(_outline(wall))
+        color, chains = self._painter.color(now), self._painter.chains(now)
+        self._grains.set(offsets=now.position, facecolor=color)
+        if now.scene.has_friction:
+            turned = marks(now.position, now.scene.radius, now.angle)
+            self._marks.set(verts=turned, facecolor=mark_color(color))
+        if chains is not None:
+            casing = _CASING * self._points * chains.width
+            self._chains.set(verts=chains.corners(), linewidth=casing)  # one array is set fastest
+        time = float(f"{now.time:.12g}")  # without the rounding of its computation, which differs by output
         self._time.set_text(f"t = {time:.3g} s" if 0.0 < time < 0.1 else f"t = {time:.2f} s")
 
 
@@ -106,16 +106,16 @@ def _outline(wall: Band) -> Path:
 def add_color_bar(figure: Figure | SubFigure, axes: Any, scale: ColorScale) -> None:
     """Draw the colors of a scale next to axes, with its unit and range."""
     mapped = ScalarMappable(Normalize(scale.low, scale.high), ListedColormap(scale.colors()))
-    bar = figure.colorbar(mapped, ax=axes, extend=QUANTITIES[scale.quantity].extends, **_BAR)
+    bar = figure.colorbar(mapped, ax=axes, extend=COLORINGS[scale.quantity].extends, **_BAR)
     bar.set_label(scale.label)
     bar.outline.set_linewidth(0.5)
 
 
-def _add_chain_legend(axes: Axes, scale: ChainScale, setting: Setting) -> None:
+def _add_chain_legend(axes: Axes, scale: ChainScale, painter: Painter) -> None:
     """Draw a force chain of full width with its force, in a corner without grains, or below the frame."""
-    view, length = setting.view, 0.12 * setting.view.half
+    view, length = painter.view, 0.12 * painter.view.half
     left, middle = view.left + 0.02 * view.half, view.bottom + 0.05 * view.half
-    if not setting.has_free_corners:
+    if not painter.has_free_corners:
         left, middle = view.left, view.bottom - 0.05 * view.half
     corner = left, middle - scale.width / 2.0
     band = Rectangle(corner, length, scale.width, color=CHAIN_COLOR, linewidth=0.0, clip_on=False)
@@ -131,12 +131,12 @@ def shares(view: Box) -> tuple[float, float]:
 
 
 class Canvas:
-    """A frame with its color bar, redrawn for each shot; `side` [pixels] is the longer, without a size."""
+    """A frame with its color bar, drawn for each snapshot; `side` [pixels] is the longer, without a size."""
 
-    def __init__(self, setting: Setting, side: int, size: tuple[int, int] | None = None) -> None:
-        bar = _BAR_SHARE * (setting.scale is not None)
+    def __init__(self, painter: Painter, side: int, size: tuple[int, int] | None = None) -> None:
+        bar = _BAR_SHARE * (painter.colors.scale is not None)
         if size is None:
-            across, along = shares(setting.view)
+            across, along = shares(painter.view)
             size = 2 * round(side * (across + bar) / 2.0), 2 * round(side * along / 2.0)  # even, for films
         else:
             side = min(round(size[0] / (1.0 + bar)), size[1])
@@ -144,24 +144,24 @@ class Canvas:
         self.figure = Figure(figsize=(size[0] / dpi, size[1] / dpi), dpi=dpi, layout="constrained")
         self._agg = FigureCanvasAgg(self.figure)
         axes = self.figure.subplots()
-        if setting.scale is not None:
-            add_color_bar(self.figure, axes, setting.scale)
-        self._artists = FrameArtists(axes, setting)
+        if painter.colors.scale is not None:
+            add_color_bar(self.figure, axes, painter.colors.scale)
+        self._artists = FrameArtists(axes, painter)
         self._background: Any = None
 
-    def show(self, shot: Shot) -> None:
-        """Draw a shot, replacing the last one."""
-        self._artists.show(shot)
+    def show(self, now: Snapshot) -> None:
+        """Draw a snapshot, replacing the last one."""
+        self._artists.show(now)
 
-    def pixels(self, shot: Shot) -> NDArray[np.uint8]:
-        """Return the picture of a shot, shape (height, width, 3); later ones redraw only what changes."""
+    def pixels(self, now: Snapshot) -> NDArray[np.uint8]:
+        """Return the picture of a snapshot, shape (height, width, 3); later ones redraw only what changes."""
         if self._background is None:
             for artist in self._artists.changing:
                 artist.set_animated(True)
             self._agg.draw()
             self._background = self._agg.copy_from_bbox(self.figure.bbox)
         self._agg.restore_region(self._background)
-        self._artists.show(shot)
+        self._artists.show(now)
         for artist in self._artists.changing:
             self.figure.draw_artist(artist)
         return np.asarray(self._agg.buffer_rgba())[:, :, :3]
@@ -187,9 +187,10 @@ class Picture:
     >>> simulation.plot(color_by="pressure", forces=True).save("annulus.png")
     """
 
-    def __init__(self, setting: Setting, shot: Shot, size: tuple[int, int] | None = None) -> None:
-        canvas = Canvas(setting.covering(shot), _SIDE, size)
-        canvas.show(shot)
+    def __init__(self, painter: Painter, now: Snapshot, size: tuple[int, int] | None = None) -> None:
+        painter.show_all(now)
+        canvas = Canvas(painter, _SIDE, size)
+        canvas.show(now)
         self.figure = canvas.figure
 
     def save(self, path: str | pathlib.Path) -> None:
@@ -210,10 +211,27 @@ class Picture:
         return png.getvalue()
 
 
-class Still(DrawnOutput):
-    """A picture of the end of a run, see `DrawnOutput`."""
+class DrawnOutput(ExitStack):
+    """Base of the film and the picture of a run: locked until the block ends, it replaces any file."""
 
-    def record(self, frame: Frame) -> None:
-        """Write the picture of a frame."""
-        figure = Picture(self._painter.setting, self._painter.shot(frame), self._size).figure
+    def __init__(
+        self, path: pathlib.Path, scene: Scene, times: FrameTimes | None, options: RunOptions, *_: object
+    ) -> None:
+        super().__init__()
+        require_writable_path("output", path)
+        self._painter = Painter(scene, options.color_by, options.forces, frame=options.frame)
+        self._path, self._size = path, options.pixels
+        self.needs_contacts = self._painter.needs_contacts
+        self.enter_context(Lock(path))
+
+    def flush(self) -> None:
+        """Do nothing, because a run that is drawn cannot be continued."""
+
+
+class Still(DrawnOutput):
+    """A picture of the end of a run."""
+
+    def record(self, now: Snapshot) -> None:
+        """Write the picture of the end."""
+        figure = Picture(self._painter, now, self._size).figure
         save_figure(figure, self._path, dpi=figure.dpi)

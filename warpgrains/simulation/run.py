@@ -12,8 +12,10 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, Protocol
 from warnings import warn
 
+from warpgrains.analysis.snapshot import snapshot_of
 from warpgrains.console import progress_bar
-from warpgrains.drawing.frames import Frame, FrameTimes, Output
+from warpgrains.drawing.frames import FrameTimes
+from warpgrains.drawing.kinds import Output
 from warpgrains.errors import InputError
 from warpgrains.frame_log import is_complete
 from warpgrains.scene import checks
@@ -157,9 +159,8 @@ class OpenRun(CountedRun):
         if self.observer is not None and (self.first_step + steps) % self.observer.every == 0:
             self.observer.observe(now)
         if self.output is not None and steps == self._step_of_next_frame:
-            frame = Frame.of(now, self.output.needs_contacts)
-            shown = frame if self.times is None else self.times.shown(self.statistics.frames, frame)
-            self.output.record(shown)
+            left = 0.0 if self.times is None else self.times.left(self.statistics.frames)
+            self.output.record(snapshot_of(now, left, self.output.needs_contacts))
             self.statistics.frames += 1
 
     def flush_and_checkpoint(self, state: State) -> Checkpoint:

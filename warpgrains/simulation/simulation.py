@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack, cast
 from warnings import warn
 
+from warpgrains.analysis.snapshot import snapshot_of
 from warpgrains.arrays import FloatArray
 from warpgrains.described import documented, fields_in_help
 from warpgrains.drawing.kinds import require_drawing
+from warpgrains.drawing.painter import Painter
 from warpgrains.drawing.views import size_of
 from warpgrains.errors import InputError, SimulationError, requiring
-from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
 from warpgrains.scene.energy import TOLERANCES
 from warpgrains.scene.fields import SceneChanges
@@ -414,7 +415,7 @@ class Simulation(LoadedScene, Shown):
 
         painter = Painter(self.scene, color_by, forces, frame=frame)
         pixels = None if size is None else size_of("size", size)
-        return Picture(painter.setting, painter.shot_of(self), pixels)
+        return Picture(painter, snapshot_of(self, has_contacts=painter.needs_contacts), pixels)
 
     def save(self, path: str | Path) -> None:
         """Save the exact state and the scene to a checkpoint, an .npz file, atomically.

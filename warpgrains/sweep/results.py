@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES, quantities
-from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.files import Row
-from warpgrains.solver.final_states import COUNTED, FinalStates, StackedGrains, counted
+from warpgrains.scene.snapshot import Snapshot, Snapshots
+from warpgrains.solver.final_states import COUNTED, FinalStates, counted
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.execution import RunSettings
 
@@ -42,7 +42,7 @@ def _counted(field: str, meaning: str) -> Column:
     return Column(meaning, lambda ends: ends.done[field].astype(np.int64), kind=int)
 
 
-def _at_the_end(name: str, of_runs: Callable[[StackedGrains], FloatArray]) -> Column:
+def _at_the_end(name: str, of_runs: Callable[[Snapshots], FloatArray]) -> Column:
     """Return the column of a quantity of the final state."""
     quantity = QUANTITIES[name]
     return Column(

@@ -10,7 +10,6 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpgrains.shown import number_of
-from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
 from warpgrains.usd.grains import (
     ANGLE,
     COLOR_INDICES,
@@ -22,9 +21,9 @@ from warpgrains.usd.grains import (
     position_of,
     quaternions,
 )
-from warpgrains.usd.reader import open_recording, refusing_untrusted_content
+from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, WALLS
+from warpgrains.usd.recording import open_recording, refusing_untrusted_content
 from warpgrains.usd.stage import Values, too_coarse, values_of
-from warpgrains.usd.walls import PLACES, WALLS
 
 _HALF = 1e-3  # of a quaternion: half precision, and angles as float32 up to 1e4 rad
 _FINITE, _POSITIVE = (-np.inf, np.inf, "finite"), (0.0, np.inf, "positive and finite")

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.drawing.colors import GrainColors, linear, quantities_of
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.colorings import colorings_of
+from warpgrains.drawing.colors import GrainColors, linear
 from warpgrains.drawing.shapes import Shape
 from warpgrains.frame_log import Arrays
+from warpgrains.scene.snapshot import Snapshot
 from warpgrains.usd.stage import as_float32, bind_material, covering_extent, define_mesh, set_kind, triples
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ OF_GRAINS = {"mass": "warpgrains:mass", "radius": "warpgrains:radius"}
 No primvar is a double, because Blender reads no further ones.
 """
 ANGLE = "angle"
-ROTATION = ("spin", ANGLE)
-"""Primvars of grains that rotate. The spin is one of the quantities that frames have."""
 VELOCITIES = "velocities"
 
 ORIENTATIONS = "orientations"
@@ -54,9 +53,8 @@ class GrainPoints:
         self._diameter = (2.0 * scene.radius).astype(np.float32)
         self._half_width = self._diameter.astype(np.float64) / 2.0
         self._colors, self._rotates = colors, scene.has_friction
-        quantities = quantities_of(scene, has_contacts)
-        self._changing = {name: own for name, own in quantities.items() if own.changes}
-        self._still = {name: own for name, own in quantities.items() if not own.changes}
+        found = colorings_of(scene, has_contacts)
+        self._changing = {name: own.values for name, own in found.items() if own.changes}
 
     def define(self, stage: Usd.Stage) -> None:
         prim = self._define_prim(stage)
@@ -70,12 +68,9 @@ class GrainPoints:
         color = primvars.CreatePrimvar("displayColor", types.Color3fArray, vertex)
         color.Set(Vt.Vec3fArray.FromNumpy(linear(self._colors.colors)))
         color.CreateIndicesAttr()
-        start = Frame(self._scene.position, self._scene.velocity)
-        still = {name: own.values(self._scene, start) for name, own in self._still.items()}
         for name, attribute in OF_GRAINS.items():
-            still[name] = getattr(self._scene, name)
-            prim.CreateAttribute(attribute, types.DoubleArray).Set(Vt.DoubleArray.FromNumpy(still[name]))
-        for name, value in still.items():
+            value = getattr(self._scene, name)
+            prim.CreateAttribute(attribute, types.DoubleArray).Set(Vt.DoubleArray.FromNumpy(value))
             shown = Vt.FloatArray.FromNumpy(as_float32(f"the {name} of a grain", value))
             primvars.CreatePrimvar(name, types.FloatArray, vertex).Set(shown)
         for name in (*self._changing, *([ANGLE] if self._rotates else [])):
@@ -84,14 +79,14 @@ class GrainPoints:
             for name, index in self._color(self._colors.still).items():
                 prim.GetAttribute(name).Set(Vt.IntArray.FromNumpy(index))
 
-    def samples(self, frame: Frame) -> Arrays:
-        shown = triples("the position of a grain", frame.position)
-        turned = {ANGLE: frame.rotation()[1]} if self._rotates else {}
-        found = {name: own.values(self._scene, frame) for name, own in self._changing.items()} | turned
+    def samples(self, now: Snapshot) -> Arrays:
+        shown = triples("the position of a grain", now.position)
+        found = {name: values(now) for name, values in self._changing.items()}
+        found |= {ANGLE: now.angle} if self._rotates else {}
         values: dict[str, NDArray[Any]] = {
             self._position: shown,
             "extent": covering_extent(shown, self._half_width),
-            VELOCITIES: triples("the velocity of a grain", frame.velocity),
+            VELOCITIES: triples("the velocity of a grain", now.velocity),
             **{
                 f"primvars:{name}": as_float32(f"the {name} of a grain", value)
                 for name, value in found.items()

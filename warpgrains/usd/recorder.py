@@ -8,23 +8,26 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pxr import Sdf, Tf
 
+import warpgrains
 from warpgrains.drawing.chains import ChainScale
 from warpgrains.drawing.colors import GrainColors
-from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import DRAWN_AS, RECORDINGS
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.drawing.views import view_of
 from warpgrains.errors import InputError
-from warpgrains.files import suffix_of
+from warpgrains.files import require_writable_path, suffix_of
 from warpgrains.frame_log import LOG_SUFFIX, FrameLog, is_complete, log_of
+from warpgrains.locks import Lock, lock_own
 from warpgrains.scene import checks
-from warpgrains.usd.forces import ForceChains
+from warpgrains.scene.snapshot import Snapshot
+from warpgrains.scene.toml import parameters_text
 from warpgrains.usd.grains import GrainInstances, GrainPoints
-from warpgrains.usd.metadata import described, lock_output
-from warpgrains.usd.reader import refusing_untrusted_content
-from warpgrains.usd.stage import Drawing, static_layer, too_coarse
-from warpgrains.usd.walls import Walls
+from warpgrains.usd.meshes import ForceChains, Walls
+from warpgrains.usd.recording import refusing_untrusted_content
+from warpgrains.usd.stage import RECORDED_BY, Drawing, static_layer, too_coarse
 from warpgrains.usd.writer import identity, reopen_log, write_recording
 
 if TYPE_CHECKING:
@@ -62,13 +65,21 @@ class Recorder:
         self.log = log_of(self.path)
         colors = GrainColors(scene, color_by)
         self.needs_contacts = forces or colors.needs_contacts
-        self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
         self._drawings: list[Drawing] = [grains, Walls(scene)]
         scale = ChainScale.of(scene) if forces else None
         if scale is not None:
             self._drawings.append(ForceChains(scene, scale, grains.height * float(scene.radius.max())))
-        data = described(scene, times.first_step, draw_as, colors.scale, scale)
+        scales = {"colors": colors.scale, "forces": scale}
+        data = {
+            "version": warpgrains.__version__,
+            "name": scene.name,
+            "scene": scene.text,
+            "parameters": parameters_text(scene),
+            "draw_as": draw_as,
+            "first_step": times.first_step,
+            **{name: own.described() for name, own in scales.items() if own is not None},
+        }
         static = static_layer(scene, times.rate, self._drawings, data, view_of(scene, frame))
         self._frames = FrameLog(self.log, static.ExportToString())
         self._is_needed = resume_at is not None
@@ -109,17 +120,11 @@ class Recorder:
             self._frames.close()
             self._lock.release()
 
-    def record(self, frame: Frame) -> None:
-        """Append a frame, as `FrameTimes.shown` returns it; InputError where float32 is too small for it."""
-        if np.shape(frame.position) != self._shape or np.shape(frame.velocity) != self._shape:
-            shapes = f"{np.shape(frame.position)} and {np.shape(frame.velocity)}"
-            raise ValueError(f"a frame has arrays of shape {self._shape}, not {shapes}")
-        for name, value in (("spin", frame.spin), ("angle", frame.angle)):
-            if value is not None and np.shape(value) != self._shape[:1]:
-                raise ValueError(f"{name} of a frame has shape {self._shape[:1]}, not {np.shape(value)}")
+    def record(self, now: Snapshot) -> None:
+        """Append a frame; InputError where float32 is too small for it."""
         arrays: dict[str, NDArray[Any]] = {}
         for drawing in reversed(self._drawings):  # forces first, so that a refusal does not name the pressure
-            arrays |= drawing.samples(frame)
+            arrays |= drawing.samples(now)
         self._frames.append(arrays)
 
     def flush(self) -> None:
@@ -180,3 +185,21 @@ def recover(log: str | Path) -> tuple[Path, int]:
         raise InputError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
     with lock_output(target):
         return target, write_recording(log, target)
+
+
+def lock_output(path: Path) -> Lock:
+    """Lock a recording for writing. Raises InputError unless it can be written and replaces no other file."""
+    require_writable_path("output", path, *RECORDINGS)
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"output '{path}' is not UTF-8: USD cannot write a file of this name") from None
+    return lock_own(path, _is_recording, "recording of warpgrains")
+
+
+def _is_recording(path: Path) -> bool:
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(str(path), metadataOnly=True)
+    except Tf.ErrorException:
+        return False
+    return layer is not None and RECORDED_BY in layer.customLayerData

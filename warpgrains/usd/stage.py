@@ -12,18 +12,19 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
 import warpgrains
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import linear, mark_color
-from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import Shape
 from warpgrains.errors import InputError
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.box import Box
-from warpgrains.usd.metadata import RECORDED_BY
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
+    from warpgrains.scene.snapshot import Snapshot
 
 Values = NDArray[Any]
 
+RECORDED_BY = "warpgrains"
+"""Key in a layer's custom data that identifies a recording."""
 MATERIAL = Sdf.Path("/World/Looks/DisplayColor")
 CAMERA = Sdf.Path("/World/main_cam")
 """Name by which usdview and usdrecord select the camera."""
@@ -42,8 +43,8 @@ class Drawing(Protocol):
     def define(self, stage: Usd.Stage) -> None:
         """Author the prim and all attributes that are the same in all frames."""
 
-    def samples(self, frame: Frame) -> Arrays:
-        """Return the values of the animated attributes for a frame."""
+    def samples(self, now: Snapshot) -> Arrays:
+        """Return the values of the animated attributes."""
 
 
 def static_layer(

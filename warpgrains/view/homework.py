@@ -4,21 +4,34 @@ The stages are velocities, iterations and positions.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from warpgrains.analysis.snapshot import snapshot
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.shapes import drawn_walls
-from warpgrains.drawing.views import view_of
+from warpgrains.drawing.painter import Painter
 from warpgrains.grade.probes import start_of
 from warpgrains.grade.sandbox import Answer, Child, EndedError
-from warpgrains.pictures.shots import Setting, Shot
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.snapshot import Snapshot
+from warpgrains.scene.state import first_state
 from warpgrains.view.players import PLACEHOLDER
 
 _EQUAL, _DIFFERENT = np.array([0.75, 0.83, 0.95]), np.array([0.85, 0.1, 0.1])
 _LEAST = 1e-9  # [m/s]: smaller differences may be rounding errors
 _SLOWED = 1.0 / 30.0  # duration of a stage on the page [s]
+
+
+class _Painter(Painter):
+    """Painter of grains that are as red as they differ, relative to the largest difference."""
+
+    def color(self, now: Snapshot) -> FloatArray:
+        difference = now.recorded["difference"]
+        finite = difference[np.isfinite(difference)]
+        share = np.clip(difference / max(finite.max(initial=0.0), _LEAST), 0.0, 1.0)
+        share = np.where(difference > _LEAST, 0.25 + 0.75 * share, 0.0)[:, np.newaxis]
+        return (1.0 - share) * _EQUAL + share * _DIFFERENT
 
 
 class Homework:
@@ -34,7 +47,7 @@ class Homework:
 
     def __init__(self, scene: Scene, start: Callable[[], tuple[Child, Child]], name: str) -> None:
         self._scene, self._start, self.name = scene, start, name
-        self.setting = Setting(scene.radius, drawn_walls(scene), view_of(scene), None, None)
+        self.painter = _Painter(scene, "palette", forces=False)
         self._children: tuple[Child, ...] = ()
         self.restart()
 
@@ -104,19 +117,12 @@ class Homework:
     def set_style(self, color_by: str, forces: bool) -> None:
         """Do nothing, because grains are colored by the difference."""
 
-    def shot(self) -> Shot:
-        """Return the grains at the reference's positions, colored by the difference."""
-        n, difference = self._scene.n, self._difference()
-        finite = difference[np.isfinite(difference)]
-        share = np.clip(difference / max(finite.max(initial=0.0), _LEAST), 0.0, 1.0)
-        share = np.where(difference > _LEAST, 0.25 + 0.75 * share, 0.0)[:, np.newaxis]
-        position = self._states[0][: 2 * n].reshape(2, n).T
-        return Shot(
-            self._scene.time_after(self._time_steps),
-            position,
-            (1.0 - share) * _EQUAL + share * _DIFFERENT,
-            None,
-        )
+    def snapshot(self) -> Snapshot:
+        """Return the reference's state, with the difference as a number of the grains."""
+        n, state = self._scene.n, self._states[0]
+        position, velocity = (state[k : k + 2 * n].reshape(2, n).T for k in (0, 2 * n))
+        now = replace(first_state(self._scene), steps=self._time_steps, position=position, velocity=velocity)
+        return replace(snapshot(self._scene, now), recorded={"difference": self._difference()})
 
     def readout(self) -> dict[str, str]:
         """Return the stage, both zeta, and the grain with the largest difference."""

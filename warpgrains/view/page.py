@@ -15,9 +15,9 @@ import numpy as np
 import viser
 from viser import uplot
 
+from warpgrains.drawing.painter import Painter
 from warpgrains.errors import InputError
-from warpgrains.pictures.shots import Setting
-from warpgrains.view.players import AXES, Live, Pace, Player, Recorded
+from warpgrains.view.players import AXES, Live, Pace, Player, Replay
 from warpgrains.view.server import HOST, serve_page
 from warpgrains.view.sliders import add_physics, value_of
 from warpgrains.view.stage import Stage
@@ -40,12 +40,12 @@ class Page:
         self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self.is_playing, self._pace = False, Pace(player.dt)
         self._refused: str | None = None
-        self._speed, has_chains = 1.0, player.setting.chain_scale is not None
+        self._speed, has_chains = 1.0, player.painter.chain_scale is not None
         self._style: dict[str, Any] = {"color_by": "speed", "forces": has_chains}
         self._server = serve_page(port, f"warpgrains: {player.name}")
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
-        self._stage = Stage(self._server, player.setting)
+        self._stage = Stage(self._server, player.painter)
         self._add_controls()
         self._texts_at = 0.0
         self._show(texts=True)
@@ -134,7 +134,7 @@ class Page:
 
     def _show(self, texts: bool) -> None:
         with self._server.atomic():
-            self._stage.show(self._player.shot())
+            self._stage.show(self._player.snapshot(), self._player.painter)
         if not texts:
             return
         self._texts_at = perf_counter()
@@ -142,8 +142,8 @@ class Page:
         rows = self._player.readout()
         error = rows.pop("error", None)
         self._readout.content = _table({"state": state, **rows})
-        self._legend.content = _legend(self._player.setting, error or self._refused)
-        if isinstance(self._player, Recorded):
+        self._legend.content = _legend(self._player.painter, error or self._refused)
+        if isinstance(self._player, Replay):
             self._frame.value = self._player.steps  # type: ignore[misc]
         self._run.label = f"{'resume' if self._player.steps else KEYS['R']} (R)"
         for title, (places, values) in self._player.curves().items():
@@ -178,7 +178,7 @@ class Page:
             chains.on_update(self._ask(lambda: self._set_style(forces=bool(chains.value))))
         if isinstance(player, Live):
             add_physics(gui, player, lambda change: self._ask(lambda: self._change(change)))
-        if isinstance(player, Recorded):
+        if isinstance(player, Replay):
             self._frame = gui.add_slider("frame", 0, max(player.last, 1), 1, 0)
             self._frame.on_update(self._scrub)
         self._legend = gui.add_html("")  # below the sliders, so that they do not move when it grows
@@ -209,17 +209,15 @@ def _table(rows: dict[str, str]) -> str:
     return f'<table style="width: 100%; font-size: 0.8em; margin: 0.4em 1em">{"".join(cells)}</table>'
 
 
-def _legend(setting: Setting, error: str | None = None) -> str:
+def _legend(painter: Painter, error: str | None = None) -> str:
     """Return the reason of the end, the color range with its unit, and the force of the widest chains."""
     lines = [] if error is None else [f'<div style="color: #c00000">{escape(error)}</div>']
-    if setting.scale is not None:
-        scale = setting.scale
+    if (scale := painter.colors.scale) is not None:
         colors = ", ".join(f"rgb({r:.0f} {g:.0f} {b:.0f})" for r, g, b in 255.0 * scale.colors()[::7])
         bar = f"height: 0.8em; background: linear-gradient(to right, {colors})"
         ends = f"<span>{scale.low:.3g}</span><span>{scale.label}</span><span>{scale.high:.3g}</span>"
         lines.append(f'<div style="{bar}"></div>')
         lines.append(f'<div style="display: flex; justify-content: space-between">{ends}</div>')
-    if setting.chain_scale is not None:
-        force, width = setting.chain_scale.force, setting.chain_scale.width
-        lines.append(f"<div>force chains: {width:.2g} m wide at {force:.2g} N or more</div>")
+    if (chains := painter.chain_scale) is not None:
+        lines.append(f"<div>force chains: {chains.width:.2g} m wide at {chains.force:.2g} N or more</div>")
     return f'<div class="legend" style="font-size: 0.8em; margin: 0.4em 1em">{"".join(lines)}</div>'

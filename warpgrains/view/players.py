@@ -9,19 +9,21 @@ from typing import TYPE_CHECKING, TypeAlias, Unpack
 
 import numpy as np
 
+from warpgrains.analysis.snapshot import snapshot_of
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import colorings
+from warpgrains.drawing.painter import Painter
 from warpgrains.errors import SimulationError
-from warpgrains.pictures.shots import Painter, Shot, setting_of, shot_of
 from warpgrains.scene.energy import kinetic_energy
 from warpgrains.scene.fields import SceneChanges
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.snapshot import Snapshot
 from warpgrains.scene.state import first_state
+from warpgrains.usd.recording import Recording, painter_of
 
 if TYPE_CHECKING:
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.statistics import StepReport
-    from warpgrains.usd.reader import RecordingReader
     from warpgrains.view.homework import Homework
 
 PLACEHOLDER = "\N{EN DASH}"
@@ -129,11 +131,10 @@ class Live:
         )
 
     def set_style(self, color_by: str, forces: bool) -> None:
-        self._painter = Painter(self._simulation.scene, color_by, forces)
-        self.setting = self._painter.setting
+        self.painter = Painter(self._simulation.scene, color_by, forces)
 
-    def shot(self) -> Shot:
-        return self._painter.shot_of(self._simulation)
+    def snapshot(self) -> Snapshot:
+        return snapshot_of(self._simulation, has_contacts=self.painter.needs_contacts)
 
     def _energy(self) -> float:
         scene, now = self.scene, self._simulation
@@ -167,15 +168,15 @@ class Live:
         return {"log10 zeta of the last step": (iteration, zeta), "energy [J]": (time, energy)}
 
 
-class Recorded:
+class Replay:
     """Player of a recording. A step is a frame; colors are those of the file."""
 
-    def __init__(self, reader: RecordingReader, name: str) -> None:
-        self._reader, self.name = reader, name
-        self.dt, self.steps, self.last = 1.0 / reader.times.rate, 0, len(reader) - 1
-        self.setting, self._forces = setting_of(reader), True
-        self.colorings: tuple[str, ...] = ()
-        self.has_chains = reader.chain_scale is not None
+    colorings: tuple[str, ...] = ()
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording, self.name = recording, recording.path.name
+        self.dt, self.steps, self.last = 1.0 / recording.times.rate, 0, len(recording) - 1
+        self.painter, self.has_chains = painter_of(recording), recording.has_forces
 
     @property
     def has_ended(self) -> bool:
@@ -190,19 +191,16 @@ class Recorded:
 
     def set_style(self, color_by: str, forces: bool) -> None:
         """Show or hide force chains; the colors are those of the file."""
-        self._forces = forces
+        self.painter.chain_scale = self._recording.chain_scale if forces else None
 
-    def shot(self) -> Shot:
-        shot = shot_of(self._reader, self.steps)
-        return shot if self._forces else replace(shot, chains=None)
+    def snapshot(self) -> Snapshot:
+        return self._recording.frame(self.steps, self.has_chains)
 
     def readout(self) -> dict[str, str]:
-        rows = {
-            "time": f"{self._reader.times.time(self.steps):.4g} s",
-            "frame": f"{self.steps} of {self.last}",
-        }
+        now = self.snapshot()
+        rows = {"time": f"{now.time:.4g} s", "frame": f"{self.steps} of {self.last}"}
         if self.has_chains:
-            rows["contacts"] = f"{len(self._reader.chains(self.steps).force)}"
+            rows["contacts"] = f"{len(now.force) + len(now.wall_force)}"
         return rows
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
@@ -210,5 +208,5 @@ class Recorded:
         return {}
 
 
-Player: TypeAlias = "Live | Recorded | Homework"
+Player: TypeAlias = "Live | Replay | Homework"
 """A player of a page; one of its steps takes `dt` [s]."""

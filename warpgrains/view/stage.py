@@ -6,9 +6,10 @@ import viser
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import linear, mark_color
-from warpgrains.drawing.shapes import WALL_COLOR, mark, wall_mesh
-from warpgrains.pictures.shots import Setting, Shot
+from warpgrains.drawing.painter import Painter
+from warpgrains.drawing.shapes import WALL_COLOR, mark, moved_walls, wall_mesh
 from warpgrains.scene.band import Band
+from warpgrains.scene.snapshot import Snapshot
 
 _SEGMENTS = 48  # of a circle
 _FIELD_OF_VIEW = 0.5  # radians
@@ -19,10 +20,10 @@ _MARK_HEIGHT, _CHAIN_HEIGHT = 0.005, 0.01  # above the grains, in half of the lo
 class Stage:
     """The 3D scene of a page, in the plane z = 0, seen from +z."""
 
-    def __init__(self, server: viser.ViserServer, setting: Setting) -> None:
+    def __init__(self, server: viser.ViserServer, painter: Painter) -> None:
         self._scene = server.scene
         self._scene.set_up_direction("+y")
-        center, half = setting.view.center, setting.view.half
+        center, half = painter.view.center, painter.view.half
         server.initial_camera.position = (*center, 1.1 * half / np.tan(_FIELD_OF_VIEW / 2.0))
         server.initial_camera.look_at = (*center, 0.0)
         server.initial_camera.up = (0.0, 1.0, 0.0)
@@ -30,30 +31,32 @@ class Stage:
         self._scene.configure_default_lights(False)
         self._scene.configure_environment_map(None)
         self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors unchanged
-        for name, wall in setting.walls.items():
+        for name, wall in painter.walls.items():
             self._add_wall(name, wall)
-        self._radius, self._reach = setting.radius, half
+        self._radius, self._reach = painter.scene.radius, half
         angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
         self._grains = self._add_instances("/grains", np.stack([np.cos(angle), np.sin(angle)], axis=1))
         self._marks: viser.BatchedMeshHandle | None = None
         self._has_chains = False
 
-    def show(self, shot: Shot) -> None:
-        for name, wall in shot.walls.items():
+    def show(self, now: Snapshot, painter: Painter) -> None:
+        """Draw a snapshot, replacing the last one."""
+        for name, wall in moved_walls(painter.scene, now.scene, now.time).items():
             self._add_wall(name, wall)
-        _place(self._grains, shot.position, 0.0, shot.color)
-        if shot.angle is not None:
+        color, chains = painter.color(now), painter.chains(now)
+        _place(self._grains, now.position, 0.0, color)
+        if now.scene.has_friction:
             if self._marks is None:
                 self._marks = self._add_instances(_MARKS, mark())
-            half, zero = 0.5 * shot.angle, np.zeros_like(shot.angle)
+            half, zero = 0.5 * now.angle, np.zeros_like(now.angle)
             turned = np.stack([np.cos(half), zero, zero, np.sin(half)], axis=1)
             self._marks.batched_wxyzs = turned.astype(np.float32)
-            _place(self._marks, shot.position, _MARK_HEIGHT * self._reach, mark_color(shot.color))
+            _place(self._marks, now.position, _MARK_HEIGHT * self._reach, mark_color(color))
         elif self._marks is not None:
             self._marks.remove()
             self._marks = None
-        if shot.chains is not None and len(shot.chains.force):
-            corners = shot.chains.corners().reshape(-1, 2)
+        if chains is not None and len(chains.force):
+            corners = chains.corners().reshape(-1, 2)
             raised = np.insert(corners, 2, _CHAIN_HEIGHT * self._reach, axis=1)
             self._add_mesh(_CHAINS, raised, np.arange(len(corners)), CHAIN_COLOR)
             self._has_chains = True

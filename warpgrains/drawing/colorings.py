@@ -1,0 +1,143 @@
+"""Quantities by which grains are colored: their values in a snapshot, and the ends of their scales."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import sqrt
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.snapshot import Snapshot
+from warpgrains.scene.walls import INNER, OUTER
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+
+
+class Coloring(NamedTuple):
+    """A quantity by which grains are colored, which recordings also hold as numbers."""
+
+    unit: str
+    """Empty for a pure number."""
+    colormap: str
+    extends: str
+    """Matplotlib's name of the ends of the scale that values may exceed."""
+    ends: Callable[[Scene], tuple[float, float]]
+    """Function that returns the values of the first and last color in a scene."""
+    values: Callable[[Snapshot], FloatArray]
+    """Function that returns the value of each grain, shape (n,)."""
+    changes: bool = True
+    """Whether snapshots of a scene differ in it; otherwise it is a field of the scene."""
+    needs_friction: bool = False
+    """Whether only scenes with friction have it."""
+    needs_contacts: bool = False
+    """Whether it follows from the contacts of a snapshot."""
+
+
+def colorings_of(scene: Scene, has_contacts: bool = True) -> dict[str, Coloring]:
+    """Return the colorings of a scene by name, with or without those that need contacts."""
+    return {
+        name: own
+        for name, own in COLORINGS.items()
+        if scene.has_friction >= own.needs_friction and has_contacts >= own.needs_contacts
+    }
+
+
+def speed_scale(scene: Scene) -> float:
+    """Return a speed [m/s] of grains: at the start, by a fall across the domain, a force, or a wall."""
+    thrown = float(np.hypot(*scene.velocity.T).max())
+    gravity = float(np.hypot(*scene.gravity))
+    falling = np.sqrt(2.0 * gravity * scene.annulus.depth)
+    if scene.drag > 0.0:
+        falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
+    out, inside = (scene.surface_speed(wall) for wall in (OUTER, INNER))
+    mass = float(scene.mass.sum())
+    pressed = np.sqrt(2.0 * abs(scene.pressure or 0.0) * scene.area / mass)
+    found = [thrown, float(falling), float(pressed), abs(out), abs(inside)]
+    for wall in scene.walls:
+        rim = wall.border.radius if wall.border is not None and scene.has_friction else 0.0
+        found.append(wall.motion.largest_speed(wall.farthest(wall.motion.pivot) + rim))
+        if wall.drive is not None:
+            inverse_mass, force, *_ = wall.drive
+            found.append(sqrt(2.0 * abs(force) * scene.annulus.diameter / (1.0 / inverse_mass + mass)))
+    return max(found)
+
+
+def spin_scale(scene: Scene) -> float:
+    """Return the spin [rad/s] that many grains reach: rolling at half of `speed_scale`, or at the start."""
+    return max(float(np.abs(scene.spin_at_start).max()), 0.5 * speed_scale(scene) / scene.typical_radius)
+
+
+def pressure_scale(scene: Scene) -> float:
+    """Return a large pressure [N/m]: the weight of all grains on a quarter of the outer diameter.
+
+    It is at least four times the pressure on a driven wall. Without these, it is that on a mean grain that is
+    stopped within one step from the scene's largest speed, or if that is zero, from a radius per step.
+    """
+    weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
+    driven = [abs(wall.drive[1]) / (2.0 * wall.circle[2]) for wall in scene.walls if wall.drive is not None]
+    given = 4.0 * max([abs(scene.pressure or 0.0), *driven])
+    if weight > 0.0 or given > 0.0:
+        return max(given, weight / (scene.annulus.depth / 2.0))
+    radius = float(scene.radius.mean())
+    stopping = float(scene.mass.mean()) * (speed_scale(scene) or radius / scene.dt) / scene.dt
+    return stopping / (2.0 * np.pi * radius)
+
+
+def pressure(now: Snapshot) -> FloatArray:
+    """Return the mean of the principal stresses of each grain, force by circumference [N/m], shape (n,)."""
+    grain = np.concatenate([*now.pair.T, now.wall[:, 0]])
+    force = np.concatenate([now.force, now.force, now.wall_force])
+    total = np.bincount(grain, force, now.n).astype(np.float64)  # integers without contacts
+    return total / (2.0 * np.pi * now.scene.radius)
+
+
+def mobilized(now: Snapshot) -> FloatArray:
+    """Return the largest |tangential| / (friction * normal force) of each grain, shape (n,); 1 slides."""
+    found, (i, j), (grain, wall) = np.zeros(now.n), now.pair.T, now.wall.T
+    between = _share(now.tangential_force, now.scene.friction * now.force)
+    at_wall = _share(now.wall_tangential_force, np.array(now.scene.wall_frictions)[wall] * now.wall_force)
+    for loaded, share in ((i, between), (j, between), (grain, at_wall)):
+        np.maximum.at(found, loaded, share)
+    return found
+
+
+def _share(tangential: FloatArray, most: FloatArray) -> FloatArray:
+    """Return |tangential force| over what friction allows, of each contact, shape (m,)."""
+    return np.divide(np.abs(tangential), most, out=np.zeros_like(most), where=most > 0.0)
+
+
+COLORINGS = {
+    "radius": Coloring(
+        "m",
+        "plasma",
+        "neither",
+        lambda scene: (float(scene.radius.min()), float(scene.radius.max())),
+        lambda now: now.scene.radius,
+        changes=False,
+    ),
+    "speed": Coloring(
+        "m/s",
+        "viridis",
+        "max",
+        lambda scene: (0.0, speed_scale(scene)),
+        lambda now: np.hypot(*now.velocity.T),
+    ),
+    "pressure": Coloring(
+        "N/m", "cividis", "max", lambda scene: (0.0, pressure_scale(scene)), pressure, needs_contacts=True
+    ),
+    "spin": Coloring(
+        "rad/s",
+        "managua",
+        "both",
+        lambda scene: (-spin_scale(scene), spin_scale(scene)),
+        lambda now: now.spin,
+        needs_friction=True,
+    ),
+    "mobilized": Coloring(
+        "", "magma", "neither", lambda scene: (0.0, 1.0), mobilized, needs_friction=True, needs_contacts=True
+    ),
+}
+"""The colorings by name, except for "palette"."""

@@ -1,0 +1,261 @@
+"""Snapshots: grains and their contacts at one time, for analysis, pictures and recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray, IndexArray, IntArray
+from warpgrains.scene import checks
+from warpgrains.scene.container import Container, container_of
+from warpgrains.scene.geometry import pair_normals
+from warpgrains.scene.walls import Annulus
+from warpgrains.tables import dataset, library
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+    from warpgrains.scene.scene import Scene
+
+TABLES = ("grains", "contacts", "wall_contacts")
+UNITS = {
+    "time": "s",
+    **dict.fromkeys(("x", "y", "radius"), "m"),
+    **dict.fromkeys(("vx", "vy"), "m/s"),
+    **dict.fromkeys(("force", "tangential_force"), "N"),
+    "mass": "kg",
+    "spin": "rad/s",
+    "angle": "rad",
+}
+
+
+class Loads(NamedTuple):
+    """Contacts as forces on single grains: those of pairs on i, then on j, then those of walls."""
+
+    grain: IndexArray
+    """Loaded grain, shape (c,)."""
+    normal: FloatArray
+    """Unit vectors from the grain's center to the contact, shape (c, 2)."""
+    force: FloatArray
+    """Force on the grain against the normal [N], shape (c,), all > 0."""
+    tangential_force: FloatArray
+    """Force on the grain against the tangent, the normal rotated by 90 degrees to the left [N], (c,)."""
+
+
+def _no_pairs() -> IntArray:
+    return np.zeros((0, 2), np.int32)
+
+
+def _no_forces() -> FloatArray:
+    return np.zeros(0)
+
+
+class Snapshots(NamedTuple):
+    """Snapshots of m scenes with n grains each, as arrays whose first axis is that of the scenes."""
+
+    mass: FloatArray
+    """[kg], shape (m, n)."""
+    radius: FloatArray
+    """[m], shape (m, n)."""
+    position: FloatArray
+    """[m], shape (m, n, 2)."""
+    velocity: FloatArray
+    """[m/s], shape (m, n, 2)."""
+    spin: FloatArray
+    """[rad/s], shape (m, n); 0 without friction."""
+    wall_force: FloatArray
+    """Force of each wall (0 outer, 1 inner, ...) on each grain [N], shape (m, n, walls)."""
+    gravity: FloatArray
+    """As it is at the time [m/s2], shape (m, 2)."""
+    discs: FloatArray
+    """Center and radius of the disc that each wall inside the annulus fills at the time [m], see
+    `Scene.discs_at`, shape (m, walls - 2, 3)."""
+    annulus: Annulus
+    """The annulus of each scene; its radii are arrays [m], shape (m,)."""
+    containers: Mapping[int, Container]
+    """Containers of the scenes with walls other than discs, such as segments and rings, by number."""
+
+    @classmethod
+    def of(
+        cls,
+        scenes: Sequence[Scene],
+        times: Sequence[float],
+        position: FloatArray,
+        velocity: FloatArray,
+        spin: FloatArray,
+        wall_force: FloatArray,
+    ) -> Self:
+        """Return the grains of scenes, whose driven walls are where they are at the times [s]."""
+        radii: Any = np.array([[scene.radius_in, scene.radius_out] for scene in scenes]).T
+        each = tuple(zip(scenes, times, strict=True))
+        return cls(
+            mass=np.array([scene.mass for scene in scenes]),
+            radius=np.array([scene.radius for scene in scenes]),
+            position=position,
+            velocity=velocity,
+            spin=spin,
+            wall_force=wall_force,
+            gravity=np.array([scene.gravity_at(time) for scene, time in each]),
+            discs=np.array([scene.discs_at(time) for scene, time in each]),
+            annulus=Annulus(*radii),
+            containers={
+                k: container_of(scene, time, position[k])
+                for k, (scene, time) in enumerate(each)
+                if any(wall.border is None or wall.border.keeps_inside for wall in scene.walls)
+            },
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Snapshot:
+    """Grains and contacts at one time, as returned by `snapshot` and `Recording.frame`.
+
+    Contacts are those that carried a force during the last step; their normals are those at its start.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene, with the walls that forces drive where they are.
+    steps : int
+        Time steps since the start.
+    time : float
+        Simulated time [s]. In a recording, it may lie within the last step.
+    position, velocity : ndarray
+        Centers [m] and velocities [m/s] of the grains, shape (n, 2).
+    spin, angle : ndarray
+        Angular velocities [rad/s], and angles since the start [rad], shape (n,); 0 without friction.
+    start : ndarray
+        Centers at the start of the last step [m], shape (n, 2).
+    start_scene : Scene
+        The scene of that step, with the walls that forces drive where they were; in a recording, `scene`,
+        with these walls where they are in the frame.
+    start_staggered : bool
+        Whether velocities were half a step behind then, see `State.staggered`.
+    pair : ndarray
+        Grains i < j in contact, shape (m, 2).
+    force : ndarray
+        Force of each of these contacts [N], shape (m,), > 0.
+    wall : ndarray
+        Grain and wall of each contact with a wall, shape (k, 2), see `WallContacts`.
+    wall_force : ndarray
+        Force of each of these contacts [N], shape (k,), > 0.
+    tangential_force, wall_tangential_force : ndarray
+        Tangential force of these contacts [N], shapes (m,) and (k,), see `PairContacts` and `WallContacts`.
+    places : ndarray or None
+        Coordinates of walls [m], see `State.driven`, shape (walls,); None where no force drives a wall.
+    recorded : mapping
+        Numbers of the grains that a recording holds, such as the pressure, by name, shape (n,) each.
+
+    Examples
+    --------
+    >>> now = analysis.snapshot(simulation)
+    >>> now.pair.shape, now.force.shape, now.wall_force.shape
+    ((15, 2), (15,), (10,))
+    """
+
+    scene: Scene
+    steps: int
+    time: float
+    position: FloatArray
+    velocity: FloatArray
+    spin: FloatArray
+    angle: FloatArray
+    start: FloatArray
+    start_scene: Scene
+    start_staggered: bool
+    pair: IntArray = field(default_factory=_no_pairs)
+    force: FloatArray = field(default_factory=_no_forces)
+    wall: IntArray = field(default_factory=_no_pairs)
+    wall_force: FloatArray = field(default_factory=_no_forces)
+    tangential_force: FloatArray = field(default_factory=_no_forces)
+    wall_tangential_force: FloatArray = field(default_factory=_no_forces)
+    places: FloatArray | None = None
+    recorded: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    @property
+    def n(self) -> int:
+        """Number of grains."""
+        return self.scene.n
+
+    @property
+    def end(self) -> float:
+        """Time of the end of the last step [s], at which its walls that move are taken."""
+        return self.start_scene.time_after(self.steps)
+
+    @property
+    def grains(self) -> Snapshots:
+        """Grains in the form for many runs, with one run."""
+        wall_force = np.zeros((self.n, self.scene.wall_count))
+        wall_force[*self.wall.T] = self.wall_force
+        arrays = (self.position, self.velocity, self.spin, wall_force)
+        return Snapshots.of([self.scene], [self.time], *(array[np.newaxis] for array in arrays))
+
+    @cached_property
+    def container(self) -> Container:
+        """The container of the grains."""
+        return container_of(self.scene, self.time, self.position)
+
+    @property
+    def normal(self) -> FloatArray:
+        """Unit vectors from grain i to grain j of each pair, shape (m, 2)."""
+        return self.loads.normal[: len(self.pair)]
+
+    @cached_property
+    def loads(self) -> Loads:
+        """All contacts as forces on single grains."""
+        (i, j), at_wall = self.pair.astype(np.int64).T, self.wall[:, 0].astype(np.int64)
+        normal = pair_normals(self.start, i, j)
+        into_wall, _ = self.start_scene.wall_frames(self.start, self.wall, time=self.end)
+        return Loads(
+            np.concatenate([i, j, at_wall]),
+            np.concatenate([normal, -normal, into_wall]),
+            np.concatenate([self.force, self.force, self.wall_force]),
+            np.concatenate([self.tangential_force, self.tangential_force, self.wall_tangential_force]),
+        )
+
+    def columns(self, table: str) -> dict[str, Any]:
+        """Return one of `TABLES` as columns by name."""
+        if table == "grains":
+            (x, y), (vx, vy) = self.position.T, self.velocity.T
+            columns = {"x": x, "y": y, "vx": vx, "vy": vy, "radius": self.scene.radius}
+            return columns | {"mass": self.scene.mass, "spin": self.spin, "angle": self.angle}
+        if table == "contacts":
+            names, ends, normal = ("i", "j"), self.pair, self.normal
+            force, tangential = self.force, self.tangential_force
+        else:
+            names, ends, normal = ("grain", "wall"), self.wall, self.loads.normal[2 * len(self.pair) :]
+            force, tangential = self.wall_force, self.wall_tangential_force
+        columns = dict(zip((*names, "normal_x", "normal_y"), (*ends.T, *normal.T), strict=True))
+        return {**columns, "force": force, "tangential_force": tangential}
+
+    def to_pandas(self, table: str = "grains") -> pandas.DataFrame:
+        """Return grains or contacts as a DataFrame, in the units of the snapshot.
+
+        Parameters
+        ----------
+        table : str
+            ``"grains"``: x, y, vx, vy, radius, mass, spin, angle; ``"contacts"``, those between grains: i, j,
+            normal_x, normal_y, force, tangential_force; or ``"wall_contacts"``: grain, wall, and the same.
+
+        Raises
+        ------
+        InputError
+            The table is unknown, or pandas is not installed; the extra ``[data]`` installs it.
+        """
+        columns = self.columns(checks.one_of("table", table, TABLES))
+        return library("pandas", "to_pandas").DataFrame(columns)
+
+    def to_xarray(self, table: str = "grains") -> xarray.Dataset:
+        """Return grains or contacts as a dataset with the columns of `to_pandas`, and units.
+
+        Raises
+        ------
+        InputError
+            The table is unknown, or pandas or xarray is not installed; the extra ``[data]`` installs them.
+        """
+        return dataset(self.to_pandas(table), UNITS)

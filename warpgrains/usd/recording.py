@@ -1,0 +1,338 @@
+"""`Recording`: the frames of a recorded run as snapshots and arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
+
+from warpgrains.arrays import FloatArray
+from warpgrains.drawing.chains import ChainScale, pairs_and_walls
+from warpgrains.drawing.colorings import COLORINGS
+from warpgrains.drawing.colors import ColorScale
+from warpgrains.drawing.frames import FrameTimes
+from warpgrains.drawing.painter import Painter
+from warpgrains.errors import InputError
+from warpgrains.scene import checks
+from warpgrains.scene.compatibility import require_valid_positions
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.snapshot import TABLES, UNITS, Snapshot
+from warpgrains.scene.toml import read_parameters
+from warpgrains.shown import Shown, number_of
+from warpgrains.tables import dataset, library
+from warpgrains.usd.grains import GRAINS, OF_GRAINS, VELOCITIES, numbers_of, position_of
+from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, WALLS
+from warpgrains.usd.stage import RECORDED_BY, numbers
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+
+class Recording(Shown):
+    """The frames of a recording as arrays; the file stores them as float32.
+
+    Parameters
+    ----------
+    path : str or Path
+        A USD file that a run recorded.
+
+    Attributes
+    ----------
+    path : Path
+    time : ndarray
+        Time of each frame since the first one [s], shape (f,).
+    radius : ndarray
+        Radii of the grains [m], shape (n,).
+
+    Raises
+    ------
+    InputError
+        The file is missing, is not USD, holds no frames of grains, or has content that recordings do not
+        have.
+
+    Examples
+    --------
+    >>> recording = wg.Recording("annulus.usdc")
+    >>> len(recording), recording.position.shape, recording.has_forces, recording.scene.n
+    (97, (97, 15, 2), True, 15)
+    >>> recording.frame(-1).force.shape  # one per contact
+    (15,)
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(checks.path("path", path))
+        with refusing_untrusted_content(self.path):
+            self._open()
+        self.time = np.arange(len(self)) / self.times.rate
+
+    def _open(self) -> None:
+        self._stage = open_recording(self.path)
+        prim = self._stage.GetPrimAtPath(GRAINS)
+        if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
+            raise InputError(f"'{self.path}' holds no grains")
+        self._prim = prim
+        codes = position_of(prim).GetTimeSamples()
+        if not codes:
+            raise InputError(f"'{self.path}' holds no frames")
+        data = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY)
+        if data is None:
+            raise InputError(f"'{self.path}' holds no scene: warpgrains has not recorded it")
+        for frame, code in enumerate(codes):
+            if code != frame:
+                raise InputError(
+                    f"'{self.path}' holds frame {frame} at time code {code:.17g}: it must be {frame}"
+                )
+        self._count = len(codes)
+        parameters = read_parameters(str(data["parameters"]))
+        self._parameters = parameters | {"name": str(data["name"]), "text": str(data["scene"])}
+        self.scale = ColorScale.read(data["colors"]) if "colors" in data else None
+        self.chain_scale = ChainScale.read(data["forces"]) if "forces" in data else None
+        first_step = checks.whole_number("first_step", data["first_step"], least=0)
+        rate = float(self._stage.GetTimeCodesPerSecond())
+        start = checks.number("time", parameters.get("time", 0.0))
+        self.times = FrameTimes.of(checks.positive("dt", parameters["dt"]), rate, first_step, start)
+        checks.number("time of the last frame", self.times.time(self._count - 1))
+        n = len(numbers(position_of(prim)))
+        self._mass, self.radius = (
+            checks.positive_per_grain(name, numbers(prim.GetAttribute(attribute)), n)
+            for name, attribute in OF_GRAINS.items()
+        )
+
+        recorded = numbers_of(prim)
+        self._recorded = {name: recorded[name] for name in COLORINGS if name in recorded}
+
+    def summary(self) -> dict[str, str]:
+        """Return the fields of the one-line summary by name."""
+        return {
+            self.path.name: f"of {number_of(len(self.radius), 'grain')}",
+            "frames": f"{len(self)}",
+            "time": f"{self.time[-1]:g} s",
+            "forces": "recorded" if self.has_forces else "not recorded",
+        }
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def has_forces(self) -> bool:
+        """True if contacts and their forces were recorded (``--forces``)."""
+        return self.chain_scale is not None
+
+    @cached_property
+    def position(self) -> FloatArray:
+        """Centers of the grains [m], shape (f, n, 2)."""
+        return self._of_all_frames(self._position)
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        """Velocities of the grains [m/s], shape (f, n, 2)."""
+        return self._of_all_frames(self._velocity)
+
+    @cached_property
+    def spin(self) -> FloatArray:
+        """Angular velocities of the grains [rad/s], shape (f, n); 0 without friction."""
+        return self._of_all_frames(lambda k: self._rotation("spin", k))
+
+    @cached_property
+    def angle(self) -> FloatArray:
+        """Angles by which grains have turned since the start [rad], shape (f, n); 0 without friction."""
+        return self._of_all_frames(lambda k: self._rotation("angle", k))
+
+    def _of_all_frames(self, read: Callable[[int], FloatArray]) -> FloatArray:
+        return np.array([read(k) for k in range(len(self))])
+
+    def _numbers(self, attribute: Usd.Attribute, k: int, *columns: int) -> FloatArray:
+        """Return the values of the grains in a frame, shape (n, *columns)."""
+        with refusing_untrusted_content(self.path):
+            return numbers(attribute, k, (len(self.radius), *columns))
+
+    def _position(self, k: int) -> FloatArray:
+        return self._numbers(position_of(self._prim), k, 3)[:, :2]
+
+    def _velocity(self, k: int) -> FloatArray:
+        return self._numbers(self._prim.GetAttribute(VELOCITIES), k, 3)[:, :2]
+
+    def _rotation(self, name: str, k: int) -> FloatArray:
+        attribute = self._prim.GetAttribute(f"primvars:{name}")
+        return self._numbers(attribute, k) if attribute else np.zeros(len(self.radius))
+
+    @cached_property
+    def scene(self) -> Scene:
+        """Scene of the run from its first frame, with its time, and grains and walls where they are then.
+
+        Raises
+        ------
+        InputError
+            In the first frame, the center of a grain is in a wall.
+        """
+        scene, time = self.recorded_scene, self.times.time(0)
+        if time != scene.time:
+            scene = scene.with_walls_at(self._places(0)).starting_at(time)
+        try:
+            require_valid_positions(scene)
+        except InputError as error:
+            raise InputError(f"the first frame of '{self.path}' cannot start a simulation: {error}") from None
+        return scene
+
+    @cached_property
+    def recorded_scene(self) -> Scene:
+        """Scene of the run, with the grains of the first frame, which may be in a wall at the start."""
+        has_spin = bool(self._prim.GetAttribute("primvars:spin"))
+        return Scene.of_later_state(
+            position=self._position(0),
+            velocity=self._velocity(0),
+            spin=self._rotation("spin", 0) if has_spin else None,
+            radius=self.radius,
+            mass=self._mass,
+            **self._parameters,
+        )
+
+    def _places(self, k: int) -> FloatArray | None:
+        """Return the coordinates of walls [m], shape (walls,); None where no force drives a wall."""
+        with refusing_untrusted_content(self.path):
+            places = self._stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
+            return numbers(places, k) if places else None
+
+    def frame(self, k: int, contacts: bool = True) -> Snapshot:
+        """Return a frame as a snapshot, for `warpgrains.analysis`.
+
+        Parameters
+        ----------
+        k : int
+            Number of the frame; negative numbers count from the end.
+        contacts : bool
+            Whether to include contacts.
+
+        Notes
+        -----
+        A frame knows neither another scene of the step before it, after `Simulation.change`, nor another
+        time scheme.
+
+        Raises
+        ------
+        InputError
+            The frame does not exist, or contacts were not recorded.
+        """
+        checks.whole_number("frame", k, least=-checks.LARGEST_WHOLE_NUMBER)
+        if not -len(self) <= k < len(self):
+            raise InputError(f"frame {k} does not exist: '{self.path}' has {number_of(len(self), 'frame')}")
+        if contacts and not self.has_forces:
+            raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
+        k, times = k % len(self), self.times
+        position, velocity, places = self._position(k), self._velocity(k), self._places(k)
+        scene, steps = self.recorded_scene.with_walls_at(places), times.simulated_step(k)
+        return Snapshot(
+            scene=scene,
+            steps=steps,
+            time=times.time(k),
+            position=position,
+            velocity=velocity,
+            spin=self._rotation("spin", k),
+            angle=self._rotation("angle", k),
+            start=position - (times.dt - times.left(k)) * velocity,
+            start_scene=scene,
+            start_staggered=scene.scheme == "leapfrog" and steps > 1,
+            places=places,
+            recorded={name: self._numbers(own, k) for name, own in self._recorded.items()},
+            **(self._contacts(k) if contacts else {}),
+        )
+
+    def _contacts(self, k: int) -> dict[str, Any]:
+        """Return the contacts of a frame as fields of a snapshot."""
+        with refusing_untrusted_content(self.path):
+            bands, n = self._stage.GetPrimAtPath(FORCES), len(self.radius)
+            force = numbers(bands.GetAttribute("primvars:force"), k)
+            tangential = np.zeros_like(force)
+            if bands.HasAttribute(TANGENTIAL):
+                tangential = numbers(bands.GetAttribute(TANGENTIAL), k, force.shape)
+            ends = [numbers(bands.GetAttribute(f"primvars:{name}"), k, force.shape) for name in GRAINS_OF]
+            first, other = pair = np.array(ends, np.int32)
+            last_wall = -2 - len(self._parameters.get("walls", ()))
+            if not ((first >= 0) & (first < n) & (last_wall <= other) & (other < n)).all():
+                raise ValueError("a force chain names a grain or a wall that does not exist")
+        between, pairs, walls = pairs_and_walls(pair.T)
+        return {
+            "pair": pairs,
+            "force": force[between],
+            "wall": walls,
+            "wall_force": force[~between],
+            "tangential_force": tangential[between],
+            "wall_tangential_force": tangential[~between],
+        }
+
+    def to_pandas(self, table: str = "grains") -> pandas.DataFrame:
+        """Return grains or contacts of all frames as a DataFrame.
+
+        Parameters
+        ----------
+        table : str
+            ``"grains"``, ``"contacts"`` or ``"wall_contacts"``: the columns frame and time [s], and those of
+            `Snapshot.to_pandas`.
+
+        Raises
+        ------
+        InputError
+            The table is unknown, contacts were not recorded, or pandas is not installed; the extra ``[data]``
+            installs it.
+        """
+        contacts = checks.one_of("table", table, TABLES) != "grains"
+        parts = [self.frame(k, contacts).columns(table) for k in range(len(self))]
+        columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        frame = np.repeat(np.arange(len(self)), [len(next(iter(part.values()))) for part in parts])
+        first = {"frame": frame, "time": self.time[frame]}
+        return library("pandas", "to_pandas").DataFrame(first | columns)
+
+    def to_xarray(self, table: str = "grains") -> xarray.Dataset:
+        """Return grains or contacts of all frames as a dataset with the columns of `to_pandas`, and units.
+
+        Grains have the dimensions time and grain, contacts are a list.
+
+        Raises
+        ------
+        InputError
+            The table is unknown, contacts were not recorded, or pandas or xarray is not installed; the extra
+            ``[data]`` installs them.
+        """
+        frame = self.to_pandas(table)
+        if table == "grains":
+            grain = np.tile(np.arange(len(self.radius)), len(self))
+            frame = frame.drop(columns="frame").assign(grain=grain).set_index(["time", "grain"])
+        return dataset(frame, UNITS)
+
+
+def painter_of(recording: Recording, frame: str | None = None) -> Painter:
+    """Return the painter of the frames, with the scales of the file; for `frame`, see `Painter`."""
+    color_by = "palette" if recording.scale is None else recording.scale.quantity
+    painter = Painter(recording.recorded_scene, color_by, recording.has_forces, frame=frame)
+    painter.colors.scale, painter.chain_scale = recording.scale, recording.chain_scale
+    return painter
+
+
+def open_recording(path: Path) -> Usd.Stage:
+    """Open a recording. Raises InputError if the file is missing or cannot be read."""
+    if not path.is_file():
+        raise InputError(f"recording '{path}' does not exist")
+    try:
+        _unprinted = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings would be lines beside ours
+        # not the layer that USD keeps of an earlier file of this name
+        return Usd.Stage.Open(Sdf.Layer.OpenAsAnonymous(str(path)))
+    except Tf.ErrorException as error:
+        raise InputError(f"recording '{path}' is not a USD file that can be read") from error
+
+
+@contextmanager
+def refusing_untrusted_content(path: str | Path) -> Iterator[None]:
+    """Raise InputError instead of any exception of USD or NumPy that unexpected content causes."""
+    try:
+        yield
+    except (InputError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise InputError(f"recording '{path}' is damaged: {reason}") from error
