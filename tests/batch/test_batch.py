@@ -12,16 +12,14 @@ from same_bits import contents
 from sample_scenes import random_scene
 
 from warpgrains import Batch, Disc, InputError, Scene, Simulation
-from warpgrains.batch import resident
-from warpgrains.batch.resident import ResidentSets
+from warpgrains.batch import loaded_scenes
+from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.fields import METHODS
 from warpgrains.simulation.until import CountedRun, criterion
 from warpgrains.solver import engine, sizes, threads
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.warp_start import find_device
-
-LARGE = 9  # of the mixed scenes
 
 
 def assert_as_alone(batch: Batch, order: list[int], expected: list[Alone]) -> None:
@@ -64,8 +62,10 @@ def test_step_by_step(scenes: list[Scene], expected: list[Alone]) -> None:
 @pytest.mark.parametrize(
     ("module", "name", "value"),
     [
-        pytest.param(resident, "free_memory", lambda _: 200_000.0, id="sets take turns in memory"),
         pytest.param(sizes, "first_pairs", np.ones_like, id="lists grow during a step"),
+        pytest.param(
+            loaded_scenes, "paying_threads", lambda scene: 1 + (scene.n > 20), id="threads share large scenes"
+        ),
     ],
 )
 def test_in_other_ways(
@@ -78,28 +78,15 @@ def test_in_other_ways(
 ) -> None:
     monkeypatch.setattr(module, name, value)
     batch = Batch(scenes, threads=2)
-    assert (len(batch._sets._sets) > 3) == (module is resident)
+    teams = {engine.team for engine, _ in batch._loaded._engines}
+    assert teams == ({1, 2} if module is loaded_scenes else {1})
     batch.run(steps=STEPS - 1)
     batch.step()
     assert_as_alone(batch, list(range(len(scenes))), expected)
 
 
-def test_a_scene_that_threads_share(
-    scenes: list[Scene],
-    expected: list[Alone],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    large = scenes[LARGE]
-    monkeypatch.setattr(resident, "paying_threads", lambda scene: 2 if scene is large else 1)
-    batch = Batch(scenes[:12], threads=2)
-    assert [LARGE] in batch._sets._sets
-    batch.run(steps=STEPS - 1)
-    batch.step()
-    assert_as_alone(batch, list(range(12)), expected)
-
-
 def test_grains_of_all_scenes_as_one_array() -> None:
-    """Scenes of two kinds, before they are in memory and afterwards."""
+    """Scenes of two kinds."""
     course = Scene.load("annulus")
     scenes = [course.replace(drag=drag, method=method) for drag in (0.1, 0.2) for method in METHODS[:2]]
     batch = Batch(scenes, threads=2)
@@ -116,14 +103,11 @@ def test_grains_of_all_scenes_as_one_array() -> None:
         Batch([course, Scene.load("bidisperse")]).position()
 
 
-@pytest.mark.parametrize("memory", [1e9, 25_000.0], ids=["all in memory", "one scene in memory"])
-def test_gravity_chosen_by_the_states(monkeypatch: pytest.MonkeyPatch, memory: float) -> None:
+def test_gravity_chosen_by_the_states() -> None:
     """Each scene is drawn to the left of its center, and falls as before afterwards; bits as alone."""
-    monkeypatch.setattr(resident, "free_memory", lambda _: memory)
     course = Scene.load("annulus")
     scenes = [course.replace(drag=drag) for drag in (0.1, 0.2, 0.5)]
     batch, alone = Batch(scenes, threads=2), [Simulation(scene) for scene in scenes]
-    assert len(batch._sets._sets) == (1 if memory > 1e6 else 3)
     for k in range(40):
         center = batch.position().mean(axis=1)
         gravity = None if k > 30 else np.stack([-9.81 * center[:, 1], 9.81 * center[:, 0]], axis=1)
@@ -143,9 +127,9 @@ def test_scenes_with_other_walls_end_in_other_groups() -> None:
     """Their arrays of forces on walls have other shapes."""
     course = Scene.load("annulus")
     scenes = course, course.replace(walls=[Disc((0.0, -1.0), 0.1)]), course.replace(drag=0.2)
-    resident = ResidentSets(scenes, find_device("cpu"), threads=1)
-    assert len(list(resident.advance([200] * 3, lambda _: None))) == 1
-    assert [(numbers, ends.grains.wall_force.shape) for numbers, ends in resident._ended(None)] == [
+    loaded = LoadedScenes(scenes, find_device("cpu"), threads=1)
+    loaded.advance([200] * 3)
+    assert [(numbers, ends.grains.wall_force.shape) for numbers, ends in loaded.ended()] == [
         ([0, 2], (2, 15, 2)),
         ([1], (1, 15, 3)),
     ]
@@ -186,24 +170,19 @@ def test_what_is_canceled_goes_on_with_the_same_bits(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(engine, "BRIEF", 0)
     monkeypatch.setattr(threads, "GLANCE", 1e-4)
     scenes = [Scene.load("annulus", ["solver.order=color", "physics.drag=0.1"])]
-    canceled, whole = (ResidentSets(scenes, find_device("cpu"), threads=1) for _ in range(2))
+    canceled, whole = (LoadedScenes(scenes, find_device("cpu"), threads=1) for _ in range(2))
     for _ in range(20):
-        before = canceled.state(0).steps
-        list(canceled.advance([10**6], lambda _: canceled.cancel()))
-        list(whole.advance([canceled.state(0).steps - before]))
-        assert contents(canceled.state(0)) == contents(whole.state(0))
+        before = canceled.scenes[0].steps
+        canceled.advance([10**6], lambda _: canceled.cancel())
+        whole.advance([canceled.scenes[0].steps - before])
+        assert contents(canceled.scenes[0].state()) == contents(whole.scenes[0].state())
 
 
 class TestUntil:
     """A scene ends where it ends alone, whatever the others do."""
 
-    @pytest.mark.parametrize("memory", [None, 200_000.0])
     @pytest.mark.parametrize("threads", [1, 2])
-    def test_rest_is_that_of_the_scene_alone(
-        self, threads: int, memory: float | None, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        if memory is not None:  # scenes take turns in it
-            monkeypatch.setattr(resident, "free_memory", lambda _: memory)
+    def test_rest_is_that_of_the_scene_alone(self, threads: int) -> None:
         annulus = Scene.load("annulus")
         scenes = [annulus.replace(drag=drag) for drag in (0.5, 1.0)]
         scenes += [annulus.replace(duration=0.33), random_scene(3).replace(duration=0.2)]
@@ -240,18 +219,17 @@ class TestUntil:
 
     def test_belongs_to_a_scene_by_its_number(self) -> None:
         scenes = [Scene.load("annulus")] * 3
-        sets = ResidentSets(scenes, find_device("cpu"), threads=1)
+        loaded = LoadedScenes(scenes, find_device("cpu"), threads=1)
         ends = None, criterion(lambda scene: scene.steps >= 20, scenes[1]), None
         runs = [CountedRun(50, RunStatistics(), end) for end in ends]
-        records = []
-        for steps in ([5, 10, 30], [0, 40, 5]):
-            (last,) = sets.advance(steps, None, runs)
-            records.append(last)
-            for record, steps_done in zip(records, ([5, 10, 30], [5, 20, 35]), strict=False):
-                assert [record.done(k).statistics.steps for k in range(3)] == steps_done
+        taken = [list(loaded.advance_runs(runs, steps)) for steps in ([5, 10, 30], [0, 40, 5])]
+        assert [[[last.statistics(k).steps for k in range(3)] for last in each] for each in taken] == [
+            [[5, 10, 30]],
+            [[0, 10, 5]],
+        ]
         ended = [(run.has_ended, run.statistics.steps, run.statistics.met) for run in runs]
         assert ended == [(False, 5, False), (True, 20, True), (False, 35, False)]
-        assert [sets.state(k).steps for k in range(3)] == [5, 20, 35]
+        assert [scene.steps for scene in loaded.scenes] == [5, 20, 35]
 
 
 def test_no_thread_is_woken_for_little_work(monkeypatch: pytest.MonkeyPatch) -> None:

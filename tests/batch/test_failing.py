@@ -9,7 +9,7 @@ from mixed import STEPS, Alone
 from same_bits import contents
 
 from warpgrains import Batch, InputError, Scene, Simulation, SimulationError, State
-from warpgrains.batch import resident
+from warpgrains.batch import loaded_scenes
 from warpgrains.solver import sizes
 
 FAILING = 5  # of the mixed scenes
@@ -36,7 +36,9 @@ def test_a_scene_that_fails(
     with pytest.raises(SimulationError) as failure:
         simulation.step()
     if shared:
-        monkeypatch.setattr(resident, "paying_threads", lambda scene: 2 if scene is scenes[FAILING] else 1)
+        monkeypatch.setattr(
+            loaded_scenes, "paying_threads", lambda scene: 2 if scene is scenes[FAILING] else 1
+        )
     batch = Batch(scenes[:8], threads=2)
     batch.restore(FAILING, start)
     summaries = batch.run(steps=STEPS)
@@ -79,11 +81,11 @@ def test_an_interrupted_run_leaves_every_scene_between_two_steps(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        list(batch._sets.advance([STEPS] * len(scenes), interrupt))
+        batch._loaded.advance([STEPS] * len(scenes), interrupt)
     for k in range(len(scenes)):
         batch.restore(k, batch.state(k))
     left = [STEPS - batch.state(k).steps for k in range(len(scenes))]
-    list(batch._sets.advance(left, lambda _: None))
+    batch._loaded.advance(left, lambda _: None)
     for k, (state, _, _) in enumerate(expected):
         assert contents(batch.state(k)) == contents(state)
 
@@ -96,7 +98,17 @@ def test_a_batch_whose_extra_is_missing_is_refused(monkeypatch: pytest.MonkeyPat
         Batch([scene, scene.replace(method="exact")])
 
 
-def test_a_scene_larger_than_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("warpgrains.solver.memory.free_memory", lambda _: 1_000.0)
-    with pytest.raises(SimulationError, match="contacts need"):
-        Batch([Scene.load("annulus")])
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        (1_000.0, "15 grains and their contacts need 0.00 GB, and cpu has 0.00 GB free$"),
+        (80_000.0, "60 grains .*: the first 3 of 4 scenes fit$"),
+    ],
+)
+def test_scenes_that_do_not_fit_in_memory_are_refused(
+    monkeypatch: pytest.MonkeyPatch, free: float, message: str
+) -> None:
+    monkeypatch.setattr("warpgrains.solver.memory.free_memory", lambda _: free)
+    annulus = Scene.load("annulus")
+    with pytest.raises(SimulationError, match=message):
+        Batch([annulus] if free < 10_000.0 else [annulus, annulus.replace(method="accelerated")] * 2)

@@ -3,7 +3,7 @@
 import csv
 from pathlib import Path
 
-from warpgrains.batch.resident import ResidentSets
+from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.cli.main import main
 from warpgrains.sweep import execution, long
 
@@ -66,13 +66,13 @@ class Slices:
         self.left, self.steps = 1_000, []
         patch.setattr(long, "BETWEEN_CHECKPOINTS", 0.0)
         patch.setattr(execution, "GROWTH", 1)
-        advance = ResidentSets.advance
+        advance = LoadedScenes.advance_runs
 
-        def advance_or_die(sets, steps, *arguments):
+        def advance_or_die(loaded, runs, steps):
             if self.left == 0:
                 raise Interrupted
             self.left -= 1
             self.steps.append(max(steps))
-            return advance(sets, steps, *arguments)
+            return advance(loaded, runs, steps)
 
-        patch.setattr(ResidentSets, "advance", advance_or_die)
+        patch.setattr(LoadedScenes, "advance_runs", advance_or_die)

@@ -5,7 +5,6 @@ import pickle
 import subprocess
 import sys
 import weakref
-from itertools import count
 
 import lightusd
 import numpy as np
@@ -15,7 +14,7 @@ from same_bits import at_annulus, contents
 from sweeps import SMALL, batch, results, table, write
 
 from warpgrains import Recording, Scene, Simulation
-from warpgrains.batch import resident
+from warpgrains.batch import loaded_scenes
 from warpgrains.files import read_table
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import memory, sizes, tuning
@@ -127,31 +126,21 @@ class TestResults:
     @pytest.mark.parametrize("options", [(), ("--folders",), ("--usd",)])
     def test_runs_that_do_not_fit_in_memory(self, tmp_path, done, monkeypatch, options):
         def require_memory(needed, grains, device):
-            if grains == 15:
+            if grains >= 15:
                 raise memory.OutOfMemoryError("15 grains are too many")
 
-        monkeypatch.setattr(resident, "require_memory", require_memory)
+        monkeypatch.setattr(loaded_scenes, "require_memory", require_memory)
         assert batch(write(tmp_path), "-o", tmp_path / "out", *options) == 1
         found, others = table(tmp_path / "out" / "results.csv"), table(done / "results.csv")
         assert [row["error"] for row in found if row["run"] in "15"] == ["15 grains are too many"] * 2
         assert found[::2] == others[::2]
         assert not list(tmp_path.rglob("*.frames"))
 
-    @pytest.mark.parametrize(
-        ("options", "lacking"), [((), 2), (("--folders",), 2), (("--folders",), 7), (("--usd",), 7)]
-    )
-    def test_memory_that_is_lacking_for_a_later_set(self, tmp_path, done, monkeypatch, options, lacking):
-        """Runs that have ended are saved, and the others continue alone from where they are."""
-        asked = count()
-        monkeypatch.setattr(resident, "free_memory", lambda _: 1_000.0)  # each run is a set
-        monkeypatch.setattr(memory, "free_memory", lambda _: 0.0 if next(asked) == lacking else 1e12)
+    @pytest.mark.parametrize("options", [(), ("--folders",)])
+    def test_runs_that_fit_in_memory_one_by_one(self, tmp_path, done, monkeypatch, options):
+        monkeypatch.setattr(memory, "free_memory", lambda _: 50_000.0)
         assert batch(write(tmp_path), "-o", tmp_path / "out", *options) == 1
-        assert next(asked) > lacking + 1
         assert results(tmp_path / "out") == results(done)
-        parts = [table(part) for part in (tmp_path / "out").glob("parts/[0-9]*.csv")]
-        assert [[row["run"] for row in part] for part in parts] == ([] if options else [["0"]])
-        for recording in tmp_path.rglob("*.usdc"):
-            assert inspect_recording(recording) == []
 
     @pytest.mark.parametrize("options", [(), ("--folders",)])
     def test_memory_that_is_lacking_for_a_longer_list(self, tmp_path, done, monkeypatch, options):
@@ -180,7 +169,7 @@ class TestResults:
                 raise memory.OutOfMemoryError("no room beside others")
             return resize(records, *given)
 
-        class Sets(resident.ResidentSets):
+        class Sets(loaded_scenes.LoadedScenes):
             def __init__(self, *given):
                 assert [group() for group in groups if group() is not None] == []
                 groups.append(weakref.ref(self))
@@ -188,7 +177,7 @@ class TestResults:
 
         monkeypatch.setattr(sizes, "first_pairs", lambda n: n // 4)
         monkeypatch.setattr(SceneRecords, "_resize", resize_alone)
-        monkeypatch.setattr(long, "ResidentSets", Sets)
+        monkeypatch.setattr(long, "LoadedScenes", Sets)
         gc.collect()
         gc.disable()
         try:
@@ -197,24 +186,6 @@ class TestResults:
             gc.enable()
         assert len(groups) > 1
         assert results(tmp_path / "out") == results(done)
-
-    def test_a_run_that_was_not_recorded_for_lack_of_memory_has_no_checkpoint(self, tmp_path, monkeypatch):
-        """One without a frame could not be resumed."""
-        asked, saved = count(), []
-        save = long.write_all
-
-        def keep_and_die(write, items):
-            save(write, items)
-            saved.append(sorted((tmp_path / "out" / "runs").glob("*/checkpoint.npz")))
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr(resident, "free_memory", lambda _: 1_000.0)  # each run is a set
-        monkeypatch.setattr(memory, "free_memory", lambda _: 0.0 if next(asked) == 4 else 1e12)
-        with monkeypatch.context() as dying:
-            dying.setattr(long, "write_all", keep_and_die)
-            batch(write(tmp_path), "-o", tmp_path / "out", "--usd")
-        assert 0 < len(saved[0]) < 4
-        assert all(read_checkpoint(path).statistics.frames > 0 for path in saved[0])
 
     def test_a_run_that_a_recording_cannot_hold_fails_alone(self, tmp_path):
         gravity = "[axes]\nphysics.gravity = [[0.0, -9.81], [0.0, -1e41]]\n"

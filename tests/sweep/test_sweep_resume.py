@@ -5,13 +5,14 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 from sweeps import LONG, SMALL, batch, results, table, write
 from trimmed import trimmed
 
 from warpgrains import Recording, Scene, SimulationError
-from warpgrains.batch.resident import ResidentSets
+from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import execution, run_folder, runner, short, sweep_folder
@@ -86,16 +87,14 @@ def test_killed_while_shards_are_written(tmp_path, moments):
 
 def test_what_failed_once_stays_failed(tmp_path, slices, monkeypatch):
     """Even if it could go on later, such as when there is memory again: it has missed steps."""
-    advance = ResidentSets.advance
+    advance = LoadedScenes.advance_runs
 
     def fail_once(*arguments):
-        for last in advance(*arguments):
-            done = {k: last.done(k) for k in last.numbers}
-            if len(slices.steps) == 2:
-                done[0] = done[0]._replace(error=SimulationError("no room"))
-            yield last._replace(done=done.__getitem__)
+        yield from advance(*arguments)
+        if len(slices.steps) == 2:
+            yield SimpleNamespace(errors={0: SimulationError("no room")})
 
-    monkeypatch.setattr(ResidentSets, "advance", fail_once)
+    monkeypatch.setattr(LoadedScenes, "advance_runs", fail_once)
     assert batch(write(tmp_path), "-o", tmp_path / "out", "--folders") == 1
     errors = [row["error"] for row in table(tmp_path / "out" / "results.csv")]
     assert errors[:2] == ["no room", ""]
@@ -121,14 +120,14 @@ def test_what_takes_long_is_kept_at_the_end_of_its_group(tmp_path, monkeypatch):
     """A process that is killed before the first long group has lost none of the steps of its short groups."""
     sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]"))
     assert batch(sweep, "-o", tmp_path / "short") == 0
-    out, advance = tmp_path / "out", ResidentSets.advance
+    out, advance = tmp_path / "out", LoadedScenes.advance
 
-    def advance_before_the_limit(sets, steps, poll, runs):
-        return advance(sets, steps, lambda done: poll(done) if done else None, runs)
+    def advance_before_the_limit(loaded, steps, poll):
+        return advance(loaded, steps, lambda done: poll(done) if done else None)
 
     with monkeypatch.context() as patch:
         patch.setattr(short, "SHORT", 0.0)
-        patch.setattr(ResidentSets, "advance", advance_before_the_limit)
+        patch.setattr(LoadedScenes, "advance", advance_before_the_limit)
         patch.setattr(engine, "BRIEF", 0)
         patch.setattr(threads, "GLANCE", 1e-3)
         patch.setattr(runner, "LongRunner", lambda *_: pytest.fail("killed"))

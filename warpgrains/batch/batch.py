@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast, overload
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.resident import ResidentSets, SetSteps
+from warpgrains.batch.loaded_scenes import LoadedScenes, StepsTaken
 from warpgrains.console import progress_bar
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, SimulationError
@@ -20,7 +21,6 @@ from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.options import steps_of
 from warpgrains.simulation.until import CountedRun, Question, criterion
 from warpgrains.solver.advance import OnProgress
-from warpgrains.solver.service import exact_solver
 from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.threads import cores
 from warpgrains.turns import NOTHING, READ, ExclusiveUse
@@ -85,8 +85,8 @@ class Batch(Shown):
     """Many scenes on one device, of any sizes and parameters.
 
     The results of each scene are bit-identical to those of a `Simulation`, and do not depend on the other
-    scenes, their order and the number of threads. If the scenes do not all fit in memory, they are processed
-    in groups. Advancing a batch from two Python threads at once raises `SimulationError`.
+    scenes, their order and the number of threads. Advancing a batch from two Python threads at once raises
+    `SimulationError`.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class Batch(Shown):
     InputError
         There is no scene, the device is unknown, or the number of threads is not positive.
     SimulationError
-        A scene does not fit in memory.
+        The scenes do not fit in memory; the message says how many do.
 
     Attributes
     ----------
@@ -134,10 +134,8 @@ class Batch(Shown):
         if threads is not None:
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
-        for method in {scene.method for scene in self.scenes}:
-            exact_solver(method)  # raises InputError now, and not in the first step, if its extra is missing
-        self._sets = ResidentSets(self.scenes, self._device, cores() if threads is None else threads)
-        self._stepped: dict[int, SetSteps] = {}  # in which scenes took their last steps
+        self._loaded = LoadedScenes(self.scenes, self._device, cores() if threads is None else threads)
+        self._stepped: dict[int, StepsTaken] = {}  # in which scenes took their last steps
         self._restored: dict[int, StepReport | None] = {}
         self._turning = [k for k, scene in enumerate(self.scenes) if scene.gravity_rate]
         self._use = ExclusiveUse("batch")
@@ -179,10 +177,9 @@ class Batch(Shown):
             A number of some scene is no longer finite (that scene keeps the state before the step, and the
             other scenes have advanced), or another thread advances this batch.
         """
-        sets = self._advance([1] * len(self), None, None, gravity)
-        errors = sorted(error for last in sets for error in last.errors.items())
+        errors, _ = self._advance([1] * len(self), gravity)
         if errors:
-            raise SimulationError("; ".join(f"scene {k}: {error}" for k, error in errors))
+            raise SimulationError("; ".join(f"scene {k}: {error}" for k, error in errors.items()))
         return cast(Results[StepReport], self.reports)
 
     def run(
@@ -229,13 +226,11 @@ class Batch(Shown):
             own = zip(wanted, self.scenes, strict=True)
             runs = [CountedRun(steps, RunStatistics(), criterion(until, scene)) for steps, scene in own]
         with progress_bar(sum(wanted), shown=progress) as bar:
-            sets = self._advance(wanted, bar.update if progress else None, runs, gravity)
-        of_scene = {k: last for last in sets for k in last.numbers}
+            errors, statistics = self._advance(wanted, gravity, bar.update if progress else None, runs)
 
         def summary(k: int) -> SceneSummary:
-            done = of_scene[k].done(k)
-            error = None if done.error is None else str(done.error)
-            return SceneSummary(**vars(done.statistics.summary(None)), error=error)
+            error = str(errors[k]) if k in errors else None
+            return SceneSummary(**vars(statistics(k).summary(None)), error=error)
 
         return Results(len(self), summary)
 
@@ -253,17 +248,27 @@ class Batch(Shown):
     def _advance(
         self,
         steps: list[int],
-        on_progress: OnProgress | None,
-        runs: list[CountedRun] | None,
         gravity: ArrayLike | None,
-    ) -> list[SetSteps]:
-        """Advance each scene, see `ResidentSets.advance`, and keep the record of its last steps."""
+        on_progress: OnProgress | None = None,
+        runs: list[CountedRun] | None = None,
+    ) -> tuple[dict[int, SimulationError], Callable[[int], RunStatistics]]:
+        """Advance each scene; return why some stopped early, and the function that returns what each did."""
         given = None if gravity is None else self._checked_gravity(gravity)
-        with self._use.held(allowed=NOTHING):
-            sets = list(self._sets.advance(steps, on_progress, runs, given))
-            for last in sets:
+        errors: dict[int, SimulationError] = {}
+        with self._use.held(allowed=NOTHING), ExitStack() as afterwards:
+            if given is not None:
+                own = np.array([scene.gravity for scene in self.scenes])
+                afterwards.callback(self._loaded.set_gravity, own)
+                self._loaded.set_gravity(given)
+            if runs is None:
+                last = self._loaded.advance(steps, on_progress)
+                taken: Iterable[StepsTaken] = [last]
+            else:
+                taken = self._loaded.advance_runs(runs, steps, on_progress)
+            for last in taken:
+                errors |= last.errors
                 self._stepped |= dict.fromkeys(last.stepped, last)
-        return sets
+        return errors, last.statistics if runs is None else lambda k: runs[k].statistics
 
     def _checked_gravity(self, gravity: ArrayLike) -> FloatArray:
         one = np.ndim(gravity) == 1
@@ -279,7 +284,7 @@ class Batch(Shown):
     def reports(self) -> Results[StepReport | None]:
         """The last report of every scene; None before its first step."""
         stepped, restored = dict(self._stepped), self._restored
-        return Results(len(self), lambda k: stepped[k].done(k).report if k in stepped else restored.get(k))
+        return Results(len(self), lambda k: stepped[k].report(k) if k in stepped else restored.get(k))
 
     def position(self, k: int | None = None) -> FloatArray:
         """Return the centers of the grains of scene k [m], shape (n, 2); a read-only copy.
@@ -304,7 +309,7 @@ class Batch(Shown):
         if len(counts) > 1:
             raise InputError(f"the scenes have {min(counts)} to {max(counts)} grains: ask for one, {name}(k)")
         with self._use.held(READ):
-            return checks.frozen(self._sets.vectors(name))
+            return checks.frozen(self._loaded.vectors(name))
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k.
@@ -312,7 +317,7 @@ class Batch(Shown):
         After `restore`, the scene continues from it with the same bits.
         """
         with self._use.held(READ):
-            return self._sets.state(self._number(k))
+            return self._loaded.scenes[self._number(k)].state()
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state.
@@ -325,7 +330,7 @@ class Batch(Shown):
         k = self._number(k)
         require_state(state, self.scenes[k])
         with self._use.held(READ):
-            self._sets.restore(k, state)
+            self._loaded.load(k, state)
 
     def _number(self, k: int) -> int:
         return checks.whole_number("k", k, least=0, most=len(self) - 1)

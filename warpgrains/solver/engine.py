@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from warpgrains import kernel_cache
-from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.arrays import IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.kernels import advance as advance_kernel
 from warpgrains.kernels.access import CHECKED
@@ -73,12 +73,13 @@ class Engine:
         Remaining steps, and total time of the steps [s], of every scene.
     last_steps : LastSteps
         The steps since `submit`; the next steps change it.
+    team : int
     is_brief : bool
         Whether the submitted steps end before a user could want to interrupt them.
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, team: int = 1):
-        self._device, self._team = device, team
+        self._device, self.team = device, team
         self.records = SceneRecords(scenes, team, device)
         self.scenes = [LoadedScene(self.records, k) for k in range(len(scenes))]
         self._service = Service(self.records)
@@ -92,7 +93,7 @@ class Engine:
         self.left, self._outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self.seconds, self._cancel = self._queue.seconds.numpy(), self._queue.cancel.numpy()
         self._grains = np.array([scene.n for scene in scenes])
-        self.is_brief, self._is_gravity_given = True, False
+        self.is_brief = True
         self._tasks: list[Callable[[], None]] = []
         host, service = self.records.host, self._service
         arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds, host["steps"]
@@ -134,13 +135,6 @@ class Engine:
         done = self.last_steps.counted(which) if statistics is None else counted(statistics)
         return FinalStates.of(scenes, self.records, which, done)
 
-    def set_gravity(self, gravity: FloatArray | None) -> None:
-        """Use another gravity than that of the scenes [m/s2], shape (scenes, 2), until it is set to None."""
-        if gravity is not None or self._is_gravity_given:
-            own = [scene.gravity for scene in self.records.scenes]
-            self.records.set_gravity(own if gravity is None else gravity)
-        self._is_gravity_given = gravity is not None
-
     def submit(self, steps: Sequence[int]) -> None:
         """Set the number of steps to do for each scene, and reset the statistics."""
         self.left[:] = steps
@@ -162,11 +156,11 @@ class Engine:
         """
         if self._device.is_cuda:
             return [self._work_on_gpu]
-        count = self._team if self._team > 1 else threads
+        count = self.team if self.team > 1 else threads
         begun = len(self._tasks)
         if count > begun:
             self.load_kernels()
-            teams = team_records(count) if self._team > 1 else [team_records(1)[0] for _ in range(count)]
+            teams = team_records(count) if self.team > 1 else [team_records(1)[0] for _ in range(count)]
             for team in teams[begun:]:
                 inputs = (self.records.device, self._queue, team)
                 with BUILDING:
@@ -267,7 +261,7 @@ class Engine:
             left = self.left.copy()
             self.left[:] = 0
             self.left[amid], self._outcome[amid] = 1, SOLVED
-            run_threads(self.tasks(self._team))
+            run_threads(self.tasks(self.team))
             left[amid] += self.left[amid] - 1
             self.left[:] = left
 

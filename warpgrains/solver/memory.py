@@ -6,8 +6,10 @@ Without it, the operating system would kill a process that takes too much, with 
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import warp as wp
 
+from warpgrains.arrays import IndexArray
 from warpgrains.errors import SimulationError
 
 PROC, CGROUPS = Path("/proc"), Path("/sys/fs/cgroup")
@@ -20,27 +22,18 @@ class OutOfMemoryError(SimulationError):
     """Lack of memory for scenes that are not loaded yet, or for a longer list of contacts."""
 
 
-def require_memory(needed: int, grains: int, device: wp.Device) -> None:
-    """Raise OutOfMemoryError if a device lacks the memory for scenes.
+def require_memory(needed: IndexArray, grains: int, device: wp.Device) -> None:
+    """Raise OutOfMemoryError if a device lacks the memory that scenes need [bytes], shape (scenes,).
 
-    Parameters
-    ----------
-    needed : int
-        Memory [bytes].
-    grains : int
-        Number of grains, for the message.
-    device : wp.Device
-
-    Raises
-    ------
-    OutOfMemoryError
-        More memory is needed than the device has free.
+    The message has the number of their grains.
     """
-    free = free_memory(device)
-    if needed > free:
+    free, total = free_memory(device), needed.sum()
+    if total > free:
+        fit = int(np.searchsorted(np.cumsum(needed), free, side="right"))
         raise OutOfMemoryError(
-            f"{grains} grains and their contacts need {needed / 1e9:.2f} GB,"
+            f"{grains} grains and their contacts need {total / 1e9:.2f} GB,"
             f" and {device.alias} has {free / 1e9:.2f} GB free"
+            + (f": the first {fit} of {len(needed)} scenes fit" if len(needed) > 1 else "")
         )
 
 

@@ -54,7 +54,7 @@ class SceneRecords:
         self.loaded_steps = np.zeros(len(scenes), np.int64)
         self.last_scenes: list[Scene | None] = [None] * len(scenes)
         self.sizes = Sizes.first(scenes, team, device)
-        require_memory(int(bytes_needed(self.sizes).sum()), int(self.sizes.grains.sum()), device)
+        require_memory(bytes_needed(self.sizes), int(self.sizes.grains.sum()), device)
         self._number = {field.name: number for number, field in enumerate(fields())}
         self.device = wp.zeros(len(scenes), dtype=SceneRecord, device=device)
         self.host = self.device.numpy()
@@ -265,7 +265,7 @@ class SceneRecords:
 
     def _resize(self, k: int, sizes: Sizes) -> None:
         """Move scene k to a memory block for other sizes."""
-        require_memory(int(bytes_needed(sizes.of(k))[0]), self.scenes[k].n, self._device)
+        require_memory(bytes_needed(sizes.of(k)), self.scenes[k].n, self._device)
         kept = {field.name: self.array(k, field.name) for field in fields()}
         self.sizes, self._memory = sizes, None
         self._place(np.array([k]), sizes.of(k))

@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 
 from warpgrains.analysis.quantities import require_quantities
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.batch.resident import ResidentSets
+from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.errors import InputError, LockedError, MissingExtraError, OutputError, SimulationError
 from warpgrains.frame_log import log_of
 from warpgrains.scene.state import State
@@ -163,57 +163,57 @@ class LongRunner:
         """Advance runs to their ends, or failure; return those that must go on alone for lack of memory."""
         if not runs:
             return []
-        sets = None
+        loaded = None
         try:
-            sets = ResidentSets([run.scene for run in runs], self._device, self._threads)
+            loaded = LoadedScenes([run.scene for run in runs], self._device, self._threads)
             for k, run in enumerate(runs):
-                sets.restore(k, run.saved)
-            self._in_slices(runs, sets)
+                loaded.load(k, run.saved)
+            self._in_slices(runs, loaded)
         except OutOfMemoryError as error:
-            if sets is not None:
-                _save_checkpoints(runs, sets)
+            if loaded is not None:
+                _save_checkpoints(runs, loaded)
             if len(runs) > 1:
                 return [run for run in runs if run.has_steps_left]
             self._on_progress(1.0 - runs[0].progress)
             runs[0].error = OutOfMemoryError(str(error))  # whose traceback does not hold the scene
         return []
 
-    def _in_slices(self, runs: list[LongRun], sets: ResidentSets) -> None:
+    def _in_slices(self, runs: list[LongRun], loaded: LoadedScenes) -> None:
         """Advance runs in slices; record, measure and save checkpoints between slices."""
         slice_steps, kept_at, done = FIRST_SLICE, perf_counter(), sum(run.progress for run in runs)
-        for _ in sets.in_memory():
-            _write_due(runs, sets)
+        _write_due(runs, loaded)
         if any(run.output is not None for run in runs):
-            _save_checkpoints(runs, sets)
+            _save_checkpoints(runs, loaded)
         while any(run.has_steps_left for run in runs):
             start = perf_counter()
             steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
-            for last in sets.advance(steps, None, runs):
-                errors = {k: last.done(k).error for k in filter(steps.__getitem__, sets.present)}
-                lacking = [error for error in errors.values() if isinstance(error, OutOfMemoryError)]
-                for k, error in errors.items():
-                    runs[k].error = None if error in lacking else error
-                _write_due(runs, sets)
-                before, done = done, sum(run.progress for run in runs)
-                self._on_progress(done - before)
-                if lacking:
-                    # for a longer list of contacts; none of the steps is lost. A traceback of `lacking[0]`
-                    # would hold the scenes, while there is too little memory.
-                    raise OutOfMemoryError(str(lacking[0]))
+            errors: dict[int, SimulationError] = {}
+            for last in loaded.advance_runs(runs, steps):
+                errors |= last.errors
+            lacking = [error for error in errors.values() if isinstance(error, OutOfMemoryError)]
+            for k, error in errors.items():
+                runs[k].error = None if error in lacking else error
+            _write_due(runs, loaded)
+            before, done = done, sum(run.progress for run in runs)
+            self._on_progress(done - before)
+            if lacking:
+                # for a longer list of contacts; none of the steps is lost. A traceback of `lacking[0]` would
+                # hold the scenes, while there is too little memory.
+                raise OutOfMemoryError(str(lacking[0]))
             now = perf_counter()
             slice_steps = next_size(max(steps), now - start, SLICE, inf)
             if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.has_steps_left for run in runs):
-                _save_checkpoints(runs, sets)
+                _save_checkpoints(runs, loaded)
                 kept_at = now
 
 
-def _write_due(runs: list[LongRun], sets: ResidentSets) -> None:
-    for k, now in sets.present.items():
-        runs[k].record(now)
+def _write_due(runs: list[LongRun], loaded: LoadedScenes) -> None:
+    for run, now in zip(runs, loaded.scenes, strict=True):
+        run.record(now)
 
 
-def _save_checkpoints(runs: list[LongRun], sets: ResidentSets) -> None:
+def _save_checkpoints(runs: list[LongRun], loaded: LoadedScenes) -> None:
     """Save checkpoints of the runs, but of those whose last frame could not be recorded yet, or at all."""
     recorded = [k for k, run in enumerate(runs) if not run.missing_frames]
-    states = {k: sets.state(k) for k in recorded}
+    states = {k: loaded.scenes[k].state() for k in recorded}
     write_all(lambda k: runs[k].save_checkpoint(states[k]), recorded)

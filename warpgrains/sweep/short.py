@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, Self
 
 from warpgrains.analysis.quantities import require_quantities
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.batch.resident import ResidentSets, SetSteps, StepsDone, team_size
-from warpgrains.errors import InputError
+from warpgrains.batch.loaded_scenes import LoadedScenes, team_size
+from warpgrains.errors import InputError, SimulationError
 from warpgrains.files import Row
 from warpgrains.locks import RunLocks
 from warpgrains.scene.reader import document_fields
@@ -46,9 +46,18 @@ class ShortRun(NamedTuple):
     until: EndCriterion | None
 
 
+class Interrupted(NamedTuple):
+    """A run that has failed or takes longer than `SHORT`."""
+
+    short: ShortRun
+    state: State
+    statistics: RunStatistics
+    error: SimulationError | None
+
+
 class ShortGroup(NamedTuple):
     runs: list[ShortRun]
-    sets: ResidentSets | None
+    loaded: LoadedScenes | None
     """None if the group is empty."""
 
 
@@ -79,15 +88,14 @@ class ShortRunner:
     def prepare(self, chosen: list[Run]) -> ShortGroup:
         """Load the scenes of runs into memory."""
         runs = [short for run in self._available(chosen) if (short := self._short(run)) is not None]
-        sets = None
+        loaded = None
         if runs:
             try:
-                sets = ResidentSets([short.scene for short in runs], self._device, self._threads)
-                sets.make_resident()
+                loaded = LoadedScenes([short.scene for short in runs], self._device, self._threads)
             except OutOfMemoryError:
                 self.longer += [short.run for short in runs]
-                runs, sets = [], None
-        return ShortGroup(runs, sets)
+                runs = []
+        return ShortGroup(runs, loaded)
 
     def _available(self, runs: list[Run]) -> list[Run]:
         """Return the runs without a folder that no other process has locked or finished."""
@@ -137,7 +145,7 @@ class ShortRunner:
 
     def carry_out(self, group: ShortGroup) -> int:
         """Advance a group to its end, but for `SHORT` seconds at most; return the number of grains."""
-        if (sets := group.sets) is None:
+        if (loaded := group.loaded) is None:
             return 0
         steps, end = [short.scene.steps for short in group.runs], perf_counter() + SHORT
         progress, share = 0.0, len(steps) / sum(steps)
@@ -147,36 +155,37 @@ class ShortRunner:
             progress += share * done
             self._on_progress(share * done)
             if perf_counter() > end:
-                sets.cancel()
+                loaded.cancel()
 
         waiting = dict(enumerate(group.runs))
         runs = None
         if self._folder.settings.until is not None:
             runs = [CountedRun(short.scene.steps, RunStatistics(), short.until) for short in group.runs]
+        errors: dict[int, SimulationError] = {}
+        for last in [loaded.advance(steps, poll)] if runs is None else loaded.advance_runs(runs, steps, poll):
+            errors |= last.errors
         ended: dict[int, tuple[Row, RunResult]] = {}
-        interrupted: list[tuple[ShortRun, State, StepsDone]] = []
-        with suppress(OutOfMemoryError):  # runs of the sets that are not loaded are still waiting
-            for last in sets.advance(steps, poll, runs):
-                for k, values in self._results(last, sets):
-                    short = waiting.pop(k)
-                    ended[short.run.number] = (short.labels, values)
-                for k in filter(waiting.__contains__, sets.present):
-                    done = last.done(k)
-                    if isinstance(done.error, OutOfMemoryError):
-                        done = done._replace(error=None)  # it continues alone
-                    interrupted.append((waiting.pop(k), sets.present[k].state(), done))
-        self.longer += [short.run for short in waiting.values()]
-        self._on_progress(len(ended) + sum(done.error is not None for _, _, done in interrupted) - progress)
+        for k, values in self._results(loaded, runs):
+            short = waiting.pop(k)
+            ended[short.run.number] = (short.labels, values)
+        interrupted: list[Interrupted] = []
+        for k, short in waiting.items():
+            error = errors.get(k)
+            if isinstance(error, OutOfMemoryError):
+                error = None  # it continues alone
+            statistics = last.statistics(k) if runs is None else runs[k].statistics
+            interrupted.append(Interrupted(short, loaded.scenes[k].state(), statistics, error))
+        self._on_progress(len(ended) + sum(one.error is not None for one in interrupted) - progress)
         self._folder.shards.write(ended)
         write_all(self._keep, interrupted)
-        left = [short.run for short, _, _ in interrupted]
+        left = [one.short.run for one in interrupted]
         self.longer += [run for run in left if not self._folder.of(run).result.exists()]
         self._locks.release(ended)
         return sum(short.scene.n for short in group.runs)
 
-    def _keep(self, interrupted: tuple[ShortRun, State, StepsDone]) -> None:
+    def _keep(self, interrupted: Interrupted) -> None:
         """Save the state of a run that has failed or takes longer than `SHORT` in a folder."""
-        short, state, (statistics, _, error) = interrupted
+        short, state, statistics, error = interrupted
         folder = self._folder.of(short.run)
         with ExitStack() as held:
             try:
@@ -189,9 +198,11 @@ class ShortRunner:
                 if error is not None:
                     folder.fail(str(error), statistics.seconds)
 
-    def _results(self, last: SetSteps, sets: ResidentSets) -> Iterator[tuple[int, RunResult]]:
+    def _results(
+        self, loaded: LoadedScenes, runs: list[CountedRun] | None
+    ) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs in memory with their indices in the group."""
         settings = self._folder.settings
-        for numbers, ends in last.ended():
-            states = (snapshot(sets.present[k]) for k in numbers)
+        for numbers, ends in loaded.ended(runs):
+            states = (snapshot(loaded.scenes[k]) for k in numbers)
             yield from zip(numbers, results(ends, states, settings), strict=True)

@@ -1,0 +1,160 @@
+"""Scenes in memory that are advanced together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import warp as wp
+
+from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.errors import SimulationError
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import State, first_state
+from warpgrains.simulation.until import CountedRun
+from warpgrains.solver.advance import OnProgress, advance
+from warpgrains.solver.buffers import bytes_needed
+from warpgrains.solver.engine import Engine
+from warpgrains.solver.final_states import FinalStates
+from warpgrains.solver.last_steps import LastSteps
+from warpgrains.solver.loading import load_state
+from warpgrains.solver.memory import require_memory
+from warpgrains.solver.sizes import Sizes, kind_of
+from warpgrains.solver.statistics import RunStatistics, StepReport
+from warpgrains.solver.tuning import paying_threads
+
+
+class StepsTaken(NamedTuple):
+    """Last steps of some scenes, read when they are asked for; later steps do not change them."""
+
+    engines: list[tuple[LastSteps, IndexArray]]
+    """Last steps of the scenes of each engine, and the numbers of these scenes."""
+    place: list[tuple[int, int]]
+    """Engine of each scene, and its index there."""
+
+    @property
+    def errors(self) -> dict[int, SimulationError]:
+        """Reasons why scenes stopped early, by number."""
+        each = (
+            (numbers[k].item(), error) for last, numbers in self.engines for k, error in last.errors.items()
+        )
+        return dict(sorted(each))
+
+    @property
+    def stepped(self) -> list[int]:
+        """Numbers of the scenes that took at least one step."""
+        return [k for last, numbers in self.engines for k in numbers[last.sums["steps"] > 0].tolist()]
+
+    def statistics(self, k: int) -> RunStatistics:
+        """Return the statistics of the steps of scene k."""
+        engine, index = self.place[k]
+        return self.engines[engine][0].statistics(index)
+
+    def report(self, k: int) -> StepReport:
+        """Return the report of the last step of scene k, if it took one."""
+        engine, index = self.place[k]
+        return self.engines[engine][0].report(index)
+
+
+def team_size(scene: Scene, device: wp.Device, threads: int) -> int:
+    """Return the number of threads that share a scene: all, or 1 if it is small or on a GPU."""
+    return 1 if device.is_cuda or paying_threads(scene) == 1 else threads
+
+
+class LoadedScenes:
+    """Scenes in memory, in an engine for each kind and size of team.
+
+    Raises OutOfMemoryError if they do not fit.
+
+    Attributes
+    ----------
+    scenes : list of LoadedScene
+    """
+
+    def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
+        kinds = [(team_size(scene, device, threads), *kind_of(scene)) for scene in scenes]
+        alike = [np.array([k for k, own in enumerate(kinds) if own == kind]) for kind in sorted(set(kinds))]
+        members = [([scenes[k] for k in numbers], device, kinds[numbers[0]][0]) for numbers in alike]
+        needed = [bytes_needed(Sizes.first(own, team, device)) for own, _, team in members]
+        order = np.concatenate(alike)
+        require_memory(np.concatenate(needed)[np.argsort(order)], sum(scene.n for scene in scenes), device)
+        self._threads, self._is_canceled = threads, False
+        self._engines = [(Engine(*own), numbers) for own, numbers in zip(members, alike, strict=True)]
+        place = {k: (e, index) for e, numbers in enumerate(alike) for index, k in enumerate(numbers.tolist())}
+        self._place = [place[k] for k in range(len(scenes))]
+        self.scenes = [self._engines[e][0].scenes[index] for e, index in self._place]
+        for k, scene in enumerate(scenes):
+            self.load(k, first_state(scene))
+
+    def load(self, k: int, state: State) -> None:
+        """Continue scene k from a state."""
+        engine, index = self._place[k]
+        load_state(self._engines[engine][0].records, index, state)
+
+    def vectors(self, name: str) -> FloatArray:
+        """Return "position" or "velocity" of all scenes, of n grains each, shape (scenes, n, 2)."""
+        found = np.empty((len(self.scenes), self.scenes[0].scene.n, 2))
+        for engine, numbers in self._engines:
+            found[numbers] = engine.records.stacked(f"grains.{name}", np.arange(len(numbers)))
+        return found
+
+    def set_gravity(self, gravity: FloatArray) -> None:
+        """Use another gravity than that of the scenes from now on [m/s2], shape (scenes, 2)."""
+        for engine, numbers in self._engines:
+            engine.records.set_gravity(gravity[numbers])
+
+    def advance(self, steps: Sequence[int], on_progress: OnProgress | None = None) -> StepsTaken:
+        """Advance each scene by its number of steps, until `cancel`: first small scenes, then large ones."""
+        for engine, numbers in self._engines:
+            engine.submit([steps[k] for k in numbers])
+        engines = [engine for engine, _ in self._engines]
+        small = [engine for engine in engines if engine.team == 1]
+        for together in ([small] if small else []) + [[engine] for engine in engines if engine.team > 1]:
+            advance(together, self._threads, on_progress)
+        return StepsTaken(
+            [(engine.last_steps.copy(), numbers) for engine, numbers in self._engines], self._place
+        )
+
+    def advance_runs(
+        self, runs: Sequence[CountedRun], steps: Sequence[int], on_progress: OnProgress | None = None
+    ) -> Iterator[StepsTaken]:
+        """Advance each scene by its number of steps, or to its run's end, and count the steps in the runs.
+
+        Yield the steps between tests of the end criteria.
+        """
+        self._is_canceled = False
+        left = {k: most for k, most in enumerate(steps) if most > 0}
+        while left and not self._is_canceled:
+            due = [min(left[k], run.steps_to_test) if k in left else 0 for k, run in enumerate(runs)]
+            last = self.advance(due, on_progress)
+            for k in tuple(left):
+                done = last.statistics(k)
+                runs[k].count(done, self.scenes[k])
+                left[k] -= done.steps
+                if runs[k].has_ended or done.steps < due[k] or left[k] == 0:
+                    del left[k]
+            yield last
+
+    def cancel(self) -> None:
+        """Stop after the steps under way."""
+        self._is_canceled = True
+        for engine, _ in self._engines:
+            engine.cancel(abandon=False)
+
+    def ended(self, runs: Sequence[CountedRun] | None = None) -> Iterator[tuple[list[int], FinalStates]]:
+        """Yield numbers and final states of the scenes that have done all steps, or whose runs have ended.
+
+        Those whose arrays have one shape come together. It is not for a GPU, see `Engine.ends`.
+        """
+        for engine, numbers in self._engines:
+            of_shape: dict[tuple[int, int, bool], list[int]] = {}
+            for index, k in enumerate(numbers.tolist()):
+                if engine.left[index] == 0 if runs is None else runs[k].has_ended:
+                    scene = self.scenes[k].scene
+                    shape = scene.n, len(scene.walls), scene.bodies.two_circles
+                    of_shape.setdefault(shape, []).append(index)
+            for which in of_shape.values():
+                alike = numbers[which].tolist()
+                statistics = None if runs is None else [runs[k].statistics for k in alike]
+                yield alike, engine.ends(np.array(which), statistics)
