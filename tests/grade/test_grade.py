@@ -125,7 +125,7 @@ def test_hostile_ones_do_no_harm_and_are_named(grade: Grade, what: str, tmp_path
 
 @pytest.mark.parametrize("what", SNOOPING)
 def test_no_other_homework_can_be_read(grader: Grader, grade: Grade, what: str, tmp_path: Path) -> None:
-    if not grader.fenced:
+    if any("Landlock" in missing for missing in grader.unprotected()):
         pytest.skip("this kernel cannot fence the compiler in")
     other = tmp_path / "ada.c"
     other.write_text('"secret of ada"\n')

@@ -51,10 +51,7 @@ class Difference(NamedTuple):
 
 
 def difference(probe: Probe, expected: Answer, found: Answer, eps: float = DOUBLE) -> Difference | None:
-    """Return the first difference from the reference's answer beyond rounding errors eps.
-
-    With eps 0, any differing bit counts.
-    """
+    """Return the first difference beyond rounding errors `eps`, or in any bit if `eps` is 0."""
     return None if expected == found else _Comparison(probe, expected, found, eps).first()
 
 

@@ -38,25 +38,7 @@ class CompileError(Exception):
 
 
 class Compiler:
-    """The C compiler.
-
-    Parameters
-    ----------
-    folder : Path
-        An existing folder, for files that each compilation needs.
-    processes : Processes
-        Group of processes that the compiler's processes join.
-
-    Attributes
-    ----------
-    is_fenced : bool
-        Whether a homework can include only files of the compiler on this system.
-
-    Raises
-    ------
-    InputError
-        No C compiler is installed, or it fails.
-    """
+    """The C compiler, with a folder for files that each compilation needs; InputError if it fails."""
 
     def __init__(self, folder: Path, processes: Processes):
         self._processes, self._fence = processes, folder / "fence"
@@ -69,6 +51,7 @@ class Compiler:
             raise InputError(f"the C compiler failed: {error}") from None
         self._readable = [str(path) for path in (self._headers, *toolchain_paths())]
         self.is_fenced = self._has_fence(folder / "trial")
+        """Whether a homework can include only files of the compiler on this system."""
 
     def _has_fence(self, folder: Path) -> bool:
         """Return whether the kernel can restrict file access, and the compiler works with the restriction."""
@@ -91,13 +74,14 @@ class Compiler:
         libraries = ["-Wl,--no-as-needed", "-ldl"]  # linked here because a homework cannot load more
         return self._compile(folder / "child", *create, *libraries)
 
-    def compile_model(self, source: Path, folder: Path) -> Path:
-        """Compile the model to a library in a folder that contains its headers."""
-        return self._compile(folder / "model.so", *_STRICT, "-fPIC", "-shared", f"-I{folder}", str(source))
+    def compile_model(self, folder: Path) -> Path:
+        """Compile the model to a library in a folder that contains mistakes.h."""
+        model = [*_STRICT, "-fPIC", "-shared", f"-I{folder}", str(_HERE / "model.c")]
+        return self._compile(folder / "model.so", *model)
 
-    def compile_library(self, source: Path, folder: Path, defines: Sequence[str]) -> Path:
+    def compile_reference(self, folder: Path, defines: Sequence[str]) -> Path:
         """Compile the reference to a library in a folder."""
-        return self._compile(folder / f"{''.join(defines)}.so", *_options(folder, defines), str(source))
+        return self._compile(folder / f"{''.join(defines)}.so", *_options(folder, defines), str(SOURCE))
 
     def _compile(self, output: Path, *arguments: str) -> Path:
         """Compile a trusted source."""
@@ -107,17 +91,8 @@ class Compiler:
     def compile_homework(
         self, text: bytes, folder: Path, defines: Sequence[str] = (), until: float = inf
     ) -> tuple[Path, str]:
-        """Compile a homework to a library in a folder, and return it with the compiler's warnings.
-
-        It can include the compiler's headers and fem.h. Any other header that it includes by a plain name is
-        replaced by fem.h.
-
-        Raises
-        ------
-        CompileError
-            It does not compile, or not before the time `until` of `time.monotonic`.
-        """
-        aliases = folder / "headers"
+        """Return the library of a homework and the compiler's warnings, or raise CompileError."""
+        aliases = folder / "headers"  # any header that it includes by a plain name is fem.h
         aliases.mkdir(parents=True, exist_ok=True)
         for found in set(_INCLUDE.findall(text)):
             (aliases / found.decode()).write_text("#include <fem.h>\n")
@@ -165,7 +140,7 @@ def _options(folder: Path, defines: Sequence[str]) -> list[str]:
 
 
 def toolchain_paths() -> list[Path]:
-    """Return the folders of programs, libraries and headers of the compiler `cc`, without this package."""
+    """Return where programs, libraries and headers of the compiler `cc` are, without this package."""
     found = {Path(path) for path in _OTHERS}
     found |= {Path(path) for name in _PROGRAMS if (path := shutil.which(name))}
     for line in _lines_of("cc", "-print-search-dirs").splitlines():

@@ -16,7 +16,7 @@ import numpy as np
 from warpgrains.grade.compare import Difference
 from warpgrains.grade.compiler import Compiler
 from warpgrains.grade.probes import Probe
-from warpgrains.grade.sandbox import CONTACT, MOST_CALLS, Answer, Call, Request
+from warpgrains.grade.sandbox import CONTACT, RECORDED, Answer, Call, Request
 from warpgrains.grade.words import Words
 
 _HERE = Path(__file__).parent
@@ -135,14 +135,7 @@ class _Found(ctypes.Structure):
 
 
 class Model:
-    """Model of a homework with selectable mistakes (model.c).
-
-    Parameters
-    ----------
-    compiler : Compiler
-    folder : Path
-        An existing folder, for the program.
-    """
+    """Model of a homework with selectable mistakes (model.c)."""
 
     def __init__(self, compiler: Compiler, folder: Path):
         self.mistakes = read_mistakes()
@@ -171,7 +164,7 @@ class Model:
             choices = "".join(f"{variant} == {c} ? ({e}) : " for c, e in enumerate(expressions, 1))
             lines.append(f"#define {term}(slot, ...) (!{variant} ? (__VA_ARGS__) : {choices}0)")
         (folder / "mistakes.h").write_text("\n".join(lines) + "\n")
-        self._library = ctypes.CDLL(str(compiler.compile_model(_HERE / "model.c", folder)))
+        self._library = ctypes.CDLL(str(compiler.compile_model(folder)))
 
     def answer(self, mistakes: Sequence[Mistake], call: Call) -> Answer | None:
         """Return the answer of a homework with these mistakes; None if it ends instead of answering."""
@@ -195,18 +188,7 @@ class Model:
         wrong: Sequence[int],
         ends: Sequence[int] = (),
     ) -> Explanation:
-        """Find the one or two mistakes of a function that explain all answers.
-
-        Parameters
-        ----------
-        function : str
-        probes, found : sequence
-            Calls of the homework, and its answers, which may lack those to the last calls.
-        wrong : sequence of int
-            Indices of the wrong answers.
-        ends : sequence of int
-            How the homework ended instead of answering the last probes, as in `EndedError`.
-        """
+        """Find the one or two mistakes that explain all answers, and how it ended at the last probes."""
         chosen = [k for k, mistake in enumerate(self.mistakes) if mistake.function == function]
         variants = (ctypes.c_void_p * len(chosen))(*(self._variants[k].ctypes.data for k in chosen))
         asked = (_Probe * len(probes))(*(_probe(probe.call) for probe in probes))
@@ -254,7 +236,7 @@ def _simplest(explanations: Sequence[Sequence[Mistake]]) -> Explanation:
 
 def _answer_arrays(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return arrays for the answer of a scene of n grains."""
-    return np.zeros(7 * n + n * (n - 1) // 2), np.zeros(4 * n), np.zeros((2 * MOST_CALLS, 3))
+    return np.zeros(7 * n + n * (n - 1) // 2), np.zeros(4 * n), np.zeros((2 * RECORDED, 3))
 
 
 def _answer(state: np.ndarray, before: np.ndarray, record: np.ndarray) -> _Answer:

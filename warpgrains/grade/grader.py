@@ -22,7 +22,6 @@ from warpgrains.grade.probes import Probe, make_probes
 from warpgrains.grade.sandbox import CONTACT, DEFAULT, UPDATE, Answer, Child, EndedError, Limits, Processes
 from warpgrains.grade.verdict import BOTH, NOTHING, Part, Shown, Verdict
 from warpgrains.grade.words import Words
-from warpgrains.reference.reference import SOURCE
 
 _UNCONFINED = "filter of system calls: homeworks can open files and start processes"
 _UNFENCED = "Landlock for the compiler: homeworks can include any file that you can read"
@@ -35,28 +34,9 @@ _MAIN = "it defines main: hand in the two functions without the program that tes
 
 
 class Grader:
-    """Grader of homeworks, usable from several threads.
+    """Grader of homeworks, usable from several threads, with an empty folder for compiled files.
 
-    Parameters
-    ----------
-    folder : Path
-        An empty folder, for compiled files.
-    strict : bool
-        Whether to require bit-identical results, instead of results that are equal up to rounding.
-    limits : Limits
-        Limits of a homework.
-    processes : Processes
-        Group of processes for the compiler and homeworks; once it is stopped, `grade` raises StoppedError.
-
-    Attributes
-    ----------
-    confined, fenced : bool
-        Whether this system restricts homeworks to computing, and to including their own files.
-
-    Raises
-    ------
-    InputError
-        There is no C compiler.
+    If it is `strict`, it requires bit-identical results, instead of results that are equal up to rounding.
     """
 
     def __init__(
@@ -69,14 +49,13 @@ class Grader:
         self._folder, self._strict, self._limits = folder, strict, limits
         self._processes = processes or Processes()
         self._compiler = Compiler(folder, self._processes)
-        self.fenced = self._compiler.is_fenced
         self._program = self._compiler.compile_child(folder)
         self._reference = {  # separate, so that a homework cannot call the function that it must provide
-            function: self._compiler.compile_library(SOURCE, folder, ("-DNOCREATE", WITHOUT[other]))
+            function: self._compiler.compile_reference(folder, ("-DNOCREATE", WITHOUT[other]))
             for function, other in ((UPDATE, CONTACT), (CONTACT, UPDATE))
         }
         with self._child({}) as child:
-            self.confined = child.confined
+            self._confined = child.confined
             self.probes = make_probes(child)
             self.expected = {
                 function: [child.ask(probe.call) for probe in asked]
@@ -90,17 +69,11 @@ class Grader:
 
     def unprotected(self) -> list[str]:
         """Return what homeworks can do on this system although they should not."""
-        found = {_UNCONFINED: self.confined, _UNFENCED: self.fenced}
+        found = {_UNCONFINED: self._confined, _UNFENCED: self._compiler.is_fenced}
         return [f"this system has no {what}" for what, is_safe in found.items() if not is_safe]
 
     def grade(self, source: Path) -> Verdict:
-        """Grade a homework.
-
-        Raises
-        ------
-        InputError
-            The homework cannot be read.
-        """
+        """Grade a homework; InputError if it cannot be read."""
         start = monotonic()
         with self._lock:
             self._count += 1
@@ -111,13 +84,7 @@ class Grader:
             shutil.rmtree(folder, ignore_errors=True)
 
     def run(self, source: Path) -> tuple[Child, Child]:
-        """Return the running reference and a running homework.
-
-        Raises
-        ------
-        InputError
-            The homework cannot be read, does not compile, or lacks a function.
-        """
+        """Return the running reference and a running homework; InputError if it cannot be run."""
         folder = self._folder / "run"
         try:
             library, _ = self._compiler.compile_homework(read_regular(source, LONGEST), folder)

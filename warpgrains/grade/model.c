@@ -15,9 +15,9 @@
 
 #include "fem.h"
 #include "mistakes.h"
+#include "protocol.h"
 
 #define MOST_CALLS 500 /* more are a loop that has no end */
-#define RECORDED 1024
 #define NONE -1
 #define ENDLESS -2
 #define BEYOND(index) (-3 - (index)) /* the arrays of grains */
@@ -26,8 +26,7 @@ enum { PAIR, WALL };
 enum { OUTER = 1, INNER };
 
 typedef struct {
-    int n, iter; /* iter < 0: femGrainsUpdate */
-    double dt, tol, iterMax, radiusIn, radiusOut, gravity[2], gamma;
+    Request q;
     const double *state;
 } Probe;
 
@@ -203,7 +202,7 @@ static void move(const int *variant, femGrains *g, double dt, const double *star
 
 static void solve(const int *variant, femGrains *g, const Probe *p, Answer *answer, const double *start, const double *free) {
     static const int right[TERMS];
-    double tol = p->tol, iterMax = p->iterMax, dt = p->dt, zeta = 0.0, sum = 0.0, most = 0.0, last = 0.0;
+    double tol = p->q.tol, iterMax = p->q.iterMax, dt = p->q.dt, zeta = 0.0, sum = 0.0, most = 0.0, last = 0.0;
     int iter = 0, forced, goesOn, isBelow;
     if (NOT_CALLED(0, 0)) return;
     do {
@@ -239,28 +238,28 @@ static void update(const int *variant, femGrains *g, const Probe *p, Answer *ans
     clearKept(variant, g, 1);
     if (NEWTON_TO(0, g->n) > g->n || MOVE_TO(0, g->n) > g->n) answer->end = BEYOND(g->n);
     for (int stage = 0; stage < 7; stage++) {
-        if (stage == NEWTON_AT(0, 1)) newton(variant, g, p->dt);
-        if (stage == 4) accelerate(variant, g, p->dt);
+        if (stage == NEWTON_AT(0, 1)) newton(variant, g, p->q.dt);
+        if (stage == 4) accelerate(variant, g, p->q.dt);
         if (stage <= 3) copySpeeds(free, g);
         if (stage == 3) solve(variant, g, p, answer, start, free);
-        if (stage == MOVE_AT(0, 5) || stage == MOVED_ALSO_AT(0, -1)) move(variant, g, p->dt, start, free);
+        if (stage == MOVE_AT(0, 5) || stage == MOVED_ALSO_AT(0, -1)) move(variant, g, p->q.dt, start, free);
     }
     clearKept(variant, g, 2);
 }
 
 /* Answer a probe as a homework does that has some variants in iteration 0, and some in the others and in femGrainsUpdate. */
 void answer(const int *first, const int *variant, const Probe *p, Answer *answer) {
-    int n = p->n;
+    int n = p->q.n;
     double *s = answer->state;
     memcpy(s, p->state, (7 * n + n * (n - 1) / 2) * sizeof(double));
     memset(answer->before, 0, 4 * n * sizeof(double));
-    femGrains g = {n, p->radiusIn, p->radiusOut, {p->gravity[0], p->gravity[1]}, p->gamma,
+    femGrains g = {n, p->q.radiusIn, p->q.radiusOut, {p->q.gravity[0], p->q.gravity[1]}, p->q.gamma,
                    s, s + n, s + 2 * n, s + 3 * n, s + 4 * n, s + 5 * n, s + 6 * n, s + 7 * n};
     answer->calls = 0;
     answer->end = NONE;
     answer->zeta = 0.0;
-    if (p->iter >= 0) {
-        answer->zeta = iterate(p->iter > 0 ? variant : first, &g, p->dt, p->iter, &answer->end);
+    if (p->q.iter >= 0) {
+        answer->zeta = iterate(p->q.iter > 0 ? variant : first, &g, p->q.dt, p->q.iter, &answer->end);
     } else {
         update(variant, &g, p, answer);
     }
@@ -281,12 +280,12 @@ static int same(const double *a, const double *b, int count, double most) {
 
 /* Tell whether two answers differ by rounding only: compare.py, with ten times its bound. */
 static int agree(const Probe *p, const Answer *a, const Answer *b) {
-    int n = p->n, all = n + n * (n - 1) / 2, calls = a->calls > 1 ? a->calls : 1;
-    double least = p->radiusOut / p->dt;
+    int n = p->q.n, all = n + n * (n - 1) / 2, calls = a->calls > 1 ? a->calls : 1;
+    double least = p->q.radiusOut / p->q.dt;
     double speed = fmin(largest(a->state + 6 * n, all, largest(a->state + 2 * n, 2 * n, least)),
                         largest(b->state + 6 * n, all, largest(b->state + 2 * n, 2 * n, least)));
     speed *= 320 * DBL_EPSILON * all * calls;
-    double length = p->dt * speed + 320 * DBL_EPSILON * p->radiusOut;
+    double length = p->q.dt * speed + 320 * DBL_EPSILON * p->q.radiusOut;
     if (b->calls != a->calls) return 0;
     if (a->calls > 0) {
         if (!same(a->before, b->before, 2 * n, length)) return 0;
@@ -296,7 +295,7 @@ static int agree(const Probe *p, const Answer *a, const Answer *b) {
             if (a->record[k] > 0 && !same(a->record + k + 2, b->record + k + 2, 1, speed)) return 0;
         }
     }
-    if (p->iter > 0 && !same(&a->zeta, &b->zeta, 1, speed)) return 0;
+    if (p->q.iter > 0 && !same(&a->zeta, &b->zeta, 1, speed)) return 0;
     return same(a->state, b->state, 2 * n, length) && same(a->state + 2 * n, b->state + 2 * n, 5 * n + all - n, speed);
 }
 
@@ -319,9 +318,9 @@ static int fits(Variants variants, const Found *found, int at, Answer *own) {
 }
 
 static int explains(Variants variants, const Found *found, Answer *own) {
-    int least = found->wrongs ? found->probes[found->wrong[0]].n : 0;
+    int least = found->wrongs ? found->probes[found->wrong[0]].q.n : 0;
     for (int k = 0; k < found->count && least > FEW; k++) /* cheap */
-        if (found->probes[k].n == FEW && !fits(variants, found, k, own)) return 0;
+        if (found->probes[k].q.n == FEW && !fits(variants, found, k, own)) return 0;
     for (int k = 0; k < found->wrongs; k++) /* most are refuted by these */
         if (!fits(variants, found, found->wrong[k], own)) return 0;
     for (int k = 0; k < found->count; k++)

@@ -23,13 +23,7 @@ _EXPECTED, _FOUND = "#1a7f37", "#c62828"
 
 
 class Pages:
-    """Writer of pages in one language.
-
-    Parameters
-    ----------
-    language : str
-        One of `LANGUAGES`.
-    """
+    """Writer of pages in one of `LANGUAGES`."""
 
     def __init__(self, language: str):
         self._language = language

@@ -1,8 +1,8 @@
 /* The sandbox: a process that executes a homework. A request asks for one call; the answer says what the call did.
  *
- *     child REQUESTS ANSWERS UPDATE.so CONTACT.so BYTES SECONDS
+ *     child SOCKET UPDATE.so CONTACT.so BYTES SECONDS
  *
- * REQUESTS and ANSWERS are descriptors of pipes. The process contains no expected result and answers one request at a time:
+ * SOCKET is a descriptor (protocol.h). The process contains no expected result and answers one request at a time:
  * the process that asks judges.
  *
  * A homework may compute. Time, memory and output are limited, and a filter of system calls ends the process with an answer
@@ -40,49 +40,25 @@
 #endif
 
 #include "grains.h"
+#include "protocol.h"
 
 #define UPDATE "femGrainsUpdate"
 #define CONTACT "femGrainsContactIterate"
 #define ARRAYS 8
-#define MOST_CALLS 1024 /* whose records are answered */
 #define CPU_SECONDS 20 /* in all */
 
-enum { ANSWERED, CALLED, CRASHED, OUTSIDE, CHANGED, TOO_LONG };
-enum { FILES, PROCESSES, NETWORK, MEMORY, ABORT, TERMINAL, WAITING, SIGNALS, OTHER };
-
-/* What is answered to a request; arrays follow if it is ANSWERED. */
-typedef struct {
-    int kind;  /* the first of the two lists above */
-    int what;  /* CALLED: the second list; CRASHED: the signal; OUTSIDE: the array, in the struct's order */
-    int where; /* CALLED: number of the system call; OUTSIDE: the index */
-    int calls; /* of femGrainsContactIterate */
-    double zeta;
-} Answer;
-
-/* The first answer: what there is. MAIN, UNGUARDED: a library defines main, or a function that its marker leaves out. */
-enum { CONFINED = 1, UPDATES = 2, ITERATES = 4, MAIN = 8, UNGUARDED = 16 };
-
-typedef struct {
-    int n, iter; /* iter < 0: femGrainsUpdate */
-    double dt, tol, iterMax, radiusIn, radiusOut, gravity[2], gamma;
-} Request;
-
-typedef struct {
-    double iter, dt, zeta;
-} Call;
-
-static int requests, answers;
+static int parent;
 static void (*update)(femGrains *, double, double, double);
 static double (*iterate)(femGrains *, double, int);
 
 static femGrains grains;
 static double *before; /* x, y, vx, vy as the first call of femGrainsContactIterate finds them */
-static Call record[MOST_CALLS];
+static Call record[RECORDED];
 static int calls;
 
 static void say(const void *what, size_t bytes) {
     for (const char *next = what; bytes > 0;) {
-        ssize_t written = write(answers, next, bytes);
+        ssize_t written = write(parent, next, bytes);
         if (written <= 0) _exit(1);
         next += written;
         bytes -= written;
@@ -91,7 +67,7 @@ static void say(const void *what, size_t bytes) {
 
 static int hear(void *what, size_t bytes) {
     for (char *next = what; bytes > 0;) {
-        ssize_t got = read(requests, next, bytes);
+        ssize_t got = read(parent, next, bytes);
         if (got <= 0) return 0;
         next += got;
         bytes -= got;
@@ -101,7 +77,7 @@ static int hear(void *what, size_t bytes) {
 
 /* Answer why the process cannot go on, and end it. */
 static void end(int kind, int what, int where) {
-    Answer answer = {kind, what, where, calls, 0.0};
+    Header answer = {kind, what, where, calls, 0.0};
     say(&answer, sizeof answer);
     _exit(0);
 }
@@ -358,7 +334,7 @@ double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {
     }
     int call = calls++;
     double zeta = iterate(myGrains, dt, iter);
-    if (call < MOST_CALLS) record[call] = (Call){iter, dt, zeta};
+    if (call < RECORDED) record[call] = (Call){iter, dt, zeta};
     return zeta;
 }
 
@@ -399,7 +375,7 @@ static int answerRequest(double seconds) {
     femGrains given;
     memcpy(&given, &grains, sizeof grains);
     calls = 0;
-    Answer answer = {ANSWERED, 0, 0, 0, 0.0};
+    Header answer = {ANSWERED, 0, 0, 0, 0.0};
     startClock(seconds);
     if (request.iter < 0)
         update(&grains, request.dt, request.tol, request.iterMax);
@@ -414,29 +390,28 @@ static int answerRequest(double seconds) {
     say(&answer, sizeof answer);
     for (int k = 0; k < ARRAYS; k++) say(arrays[k], lengths[k] * sizeof(double));
     say(before, 4 * bytes);
-    say(record, (calls < MOST_CALLS ? calls : MOST_CALLS) * sizeof(Call));
+    say(record, (calls < RECORDED ? calls : RECORDED) * sizeof(Call));
     return 1;
 }
 
 int main(int count, char **words) {
-    if (count != 7) return 1;
-    requests = atoi(words[1]);
-    answers = atoi(words[2]);
-    double seconds = atof(words[6]);
-    const char *updates = words[3], *iterates = words[4];
+    if (count != 6) return 1;
+    parent = atoi(words[1]);
+    double seconds = atof(words[5]);
+    const char *updates = words[2], *iterates = words[3];
     prepareFile(updates);
     prepareFile(iterates);
-    int has = confine(strtoull(words[5], NULL, 10), CPU_SECONDS) ? CONFINED : 0;
+    int has = confine(strtoull(words[4], NULL, 10), CPU_SECONDS) << CONFINED;
     startClock(seconds);
     void *ofUpdate = load(updates), *ofContact = load(iterates);
     startClock(0.0);
     update = (void (*)(femGrains *, double, double, double))find(ofUpdate, updates, UPDATE);
     iterate = (double (*)(femGrains *, double, int))find(ofContact, iterates, CONTACT);
-    has |= (update ? UPDATES : 0) | (iterate ? ITERATES : 0);
-    if (find(ofUpdate, updates, "main") || find(ofContact, iterates, "main")) has |= MAIN;
-    if (strcmp(updates, iterates) != 0 && (find(ofUpdate, updates, CONTACT) || find(ofContact, iterates, UPDATE)))
-        has |= UNGUARDED;
-    Answer hello = {ANSWERED, has, 0, 0, 0.0};
+    has |= (update != NULL) << UPDATES | (iterate != NULL) << ITERATES;
+    has |= (find(ofUpdate, updates, "main") || find(ofContact, iterates, "main")) << MAIN;
+    has |= (strcmp(updates, iterates) != 0 && (find(ofUpdate, updates, CONTACT) || find(ofContact, iterates, UPDATE)))
+           << UNGUARDED;
+    Header hello = {ANSWERED, has, 0, 0, 0.0};
     say(&hello, sizeof hello);
     while (answerRequest(seconds)) {
     }

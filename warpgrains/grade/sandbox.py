@@ -7,12 +7,13 @@ access to files, processes and the network.
 
 import ctypes
 import os
-import select
+import re
 import signal
+import socket
 import struct
 import subprocess
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
@@ -30,23 +31,21 @@ from warpgrains.grade.words import Words
 UPDATE, CONTACT = "femGrainsUpdate", "femGrainsContactIterate"
 FIELDS = ("x", "y", "vx", "vy", "r", "m", "dvBoundary", "dvContacts")
 """Arrays of `femGrains` in the order of a state."""
-MOST_CALLS = 1024
-"""Largest number of calls of femGrainsContactIterate that an answer records."""
-
+_PROTOCOL = (Path(__file__).parent / "protocol.h").read_text()
+_KINDS, _USES, _FEATURES = (words.split(", ") for words in re.findall(r"enum { (.*) };", _PROTOCOL))
 _HEADER = struct.Struct("=iiiid")
-_CONFINED, _UPDATES, _ITERATES, _MAIN, _UNGUARDED = 1, 2, 4, 8, 16
+RECORDED = int(_PROTOCOL.partition("RECORDED ")[2].split()[0])
 
-_ANSWERED, _CALLED, _CRASHED, _OUTSIDE, _CHANGED, _TOO_LONG = range(6)
-_FORBIDDEN = (
-    "opens or changes a file",
-    "starts a process or a thread",
-    "opens a network connection",
-    "uses more memory than allowed",
-    "aborts (a failed assert, or memory freed twice or written beyond its end)",
-    "reads the keyboard or asks for a terminal (getchar, scanf, isatty)",
-    "waits (sleep, usleep)",
-    "sends a signal (kill)",
-)
+_FORBIDDEN = {
+    "FILES": "opens or changes a file",
+    "PROCESSES": "starts a process or a thread",
+    "NETWORK": "opens a network connection",
+    "MEMORY": "uses more memory than allowed",
+    "ABORT": "aborts (a failed assert, or memory freed twice or written beyond its end)",
+    "TERMINAL": "reads the keyboard or asks for a terminal (getchar, scanf, isatty)",
+    "WAITING": "waits (sleep, usleep)",
+    "SIGNALS": "sends a signal (kill)",
+}
 _CRASHES = {
     "SIGSEGV": "crashes: reads or writes outside of its memory, or calls itself without end (SIGSEGV)",
     "SIGFPE": "crashes: divides a whole number by zero (SIGFPE)",
@@ -60,15 +59,10 @@ _EXITS = {
 
 
 class EndedError(Exception):
-    """Failure of a homework to answer.
-
-    `how` says the same to model.c: an index beyond `dvContacts`, -3 - k for an index k beyond another array,
-    -2 for an endless loop, and otherwise -1.
-    """
+    """Failure of a homework to answer; `how` is the `end` of model.c for it."""
 
     def __init__(self, english: str, how: int = -1, **values: object):
-        self.words = Words(english, **values)
-        self.how = how
+        self.words, self.how = Words(english, **values), how
         super().__init__(self.words)
 
 
@@ -129,7 +123,7 @@ DEFAULT = Limits()
 
 
 class Request(ctypes.Structure):
-    """Numbers of a call, as sandbox.c and model.c read them."""
+    """Numbers of a call (protocol.h)."""
 
     _fields_ = (
         *((name, ctypes.c_int) for name in ("n", "iter")),
@@ -140,15 +134,11 @@ class Request(ctypes.Structure):
 
 
 class Call(NamedTuple):
-    """Arguments of a call, and the struct before it.
-
-    `iteration` is the argument of femGrainsContactIterate. It is negative for calls of femGrainsUpdate, and
-    only these have a tolerance and a limit of iterations. `state` holds the arrays of `FIELDS`, shape (7 n +
-    n (n - 1) / 2,).
-    """
+    """Arguments of a call, and the struct before it."""
 
     n: int
     iteration: int
+    """Argument of femGrainsContactIterate; negative for femGrainsUpdate, which alone has limits."""
     dt: float
     tolerance: float
     max_iterations: float
@@ -157,6 +147,7 @@ class Call(NamedTuple):
     gravity: tuple[float, float]
     drag: float
     state: FloatArray
+    """Arrays of `FIELDS`, shape (7 n + n (n - 1) / 2,)."""
 
     def request(self) -> Request:
         """Return all but the state."""
@@ -195,31 +186,8 @@ class Answer:
 class Child:
     """Sandboxed process with femGrainsUpdate of one library and femGrainsContactIterate of another.
 
-    Parameters
-    ----------
-    program : Path
-        The program from `compile_child`.
-    libraries : mapping
-        The libraries that define `UPDATE` and `CONTACT`.
-    processes : Processes
-        Group of processes that it joins.
-    limits : Limits
-    until : float
-        Time of `time.monotonic` before which it must have answered its last call.
-
-    Attributes
-    ----------
-    updates, iterates : bool
-        Whether the libraries define their functions.
-    has_main, is_unguarded : bool
-        Whether a library defines `main`, or the function that its macro should exclude.
-    confined : bool
-        Whether this system can restrict it to computing.
-
-    Raises
-    ------
-    EndedError
-        It ends while it loads the libraries.
+    `until` is the time of `time.monotonic` before which it must have answered its last call. Raises
+    EndedError if it ends while it loads the libraries.
     """
 
     def __init__(
@@ -231,14 +199,13 @@ class Child:
         until: float = inf,
     ):
         self._processes, self._limits, self._until = processes, limits, until
+        self._channel, there = socket.socketpair()
         self._printed = TemporaryFile()  # noqa: SIM115  # closed by close
-        there, self._ask = os.pipe()
-        self._answer, here = os.pipe()
-        words = (there, here, libraries[UPDATE], libraries[CONTACT], limits.megabytes * 2**20, limits.seconds)
+        own = there.fileno(), libraries[UPDATE], libraries[CONTACT], limits.megabytes * 2**20, limits.seconds
         try:
             self._process = processes.start(
-                [str(program), *map(str, words)],
-                pass_fds=(there, here),
+                [str(program), *map(str, own)],
+                pass_fds=(there.fileno(),),
                 stdout=self._printed,
                 stderr=self._printed,
                 cwd=program.parent,
@@ -248,35 +215,28 @@ class Child:
             self._close_files()
             raise
         finally:
-            os.close(there)
-            os.close(here)
-        os.set_blocking(self._ask, False)  # the process may not read its input
+            there.close()
         self._start_call()
         try:
-            has, _, _ = self._receive_header()
-        except EndedError as error:
+            what, _, _ = self._receive_header()
+        except BaseException as error:
             self.close()
-            raise EndedError("{does} (when it is loaded, before any call)", does=error.words) from None
-        except BaseException:
-            self.close()
+            if isinstance(error, EndedError):
+                said = "{does} (when it is loaded, before any call)"
+                raise EndedError(said, does=error.words) from None
             raise
-        self.confined, self.updates, self.iterates, self.has_main, self.is_unguarded = (
-            bool(has & bit) for bit in (_CONFINED, _UPDATES, _ITERATES, _MAIN, _UNGUARDED)
-        )
+        has = {name: bool(what >> bit & 1) for bit, name in enumerate(_FEATURES)}
+        self.confined, self.updates, self.iterates = has["CONFINED"], has["UPDATES"], has["ITERATES"]
+        self.has_main, self.is_unguarded = has["MAIN"], has["UNGUARDED"]
 
     def ask(self, call: Call) -> Answer:
-        """Return the result of a call.
-
-        Raises
-        ------
-        EndedError
-            The process ends, or violates the protocol, instead of answering.
-        """
+        """Return the result of a call, or raise EndedError."""
         self._start_call()
-        self._send(bytes(call.request()) + call.state.tobytes())
+        with self._limited():
+            self._channel.sendall(bytes(call.request()) + call.state.tobytes())
         _, calls, zeta = self._receive_header()
         state, before = self._receive_numbers(len(call.state)), self._receive_numbers(4 * call.n)
-        record = self._receive_numbers(3 * min(max(calls, 0), MOST_CALLS)).reshape(-1, 3)
+        record = self._receive_numbers(3 * min(max(calls, 0), RECORDED)).reshape(-1, 3)
         return Answer(zeta, calls, state, before, record)
 
     @property
@@ -286,29 +246,28 @@ class Child:
         return self._printed.read(2000).decode(errors="replace")
 
     def _receive_header(self) -> tuple[int, int, float]:
-        """Return `what`, `calls` and `zeta` of an answer (sandbox.c). Raises EndedError if it is none."""
-        kind, what, where, calls, zeta = _HEADER.unpack(self._receive(_HEADER.size))
-        if kind == _CALLED:
-            known = 0 <= what < len(_FORBIDDEN)
-            raise EndedError(
-                _FORBIDDEN[what] if known else "makes system call {where}, which is not allowed", where=where
-            )
-        if kind == _CRASHED:
-            raise _crash(what)
-        if kind == _OUTSIDE:
-            name = FIELDS[what] if 0 <= what < len(FIELDS) else "an array"
-            said = "reads or writes {name}[{where}], which is outside of the array"
-            how = -1 if where < 0 else where if name == FIELDS[-1] else -3 - where
-            raise EndedError(said, how, name=name, where=where)
-        if kind == _CHANGED:
-            raise EndedError("changes n, radiusIn, radiusOut, gravity, gamma or a pointer of the struct")
-        if kind == _TOO_LONG:
-            raise EndedError(
-                "does not end within {seconds} s: an endless loop", -2, seconds=f"{self._limits.seconds:g}"
-            )
-        if kind != _ANSWERED:
-            raise EndedError("sends an invalid answer")
-        return what, calls, zeta
+        """Return `what`, `calls` and `zeta` of an answer, or raise EndedError if it is none."""
+        number, what, where, calls, zeta = _HEADER.unpack(self._receive(_HEADER.size))
+        match _KINDS[number] if 0 <= number < len(_KINDS) else "":
+            case "ANSWERED":
+                return what, calls, zeta
+            case "CALLED":
+                use = _USES[what] if 0 <= what < len(_USES) else ""
+                other = "makes system call {where}, which is not allowed"
+                raise EndedError(_FORBIDDEN.get(use, other), where=where)
+            case "CRASHED":
+                raise _crash(what)
+            case "OUTSIDE":
+                name = FIELDS[what] if 0 <= what < len(FIELDS) else "an array"
+                said = "reads or writes {name}[{where}], which is outside of the array"
+                how = -1 if where < 0 else where if name == FIELDS[-1] else -3 - where
+                raise EndedError(said, how, name=name, where=where)
+            case "CHANGED":
+                raise EndedError("changes n, radiusIn, radiusOut, gravity, gamma or a pointer of the struct")
+            case "TOO_LONG":
+                said, seconds = "does not end within {seconds} s: an endless loop", self._limits.seconds
+                raise EndedError(said, -2, seconds=f"{seconds:g}")
+        raise EndedError("sends an invalid answer")
 
     def _receive_numbers(self, count: int) -> FloatArray:
         return np.frombuffer(self._receive(8 * count), np.float64)
@@ -317,45 +276,37 @@ class Child:
         """Start to measure the wall time of a call."""
         self._call_until = min(self._until, monotonic() + self._limits.patience)
 
-    def _send(self, request: bytes) -> None:
-        rest = memoryview(request)
-        while rest:
-            self._wait_for(self._ask, select.POLLOUT)
-            try:
-                rest = rest[os.write(self._ask, rest) :]
-            except BrokenPipeError:
-                raise self._reason() from None
-
     def _receive(self, length: int) -> bytes:
         received = bytearray()
         while len(received) < length:
-            self._wait_for(self._answer, select.POLLIN)
-            part = os.read(self._answer, length - len(received))
+            with self._limited():
+                part = self._channel.recv(length - len(received))
             if not part:
                 raise self._reason()
             received += part
         return bytes(received)
 
-    def _wait_for(self, pipe: int, event: int) -> None:
-        """Wait until a pipe can be read or written."""
-        ready = select.poll()
-        ready.register(pipe, event)
-        if not ready.poll(1e3 * self._left()):
+    @contextmanager
+    def _limited(self) -> Iterator[None]:
+        """Limit the wall time of a transfer, and raise EndedError if it fails."""
+        self._channel.settimeout(max(1e-3, self._call_until - monotonic()))  # 0 would not wait at all
+        try:
+            yield
+        except TimeoutError:
             if self._call_until == self._until:
                 limit = f"{self._limits.total:g}"
                 raise EndedError(
                     "takes more than {seconds} s to compile and run in all scenes", seconds=limit
-                )
-            raise EndedError("does not answer within {seconds} s", seconds=f"{self._limits.patience:g}")
-
-    def _left(self) -> float:
-        """Return the remaining wall time of the call [s]."""
-        return max(0.0, self._call_until - monotonic())
+                ) from None
+            limit = f"{self._limits.patience:g}"
+            raise EndedError("does not answer within {seconds} s", seconds=limit) from None
+        except ConnectionError:
+            raise self._reason() from None
 
     def _reason(self) -> EndedError:
         """Return the reason why the process ended without an answer."""
         try:
-            code = self._process.wait(self._left())
+            code = self._process.wait(max(0.0, self._call_until - monotonic()))
         except subprocess.TimeoutExpired:
             return EndedError("closes files that it did not open")
         if code >= 0:
@@ -369,8 +320,7 @@ class Child:
         self._close_files()
 
     def _close_files(self) -> None:
-        os.close(self._ask)
-        os.close(self._answer)
+        self._channel.close()
         self._printed.close()
 
     def __enter__(self) -> Self:
