@@ -4,7 +4,9 @@
 >>> analysis.coordination_number(simulation)
 
 Every function takes a simulation or a snapshot, which may be of a simulation, of a state or of a frame of a
-recording. Units are SI; in two dimensions a stress is a force per length.
+recording. Those that take a region, see `region_of`, count in the whole container without one; those that
+take `least` count contacts from this force on [N]. Units are SI; in two dimensions a stress is a force per
+length.
 """
 
 from warpgrains.analysis.contacts import grain_stresses, mean_stress, pressure, wall_forces
@@ -54,49 +56,15 @@ from warpgrains.analysis.structure import structure_factor
 from warpgrains.scene.region import Region
 from warpgrains.scene.snapshot import Snapshot
 
+# fmt: off
 __all__ = [
-    "GROUPS",
-    "QUANTITIES",
-    "EnergyBalance",
-    "Profile",
-    "Region",
-    "Series",
-    "Snapshot",
-    "cell_areas",
-    "clusters",
-    "contact_directions",
-    "contact_forces",
-    "contact_numbers",
-    "coordination_number",
-    "energy_balance",
-    "fabric_tensor",
-    "force_distribution",
-    "force_statistics",
-    "global_packing_fraction",
-    "grain_stresses",
-    "grains_in",
-    "granular_temperature",
-    "height_profile",
-    "heights",
-    "kinetic_energy",
-    "largest_speed",
-    "local_packing_fractions",
-    "mean_speed",
-    "mean_stress",
-    "packing_fraction",
-    "partial_radial_distributions",
-    "pile_height",
-    "potential_energy",
-    "pressure",
-    "quantities",
-    "radial_distribution",
-    "radial_profile",
-    "radius_classes",
-    "rattlers",
-    "region_of",
-    "rigidity",
-    "snapshot",
-    "step_energy_balance",
-    "structure_factor",
-    "wall_forces",
+    "GROUPS", "QUANTITIES", "EnergyBalance", "Profile", "Region", "Series", "Snapshot", "cell_areas",
+    "clusters", "contact_directions", "contact_forces", "contact_numbers", "coordination_number",
+    "energy_balance", "fabric_tensor", "force_distribution", "force_statistics", "global_packing_fraction",
+    "grain_stresses", "grains_in", "granular_temperature", "height_profile", "heights", "kinetic_energy",
+    "largest_speed", "local_packing_fractions", "mean_speed", "mean_stress", "packing_fraction",
+    "partial_radial_distributions", "pile_height", "potential_energy", "pressure", "quantities",
+    "radial_distribution", "radial_profile", "radius_classes", "rattlers", "region_of", "rigidity",
+    "snapshot", "step_energy_balance", "structure_factor", "wall_forces",
 ]
+# fmt: on

@@ -60,7 +60,6 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     area : ndarray, optional
         Area A of each grain [m2], shape (n,); by default that of its cell, see `cell_areas`, which needs
         scipy. The mean of the stresses weighted by the cells is `mean_stress`.
@@ -87,7 +86,6 @@ def mean_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     region : mapping, optional
         See `region_of`. The sum is over all contacts of the grains in the region, and A is its area. So the
         stresses of regions that fill a larger one, weighted by their areas, add up to that of the larger one.
@@ -111,11 +109,6 @@ def mean_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
 
 def pressure(of: Snapshot | HasState, region: Where = None) -> float:
     """Return half the trace of the mean stress [N/m].
-
-    Parameters
-    ----------
-    of, region
-        See `mean_stress`.
 
     Examples
     --------

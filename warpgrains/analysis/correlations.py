@@ -43,7 +43,6 @@ def radial_distribution(
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     bins : int
     reach : float, optional
         Upper end of the bins [m]; by default five mean diameters.
@@ -98,7 +97,6 @@ def partial_radial_distributions(
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     kinds : int or array_like
         A label for each grain, integers of shape (n,); or a number of classes, see `radius_classes`.
     bins, reach, region

@@ -21,7 +21,6 @@ def fabric_tensor(of: Snapshot | HasState, region: Where = None) -> FloatArray:
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     region : mapping, optional
         Region of the contact points, see `region_of`.
 
@@ -51,11 +50,6 @@ class ForceStatistics(NamedTuple):
 
 def force_statistics(of: Snapshot | HasState, region: Where = None) -> ForceStatistics:
     """Return number, mean, standard deviation and maximum of the normal forces between grains.
-
-    Parameters
-    ----------
-    of, region
-        See `fabric_tensor`.
 
     Examples
     --------
@@ -98,12 +92,9 @@ def force_distribution(
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     bins : int
     most : float
         Upper end of the bins, in mean forces.
-    region
-        See `fabric_tensor`.
     part : str
         ``"normal"`` for normal forces f, ``"tangential"`` for the moduli of tangential forces q, or
         ``"total"`` for the moduli of the total forces, sqrt(f^2 + q^2).
@@ -136,7 +127,6 @@ def contact_directions(of: Snapshot | HasState, bins: int = 36, region: Where = 
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     bins : int
         Number of bins between -pi and pi.
     region

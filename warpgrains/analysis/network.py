@@ -37,7 +37,6 @@ def contact_numbers(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     least : float
         Smallest force of contacts that count [N]; a step solved to a tolerance leaves tiny forces.
 
@@ -57,11 +56,6 @@ def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
     Contacts with walls count. Grains with fewer are removed with their contacts, repeatedly until none has
     fewer. The removed grains are the rattlers; the remaining ones are the backbone, a k-core. A grain of a
     pile that stands on a single contact is a rattler.
-
-    Parameters
-    ----------
-    of, least
-        See `contact_numbers`.
 
     Examples
     --------
@@ -85,8 +79,6 @@ def coordination_number(
 
     Parameters
     ----------
-    of, least
-        See `contact_numbers`.
     without_rattlers : bool
         Whether to leave out rattlers, and their contacts.
     region : mapping, optional
@@ -109,11 +101,6 @@ def clusters(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
 
     Grains of a cluster are connected by contacts between grains. Walls connect no grains. Clusters are
     numbered by decreasing number of grains, and those of equal size by their first grain.
-
-    Parameters
-    ----------
-    of, least
-        See `contact_numbers`.
 
     Raises
     ------

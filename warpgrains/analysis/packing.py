@@ -54,7 +54,7 @@ def pile_height(of: Snapshot | HasState) -> float:
     '1.638 m'
     """
     now = snapshot(of)
-    now.container.require_known()
+    now.container.require_known(takes_region=False)
     return pile_heights(now.grains).item()
 
 
@@ -75,7 +75,6 @@ def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     region : mapping, optional
         Region in which the fraction is measured instead, see `region_of`. Grains are cut exactly at its
         border.
@@ -136,7 +135,7 @@ def global_packing_fraction(of: Snapshot | HasState) -> float:
     0.04
     """
     now = snapshot(of)
-    return float(np.pi * (now.scene.radius**2).sum() / now.container.closed().area)
+    return float(np.pi * (now.scene.radius**2).sum() / now.container.closed(takes_region=False).area)
 
 
 def cell_areas(of: Snapshot | HasState) -> FloatArray:
@@ -156,7 +155,7 @@ def cell_areas(of: Snapshot | HasState) -> FloatArray:
     True
     """
     now = snapshot(of)
-    now.container.require_known()
+    now.container.require_known(takes_region=False)
     region = now.container.region
     outside = ~region.contains(now.position)
     if region.cells is not None and outside.any():

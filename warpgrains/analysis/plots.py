@@ -38,6 +38,7 @@ def plot(
     output: str | Path,
     frames: Sequence[int] | None = None,
     curves: bool = True,
+    *,
     size: str | None = None,
     frame: str | None = None,
 ) -> list[int]:

@@ -46,7 +46,6 @@ def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     bins : int
     region : mapping, optional
         Region whose parts the slices are, see `region_of`; without area in it, their packing fraction is NaN.

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from inspect import signature
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -35,13 +36,11 @@ class Quantity(NamedTuple):
     """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
     meaning: str = ""
     require: Callable[[str, Scene], object] = lambda name, scene: None
-    """Function that raises InputError if a scene cannot have the quantity of this name."""
-    takes_region: bool = False
-    """Whether the function takes a region as its second argument, and then requires nothing of the scene."""
+    """Function that raises InputError if a scene cannot have the quantity of this name without a region."""
 
 
 def _require_known(name: str, scene: Scene) -> None:
-    container_of(scene, 0.0, scene.position).require_known(f"{name}: ")
+    container_of(scene, 0.0, scene.position).require_known(f"{name}: ", takes_region([name]))
 
 
 def _require_closed(name: str, scene: Scene) -> None:
@@ -61,18 +60,11 @@ def _stress(a: int, b: int, sign: float = 1.0) -> Quantity:
         lambda found: float(0.5 * (found[a, b] + sign * found[b, a])),
         meaning=f"{part} of the mean stress, compression positive",
         require=_require_closed,
-        takes_region=True,
     )
 
 
 def _force(part: str, meaning: str) -> Quantity:
-    return Quantity(
-        "N",
-        forces.force_statistics,
-        attrgetter(part),
-        meaning=f"{meaning} between grains",
-        takes_region=True,
-    )
+    return Quantity("N", forces.force_statistics, attrgetter(part), meaning=f"{meaning} between grains")
 
 
 def _power(part: str, meaning: str) -> Quantity:
@@ -112,13 +104,9 @@ QUANTITIES = {
         of_runs=packing.packing_fractions,
         meaning="share of the region that grains fill, by default of the container below the mean height",
         require=_require_known,
-        takes_region=True,
     ),
     "coordination_number": Quantity(
-        "",
-        lambda now, region: network.coordination_number(now, region=region),
-        meaning="mean number of contacts of a grain, walls included",
-        takes_region=True,
+        "", network.coordination_number, meaning="mean number of contacts of a grain, walls included"
     ),
     "rattlers": Quantity(
         "",
@@ -131,7 +119,6 @@ QUANTITIES = {
         contacts.pressure,
         meaning="half the trace of the mean stress",
         require=_require_closed,
-        takes_region=True,
     ),
     "stress_xx": _stress(0, 0),
     "stress_xy": _stress(0, 1),
@@ -163,6 +150,8 @@ GROUPS = {
 SWEEP_QUANTITIES = {name: found.of_runs for name, found in QUANTITIES.items() if found.of_runs is not None}
 """Quantities that are columns of every sweep's results, as functions of many runs."""
 
+_TAKE_REGION = {name for name, one in QUANTITIES.items() if "region" in signature(one.function).parameters}
+
 
 def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
     """Return the quantities that names and groups denote, without duplicates, in the given order.
@@ -188,13 +177,13 @@ def require_quantities(names: Iterable[str], scene: Scene, region: Mapping[str, 
         to_surface = {"below": scene.radius_out} if region.get("below") == "surface" else {}
         region_of(snapshot(scene, first_state(scene)), {**region, **to_surface})
     for name in names:
-        if region is None or not QUANTITIES[name].takes_region:
+        if region is None or name not in _TAKE_REGION:
             QUANTITIES[name].require(name, scene)
 
 
 def takes_region(names: Iterable[str]) -> bool:
     """Return whether one of these quantities takes a region."""
-    return any(QUANTITIES[name].takes_region for name in names)
+    return not _TAKE_REGION.isdisjoint(names)
 
 
 def quantities(
@@ -204,7 +193,6 @@ def quantities(
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     names : iterable of str, optional
         Names of quantities, or of `GROUPS`; by default all.
     region : mapping, optional
@@ -233,7 +221,8 @@ def quantities(
     for name, one in wanted.items():
         try:
             if one.function not in found:
-                found[one.function] = one.function(now, region) if one.takes_region else one.function(now)
+                where = {"region": region} if name in _TAKE_REGION else {}
+                found[one.function] = one.function(now, **where)
             values[name] = one.part(found[one.function])
         except NoAreaError:
             values[name] = np.nan

@@ -33,7 +33,6 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     region : mapping, optional
         None or ``{}`` is the whole container. Keys, all optional:
 

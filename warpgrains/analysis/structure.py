@@ -40,7 +40,6 @@ def structure_factor(
 
     Parameters
     ----------
-    of : Snapshot or Simulation
     k : array_like, optional
         Wave numbers [1/m], shape (K,), of any order. Equal spacing is fastest. By default 100 up to
         8 pi / (mean diameter), which takes less than a second for 100,000 grains.

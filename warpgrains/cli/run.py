@@ -22,11 +22,12 @@ from warpgrains.drawing.kinds import RECORDING
 from warpgrains.errors import InputError
 from warpgrains.frame_log import log_of
 from warpgrains.kernels.access import CHECKED
+from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.shown import number_of
 from warpgrains.simulation.checkpoint import lock_checkpoint, read_checkpoint
-from warpgrains.simulation.options import FLAGS, RunOptions, require_needed, steps_of
+from warpgrains.simulation.options import FLAGS, RunOptions, require_needed
 from warpgrains.simulation.run import OpenRun, carry_out
 from warpgrains.warp_start import start_warp
 
@@ -141,7 +142,7 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
         statistics.met = False  # the run goes on, although its end criterion was met
     is_locked = is_of_run and Path(options.checkpoint or kept).resolve() == kept.resolve()
     resumed = statistics if is_of_run else None
-    return OpenRun(start.scene, options, resumed, start.first_step, is_locked), start.state
+    return OpenRun(start.scene, options, resumed, start.first_step, is_locked=is_locked), start.state
 
 
 def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:
@@ -160,7 +161,11 @@ def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
 
 
 def _steps(scene: Scene, arguments: Namespace, planned: int | None = None) -> int:
-    return steps_of(scene, arguments.steps, arguments.duration, planned, least=1, dashes="--")
+    if arguments.steps is not None:
+        return checks.whole_number("--steps", arguments.steps)
+    if arguments.duration is not None:
+        return scene.steps_in(checks.positive("--duration", arguments.duration))
+    return scene.steps if planned is None else planned
 
 
 def _show_warning(message: Warning | str, *where: Any) -> None:

@@ -154,18 +154,14 @@ class Grader:
                 ends[probes[todo[0]].scene] = todo[0], error
                 is_index = error.how not in (-1, -2)
                 todo = [k for k in todo if is_index and probes[k].scene not in ends]
-        part = self._judged(name, function, answers, ends, printed)
+        part = self._judged(Part(name, "", printed=printed), answers, ends)
         values = b"".join(answer.bytes for answer in answers.values()) if part.shown and name != BOTH else b""
         return replace(part, warnings=warnings, values=values)
 
     def _judged(
-        self,
-        name: str,
-        function: str,
-        answered: Mapping[int, Answer],
-        ends: Mapping[str, tuple[int, EndedError]],
-        printed: str,
+        self, part: Part, answered: Mapping[int, Answer], ends: Mapping[str, tuple[int, EndedError]]
     ) -> Part:
+        function = CONTACT if part.name == CONTACT else UPDATE
         asked = self.probes[function]
         modeled, right = asked, self.expected[function]
         if function == UPDATE and self._counts_0(answered):
@@ -186,11 +182,11 @@ class Grader:
         scenes = {probe.scene: wrongs.get(probe.scene, Words("not run")) for probe in asked}
         ended = next(iter(ends.values()), None)
         status = "wrong" if any(scenes.values()) else "right"
-        part = Part(name, status, scenes, next(iter(said.values()), None), printed=printed)
+        part = replace(part, status=status, scenes=scenes, ended=next(iter(said.values()), None))
         if wrong := [k for k, first in enumerate(differences) if first]:
             k = min(wrong, key=lambda k: probes[k].call.n)
             part = replace(part, shown=Shown(probes[k].call, expected[k], answers[k]))
-        if part.status == "right" or name == BOTH:
+        if part.status == "right" or part.name == BOTH:
             return part
         near = differences if eps else _differences(probes, expected, answers, DOUBLE)
         first = next(filter(None, near), None)
@@ -222,7 +218,7 @@ class Grader:
 
     def _child(self, own: dict[str, Path], limits: Limits = DEFAULT, until: float = inf) -> Child:
         """Start a child process with some functions of the homework and the others of the reference."""
-        return Child(self._program, self._reference | own, self._processes, limits, until)
+        return Child(self._program, self._reference | own, self._processes, limits, until=until)
 
 
 def _warnings(child: Child) -> tuple[Words, ...]:

@@ -196,6 +196,7 @@ class Child:
         libraries: Mapping[str, Path],
         processes: Processes,
         limits: Limits = DEFAULT,
+        *,
         until: float = inf,
     ):
         self._processes, self._limits, self._until = processes, limits, until

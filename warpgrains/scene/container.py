@@ -46,22 +46,18 @@ class Container:
         """The container up to its mouth."""
         return self.walled.cut((np.array(self.up), self.mouth)) if self.mouth < np.inf else self.walled
 
-    def require_known(self, whose: str = "") -> None:
+    def require_known(self, whose: str = "", takes_region: bool = True) -> None:
         """Raise NoAreaError, which begins with `whose`, if the container is unknown."""
         if not self.is_known:
-            raise NoAreaError(
-                f"{whose}the walls do not form a convex polygon around the grains: give region, such as"
-                " {'x': (-0.1, 0.1), 'y': (-0.2, 0.0)}"
-            )
+            hint = ": give region, such as {'x': (-0.1, 0.1), 'y': (-0.2, 0.0)}" if takes_region else ""
+            raise NoAreaError(f"{whose}the walls do not form a convex polygon around the grains{hint}")
 
-    def closed(self, whose: str = "") -> Region:
+    def closed(self, whose: str = "", takes_region: bool = True) -> Region:
         """Return the region that walls enclose all around. Raises NoAreaError if it is open or unknown."""
-        self.require_known(whose)
+        self.require_known(whose, takes_region)
         if self.mouth < np.inf:
-            raise NoAreaError(
-                f"{whose}the walls are open above a height of {self.mouth:g} m: give region, such as"
-                " {'below': 'surface'}"
-            )
+            hint = ": give region, such as {'below': 'surface'}" if takes_region else ""
+            raise NoAreaError(f"{whose}the walls are open above a height of {self.mouth:g} m{hint}")
         return self.region
 
 

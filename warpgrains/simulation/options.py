@@ -56,14 +56,14 @@ def _region(field: str, text: Any) -> str:
     return str(text)
 
 
-def _frame(field: str, text: Any) -> str:
-    frame_of(field, text)
-    return str(text)
+def _readable_by(read: Callable[[str, Any], object]) -> Callable[[str, Any], str]:
+    """Return the check of a text that a function reads."""
 
+    def check(field: str, text: Any) -> str:
+        read(field, text)
+        return str(text)
 
-def _size(field: str, text: Any) -> str:
-    size_of(field, text)
-    return str(text)
+    return check
 
 
 def _option(meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, **more: Any) -> Any:
@@ -122,14 +122,14 @@ class RunOptions:
     )
     size: str | None = _option(
         "Width and height of a film or a picture [pixels]; without it, they follow from the frame.",
-        _size,
+        _readable_by(size_of),
         "WIDTHxHEIGHT",
         needs="record",
     )
     frame: str | None = _option(
         "Rectangle to show [m], also by the camera of a USD file; without it, the grains and the walls that"
         " they can touch.",
-        _frame,
+        _readable_by(frame_of),
         "X0,Y0,X1,Y1",
         needs="record",
     )
@@ -228,25 +228,13 @@ class RunOptions:
         return cls(**{**stored, **files, "checkpoint": str(checkpoint)})
 
 
-def steps_of(
-    scene: Scene,
-    steps: int | None,
-    duration: float | None,
-    planned: int | None = None,
-    least: int = 0,
-    dashes: str = "",
-) -> int:
-    """Return the steps of a run: `steps`, those of a duration [s], or `planned`, by default the scene's.
-
-    Messages name the options with `dashes` in front, as on the command line.
-    """
+def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
+    """Return the steps of a run: `steps`, those of a duration [s], or the scene's."""
     if steps is not None and duration is not None:
         raise InputError("give steps or duration, not both")
     if steps is not None:
-        return checks.whole_number(f"{dashes}steps", steps, least)
-    if duration is not None:
-        return scene.steps_in(checks.positive(f"{dashes}duration", duration))
-    return scene.steps if planned is None else planned
+        return checks.whole_number("steps", steps, least=0)
+    return scene.steps if duration is None else scene.steps_in(checks.positive("duration", duration))
 
 
 def require_needed(given: Collection[str], named: Callable[[str], str] = str) -> None:

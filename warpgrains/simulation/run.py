@@ -66,6 +66,7 @@ class OpenRun(CountedRun):
         options: RunOptions,
         statistics: RunStatistics | None = None,
         first_step: int = 0,
+        *,
         is_locked: bool = False,
     ) -> None:
         super().__init__(options.steps, statistics or RunStatistics(), criterion(options.until, scene))

@@ -306,6 +306,7 @@ class Simulation(LoadedScene, Shown):
         steps: int | None = None,
         duration: float | None = None,
         until: str | Question | EndCriterion | None = None,
+        *,
         observer: Observer | None = None,
         progress: bool = False,
         **outputs: Unpack[Outputs],

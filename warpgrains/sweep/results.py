@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES, quantities
+from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES, quantities, takes_region
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.files import Row
@@ -89,7 +89,7 @@ def value_columns(settings: RunSettings) -> list[str]:
 def results(ends: FinalStates, snapshots: Iterable[Snapshot], settings: RunSettings) -> Iterator[RunResult]:
     """Return the results of finished runs, without labels; snapshots serve the measured quantities."""
     columns, region = value_columns(settings), settings.table
-    in_region = [name for name in SWEEP_QUANTITIES if region is not None and QUANTITIES[name].takes_region]
+    in_region = [name for name in SWEEP_QUANTITIES if region is not None and takes_region([name])]
     measured = [name for name in columns if name not in COLUMNS or name in in_region]
     values = {name: COLUMNS[name].of_runs(ends).tolist() for name in columns if name not in measured}
     if measured:
