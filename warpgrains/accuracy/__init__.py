@@ -1,16 +1,87 @@
 """The true error of a step, and exact steps that are computed without the kernels."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpgrains.described import fields_in_help
+from warpgrains.errors import InputError, requiring
 
 if TYPE_CHECKING:
-    from warpgrains.accuracy.error_bound import ErrorBound, certify
+    from warpgrains.simulation.simulation import Simulation
 
 __all__ = ["ErrorBound", "certify"]
 
 
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use."""
-    if name not in __all__:
-        raise AttributeError(f"module 'warpgrains.accuracy' has no attribute {name!r}")
-    return getattr(import_module("warpgrains.accuracy.error_bound"), name)
+@fields_in_help
+@dataclass(frozen=True)
+class ErrorBound:
+    """Bounds of the distance of a step's velocities from the exact ones.
+
+    Examples
+    --------
+    >>> bound = certify(simulation)
+    >>> bound.error <= bound.at_most
+    True
+    """
+
+    error: float | None
+    """Largest difference of a component [m/s]; None if it is not above `solver_error`, because then it says
+    nothing about the step."""
+    solver_error: float
+    """Largest possible error of the reference velocities [m/s], proven by their duality gap, for the step's
+    gaps as they are rounded to double precision."""
+    at_most: float
+    """Proven upper bound of the true error [m/s]."""
+
+
+def certify(simulation: Simulation) -> ErrorBound:
+    """Measure the true error of a simulation's last step.
+
+    The step's convex problem (kernels/MODEL.md, eq. 10) is set up from the positions and velocities at its
+    start, with all pairs of grains that could touch within it and with all walls. It is solved by clarabel,
+    an interior point method, in about 0.2 s for a pile of 1,000 grains.
+
+    With friction a step may have several solutions. The slip of the contacts is then frozen at the step's own
+    velocities; the error is the distance from the exact solution of that convex problem, rim speeds included,
+    and is 0 only for a solution of Coulomb's law (De Saxce and Feng 1998).
+
+    Parameters
+    ----------
+    simulation : Simulation
+        A simulation that has done a step; it is not changed.
+
+    Raises
+    ------
+    InputError
+        clarabel, qdldl or scipy is not installed; the extra ``[report]`` installs them. Or a force or a
+        pressure drives a wall.
+    SimulationError
+        No step has been taken, or no velocities satisfy every gap of the step.
+
+    Examples
+    --------
+    >>> bound = certify(simulation)
+    >>> f"{bound.error:.1e} m/s"
+    '8.2e-07 m/s'
+    >>> bound.solver_error < 0.1 * bound.error
+    True
+    """
+    if simulation.scene.has_driven_walls:
+        raise InputError("certify: steps in which a force drives a wall cannot be certified")
+    with requiring("certify"):
+        from warpgrains.accuracy.exact_step import StepProblem, solve_exactly
+    velocity = simulation.velocity
+    if simulation.scene.has_friction:
+        velocity = np.column_stack([velocity, simulation.scene.radius * simulation.spin])
+    problem = StepProblem(simulation.scene, *simulation.last_start(), time=simulation.time)
+    exact = solve_exactly(problem, velocity)
+    difference = float(np.abs(velocity - exact.velocity).max())
+    return ErrorBound(
+        error=difference if difference > exact.error else None,
+        solver_error=exact.error,
+        at_most=difference + exact.error,
+    )

@@ -61,17 +61,21 @@ def change_of(
             " scene by `present_scene.replace`"
         )
     places = None if driven is None else _driven(scene, before, driven, "radius_out" in fields)
-    was, put = _in_place(before, driven), _in_place(scene, places)
+    was, put = (
+        one if at is None else one.with_walls_at(at[:, 0]) for one, at in ((before, driven), (scene, places))
+    )
     staying = [number for number in put.wall_numbers if _stays(number, was, put, now)]
     if driven is not None and places is not None:  # contacts of the last step are at walls as driven then
         jumped = np.array(put.wall_numbers)[(driven != places).any(axis=1)]
         staying = [number for number in staying if number not in jumped]
     _require_room(put, staying, position, now)
     all_stay = staying == was.wall_numbers == put.wall_numbers
-    keeps_list = all_stay and all(map(_move_alike, scene.walls, before.walls))
-    keeps_list = keeps_list and scene.bodies.two_circles == before.bodies.two_circles
-    if scene.dt != before.dt and scene.has_moving_walls:
-        keeps_list = False
+    keeps_list = (
+        all_stay
+        and all(map(_move_alike, scene.walls, before.walls))
+        and scene.bodies.two_circles == before.bodies.two_circles
+        and (scene.dt == before.dt or not scene.has_moving_walls)
+    )
     return Change(scene, staying, keeps_list, places, all_stay and OF_LISTS.isdisjoint(fields))
 
 
@@ -106,10 +110,6 @@ def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -
         if continues:
             row[:] = was
     return places
-
-
-def _in_place(scene: Scene, driven: FloatArray | None) -> Scene:
-    return scene if driven is None else scene.with_walls_at(driven[:, 0])
 
 
 def _stays(number: int, was: Scene, put: Scene, now: float) -> bool:

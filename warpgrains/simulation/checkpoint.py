@@ -11,8 +11,8 @@ If a field of these, of `RunOptions` or of `RunStatistics` is added, removed, re
 import io
 import json
 import zipfile
-import zlib
 from dataclasses import asdict, dataclass, fields
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -34,18 +34,6 @@ MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]
 Header = dict[str, Any]
-
-_DAMAGE = (
-    OSError,
-    EOFError,
-    LookupError,
-    TypeError,
-    ValueError,
-    RuntimeError,
-    MemoryError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +70,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
         raise InputError(f"checkpoint '{path}' does not exist")
     try:
         header, arrays = _read(path)
-    except _DAMAGE:
+    except Exception:  # readers of damaged files raise errors of any kind
         raise InputError(f"'{path}' is not a checkpoint of warpgrains, or it is damaged") from None
     if header["version"] != VERSION:
         raise InputError(
@@ -91,7 +79,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
         )
     try:
         return _checkpoint(header, arrays, path)
-    except _DAMAGE as error:
+    except Exception as error:
         raise InputError(f"checkpoint '{path}' holds an invalid state: {error}") from None
 
 
@@ -111,12 +99,9 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
         arrays |= {f"{part}.{name}": content[name] for name in own}
         elsewhere = (*own, "corrections", "lists", "last_scene")
         header[part] = {name: value for name, value in content.items() if name not in elsewhere}
-    return {"header": np.frombuffer(json.dumps(header, default=_table).encode(), np.uint8), **arrays}
-
-
-def _table(value: Any) -> Any:
-    """Return a wall, or gravity that turns, as its table in a scene file."""
-    return value.table
+    # walls, and gravity that turns, are stored as their tables in a scene file
+    text = json.dumps(header, default=attrgetter("table"))
+    return {"header": np.frombuffer(text.encode(), np.uint8), **arrays}
 
 
 def _parts(scene: Scene, state: State) -> dict[str, Any]:
@@ -149,7 +134,7 @@ def _is_checkpoint(path: Path) -> bool:
     try:
         with np.load(path, allow_pickle=False) as entries:
             return bool(_header(entries["header"]))
-    except _DAMAGE:
+    except Exception:
         return False
 
 

@@ -108,20 +108,16 @@ class OpenRun(CountedRun):
                 )
                 self.observer, series.means = held.enter_context(series), self.statistics.means
                 require_quantities(series.names, self.scene, region)
-            self.output = self._output()
-            if self.output is not None:
-                held.enter_context(self.output)
+            path, kind = Path(options.record or ""), options.shows
+            has_all_frames = self._is_resumed and self.has_ended and is_complete(path)
+            if kind is not None and not has_all_frames:
+                resume_at = self.statistics.frames if self._is_resumed else None
+                self.output = held.enter_context(
+                    kind.opened(path, self.scene, self.times, options, resume_at)
+                )
             yield
             at_end = perf_counter()
         self.statistics.other_seconds += perf_counter() - at_end
-
-    def _output(self) -> Output | None:
-        """Return the output that receives frames; None if there is none, or no frame is left to record."""
-        path, kind = Path(self.options.record or ""), self.options.shows
-        if kind is None or (self._is_resumed and self.has_ended and is_complete(path)):
-            return None
-        resume_at = self.statistics.frames if self._is_resumed else None
-        return kind.opened(path, self.scene, self.times, self.options, resume_at)
 
     @property
     def missing_frames(self) -> int:
