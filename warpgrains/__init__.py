@@ -19,7 +19,7 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
 if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
     from warpgrains.batch.batch import Batch, SceneSummary
-    from warpgrains.errors import InputError, NoAreaError, OutputError, SceneError, SimulationError
+    from warpgrains.errors import InputError, NoAreaError, OutputError, SimulationError
     from warpgrains.packings.compress import Packing, compress
     from warpgrains.packings.pack import Rest, pack
     from warpgrains.packings.separate import Separation, separate
@@ -45,7 +45,6 @@ __all__ = [
     "Recording",
     "Rest",
     "Scene",
-    "SceneError",
     "SceneSummary",
     "Segment",
     "Separation",
@@ -67,7 +66,7 @@ _NAMES = {
     "packings.separate": ("Separation", "separate"),
     "usd.recording": ("Recording",),
     "batch.batch": ("Batch", "SceneSummary"),
-    "errors": ("InputError", "NoAreaError", "OutputError", "SceneError", "SimulationError"),
+    "errors": ("InputError", "NoAreaError", "OutputError", "SimulationError"),
     "scene.arc": ("Arc",),
     "scene.disc": ("Disc",),
     "scene.scene": ("Scene",),

@@ -25,6 +25,11 @@ def described_fields(record: type) -> dict[str, Field[Any]]:
     return {own.name: own for own in fields(record) if "meaning" in own.metadata}
 
 
+def checked(field: str, own: Field[Any], value: Any) -> Any:
+    """Return a value as the check of its field returns it; a field that is None by default may be None."""
+    return None if value is None and own.default is None else own.metadata["check"](field, value)
+
+
 FIELDS_IN_HELP = "Fields:"
 """Line after which a docstring lists fields; the pages, which show fields by themselves, end there."""
 

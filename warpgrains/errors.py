@@ -16,10 +16,6 @@ class InputError(ValueError):
     """
 
 
-SceneError = InputError
-"""Former name of `InputError`, kept for one release."""
-
-
 class NoAreaError(InputError):
     """Area that is unknown, of a container that walls leave open or unknown, or of an empty region.
 

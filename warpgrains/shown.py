@@ -15,10 +15,6 @@ class Shown:
         """Return the values to show, with units, by name."""
         raise NotImplementedError
 
-    def facts(self) -> dict[str, str]:
-        """Return `summary()`. This is its former name, kept for one release."""
-        return self.summary()
-
     def __repr__(self) -> str:
         text = ", ".join(f"{name} {value}".strip() for name, value in self.summary().items())
         return f"{type(self).__name__}({text})"

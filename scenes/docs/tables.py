@@ -9,8 +9,7 @@ from pathlib import Path
 
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES
 from warpgrains.cli.scenes import keys, wall_keys
-from warpgrains.scene.radii import KEYS as DISTRIBUTIONS
-from warpgrains.scene.radii import OF_MEAN
+from warpgrains.scene.radii import DISTRIBUTIONS, OF_MEAN
 from warpgrains.sweep import axes, sweep
 from warpgrains.sweep.results import COLUMNS
 

@@ -107,9 +107,6 @@ class Post(Obstacle):
     def side(self, position, radius):
         return Disc(self.center, 0.1).side(position, radius)
 
-    def covers(self, position):
-        return np.zeros(len(position), bool)
-
 
 @pytest.mark.parametrize("steps", [0, 10])
 def test_a_kind_of_wall_alone_decides_what_area_it_fills(steps, monkeypatch):

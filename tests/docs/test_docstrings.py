@@ -12,7 +12,7 @@ from pages import PAGES, ROOT, program
 import warpgrains
 from warpgrains import accuracy, analysis
 
-NO_DOCSTRING = ("GROUPS", "QUANTITIES", "SceneError", "accuracy", "analysis")
+NO_DOCSTRING = ("GROUPS", "QUANTITIES", "accuracy", "analysis")
 PUBLIC = {
     f"{module.__name__}.{name}": getattr(module, name)
     for module in (warpgrains, analysis, accuracy)

@@ -15,13 +15,10 @@ from warpgrains.simulation.checkpoint import VERSION, Checkpoint, read_checkpoin
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 
-STORED = Scene, State, Corrections, VerletList, RunOptions, RunStatistics
+STORED = State, Corrections, VerletList, RunOptions, RunStatistics
 FIELDS = {
     name: names.split()
     for name, names in {
-        "Scene": "position velocity radius mass spin radius_in radius_out wall pressure wall_mass"
-        " angular_velocity_out angular_velocity_in walls gravity drag spin_drag friction wall_friction"
-        " time dt duration scheme tolerance max_iterations order method stop on_unconverged name text",
         "State": "steps position velocity corrections lists staggered spin angle driven"
         " last_staggered last_scene",
         "Corrections": "pair pair_correction wall wall_correction pair_friction wall_friction",
@@ -107,7 +104,7 @@ class TestFile:
         vectors = "scene.position scene.velocity state.position state.velocity corrections.pair lists.pair"
         vectors += " corrections.wall lists.wall"
         vectors += " lists.reference_position lists.reference_velocity"
-        numbers = "header scene.radius scene.mass"
+        numbers = "header scene.radius scene.mass scene.spin"
         numbers += " corrections.pair_correction corrections.wall_correction"
         numbers += " lists.skin lists.recent_deviation lists.frame_shift"
         assert found == dict.fromkeys(vectors.split(), (2,)) | dict.fromkeys(numbers.split(), ())
@@ -206,6 +203,14 @@ class TestBadFile:
     def test_missing(self, tmp_path):
         self.require_refusal(tmp_path / "missing.npz", "does not exist")
         self.require_refusal(tmp_path, "does not exist")
+
+    def test_of_a_program_with_another_field(self, saved):
+        with np.load(saved, allow_pickle=False) as archive:
+            scene = json.loads(archive["header"].tobytes())["scene"]
+        rewrite(saved, header={"scene": {name: own for name, own in scene.items() if name != "spin_drag"}})
+        assert Simulation.load(saved).scene.spin_drag == 0.0
+        rewrite(saved, header={"scene": scene | {"cohesion": 1.0}})
+        self.require_refusal(saved, "cohesion")
 
     @pytest.mark.parametrize("version", [VERSION - 1, VERSION + 1])
     def test_of_another_version(self, saved, version):

@@ -59,16 +59,6 @@ def test_results_of_a_batch_are_shown_in_lines():
     assert repr(wg.Batch(["annulus"] * 2).run(steps=1)).count("\n") == 1
 
 
-def test_former_names_remain():
-    assert wg.SceneError is wg.InputError
-    start = wg.Scene.load("annulus")
-    simulation = wg.Simulation(start)
-    for shown in (start, simulation, simulation.run(steps=1), wg.Batch([start])):
-        assert shown.facts() == shown.summary()
-    report = simulation.step()
-    assert report.redos == report.restarts
-
-
 @pytest.mark.parametrize("name", ["annulus", "<b>&"])
 def test_shown_as_a_table(name):
     shown = wg.Scene.load("annulus").replace(name=name)._repr_html_()

@@ -168,7 +168,7 @@ class Twin:
         self.v = list(map(tuple, scene.velocity.tolist()))
         self.r, self.m, n = scene.radius.tolist(), scene.mass.tolist(), scene.n
         self.spin, self.rough, self.driven = (
-            scene.spin_at_start.tolist(),
+            scene.spin.tolist(),
             scene.has_friction,
             scene.has_driven_walls,
         )

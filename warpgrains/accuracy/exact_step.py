@@ -73,7 +73,7 @@ class StepProblem:
     @property
     def free_rim(self) -> FloatArray:
         """u* (eq. 21) [m/s], shape (n,)."""
-        spin = self.scene.spin_at_start if self.spin is None else self.spin
+        spin = self.scene.spin if self.spin is None else self.spin
         return self.scene.radius * free_spin(self.scene, spin, self.staggered)
 
     def constraints(self, speed: FloatArray, sliding: FloatArray) -> StepConstraints:

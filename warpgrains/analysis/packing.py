@@ -60,7 +60,7 @@ def pile_height(of: Snapshot | HasState) -> float:
 
 def pile_heights(grains: Snapshots) -> FloatArray:
     """Return the pile heights of many runs [m], shape (m,); NaN where the container is unknown."""
-    lowest = np.broadcast_to(-grains.annulus.depth, len(grains.mass)).copy()
+    lowest = np.broadcast_to(-grains.annulus.radius_out, len(grains.mass)).copy()
     for k, container in grains.containers.items():
         span = container.region.span(upwards(grains.gravity[k]))
         lowest[k] = span[0] if container.is_known else np.nan

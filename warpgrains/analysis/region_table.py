@@ -16,7 +16,7 @@ from warpgrains.scene.gravity import upwards
 from warpgrains.scene.region import Region, Side, sides_of
 from warpgrains.scene.snapshot import Snapshot
 
-KEYS = (*ranges.KEYS, "angle", "polygon", "below")
+KEYS = (*ranges.RANGES, "angle", "polygon", "below")
 MOST_COLUMNS = 64  # into which the space above a pile is divided
 
 Where = Mapping[str, Any] | Region | None
@@ -75,7 +75,7 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
         raise InputError(f"region is {region!r}: it must be a table such as {{'x': (-1.0, 0.0)}}")
     for key in region:
         checks.one_of("key of region", key, KEYS)
-    own = {key: region[key] for key in region if key in ranges.KEYS}
+    own = {key: region[key] for key in region if key in ranges.RANGES}
     found = ranges.region_of(now.scene.annulus, own, "region")
     for key, cells_of in _CELLS.items():
         if key in region:

@@ -49,7 +49,7 @@ def speed_scale(scene: Scene) -> float:
     """Return a speed [m/s] of grains: at the start, by a fall across the domain, a force, or a wall."""
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
-    falling = np.sqrt(2.0 * gravity * scene.annulus.depth)
+    falling = np.sqrt(2.0 * gravity * scene.annulus.radius_out)
     if scene.drag > 0.0:
         falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
     out, inside = (scene.surface_speed(wall) for wall in (OUTER, INNER))
@@ -67,7 +67,7 @@ def speed_scale(scene: Scene) -> float:
 
 def spin_scale(scene: Scene) -> float:
     """Return the spin [rad/s] that many grains reach: rolling at half of `speed_scale`, or at the start."""
-    return max(float(np.abs(scene.spin_at_start).max()), 0.5 * speed_scale(scene) / scene.typical_radius)
+    return max(float(np.abs(scene.spin).max()), 0.5 * speed_scale(scene) / scene.typical_radius)
 
 
 def pressure_scale(scene: Scene) -> float:
@@ -80,7 +80,7 @@ def pressure_scale(scene: Scene) -> float:
     driven = [abs(wall.drive[1]) / (2.0 * wall.circle[2]) for wall in scene.walls if wall.drive is not None]
     given = 4.0 * max([abs(scene.pressure or 0.0), *driven])
     if weight > 0.0 or given > 0.0:
-        return max(given, weight / (scene.annulus.depth / 2.0))
+        return max(given, weight / (scene.annulus.radius_out / 2.0))
     radius = float(scene.radius.mean())
     stopping = float(scene.mass.mean()) * (speed_scale(scene) or radius / scene.dt) / scene.dt
     return stopping / (2.0 * np.pi * radius)

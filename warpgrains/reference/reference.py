@@ -101,7 +101,7 @@ class Reference:
         self._grains.rough, self._grains.moving = scene.has_friction, scene.has_moving_walls
         self._grains.turning, self._grains.start = scene.gravity_rate, scene.time
         rotating = (
-            scene.spin_at_start.copy(),
+            scene.spin.copy(),
             *np.zeros((2, n)),
             *map(np.zeros, (n * (n - 1) // 2, n, n * len(walls))),
         )

@@ -36,10 +36,10 @@ class Joints:
         found: list[list[int]] = [[] for _ in range(2 * len(walls))]
         ends = np.concatenate([np.zeros((0, 2)), *(wall.ends for wall in walls)])
         owner = np.repeat(np.arange(len(walls)), [len(wall.ends) for wall in walls])
-        size = np.array([wall.size for wall in walls])[owner]
+        size = [wall.circle[2] if len(wall.ends) > 0 else 0.0 for wall in walls]
         for other, wall in enumerate(walls if len(ends) > 0 else ()):
             off = np.abs(wall.side(ends, np.zeros(len(ends))).gap)
-            for end in np.flatnonzero(off <= CLOSE * np.maximum(size, wall.size)).tolist():
+            for end in np.flatnonzero(off <= CLOSE * np.maximum(np.array(size)[owner], size[other])).tolist():
                 own = walls[k := owner[end]]
                 if k != other and own.path == wall.path and not (own.drive or wall.drive):
                     found[2 * k + (end > 0 and k == owner[end - 1])].append(other)

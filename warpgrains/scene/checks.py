@@ -119,11 +119,15 @@ def boolean(field: str, value: Any) -> bool:
 
 
 def one_of(field: str, value: Any, known: Iterable[str]) -> str:
-    """Return `value` if it is one of the known names."""
+    """Return `value` if it is one of the known names; the error has the most similar one."""
     known = list(known)
-    if not isinstance(value, str) or value not in known:
-        raise unknown(field, value, known)
-    return str(value)
+    if isinstance(value, str) and value in known:
+        return str(value)
+    if isinstance(value, str) and value in ABSENT:
+        raise InputError(f"unknown {field} {value!r}: there is none, because {ABSENT[value]}")
+    nearest = get_close_matches(str(value), known, n=1)
+    hint = f"did you mean {nearest[0]!r}? Known" if nearest else "known"
+    raise InputError(f"unknown {field} {shown(value)}: {hint}: {', '.join(sorted(known))}")
 
 
 def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
@@ -134,16 +138,6 @@ def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
         has = " and ".join(found) or "none"
         raise InputError(f"{what} needs exactly one of {', '.join(known)}: it has {has}")
     return found[0]
-
-
-def unknown(what: str, name: Any, known: Iterable[str]) -> InputError:
-    """Return the error for an unknown name, with the most similar known name if there is one."""
-    if isinstance(name, str) and name in ABSENT:
-        return InputError(f"unknown {what} {name!r}: there is none, because {ABSENT[name]}")
-    known = sorted(known)
-    nearest = get_close_matches(str(name), known, n=1)
-    hint = f"did you mean {nearest[0]!r}? Known" if nearest else "known"
-    return InputError(f"unknown {what} {shown(name)}: {hint}: {', '.join(known)}")
 
 
 def vector(field: str, value: Any) -> tuple[float, float]:

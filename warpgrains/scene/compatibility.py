@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import isfinite, pi
 from typing import TYPE_CHECKING
 
@@ -55,112 +56,90 @@ def require_size(scene: Scene) -> None:
 
 def require_compatible_settings(scene: Scene) -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
-    _require_short_step(scene)
-    _require_resolved_time(scene)
-    _require_slow_walls(scene)
-    _require_slow_gravity(scene)
-    _require_friction(scene)
-    _require_driven(scene)
-    if scene.method == "exact" and scene.has_friction:
-        raise InputError("method is 'exact': it solves steps without friction only; use 'accelerated'")
-    if scene.method == "exact" and scene.stops_on != "residual":
-        raise InputError(f"stop is {scene.stop!r}: method 'exact' stops on the residual")
+    for complaints in (_of_steps, _of_friction, _of_driven_walls, _of_methods):
+        for complaint in complaints(scene):
+            raise InputError(complaint)
 
 
-def _require_driven(scene: Scene) -> None:
-    """Raise InputError unless steps of walls that forces drive can be solved with the settings."""
-    if scene.wall_mass is not None and scene.pressure is None:
-        raise InputError(f"wall_mass is {scene.wall_mass} kg: the outer wall is fixed; give pressure")
-    if not scene.has_driven_walls:
-        return
-    which = "pressure" if scene.pressure is not None else "force of a wall"
-    if scene.method == "exact":
-        raise InputError(f"{which} is given and method is 'exact': use 'accelerated' or 'gauss-seidel'")
-    for k, wall in enumerate(scene.walls):
-        if wall.drive is not None and scene.wall_frictions[INSIDE + k] > 0.0:
-            raise InputError(f"walls[{k}] has a force and friction: set friction = 0 for this wall")
-    if scene.wall == "round":
-        raise InputError(f"{which} is given and wall is 'round': use 'tangent'")
-
-
-def _require_resolved_time(scene: Scene) -> None:
-    """Raise InputError unless doubles resolve time steps at the start."""
-    if abs(scene.time) >= MOST_STEPS * scene.dt:
-        raise InputError(
-            f"time is {scene.time} s: it must be less than {MOST_STEPS:g} steps of {scene.dt} s, because"
+def _of_steps(scene: Scene) -> Iterator[str]:
+    """Yield why steps are too long."""
+    dt, mass, smallest = scene.dt, float(scene.mass.min()), scene.smallest_radius
+    lost = scene.drag * dt / mass  # fraction of a velocity that one step of the text's scheme removes
+    lightest = int(np.argmin(scene.mass))
+    if lost >= 1.0 and scene.scheme == "text":
+        yield (
+            f"dt is {dt} s: in one step, drag {scene.drag} kg/s would reverse grain {lightest}"
+            f' of mass {mass} kg; dt must be less than {mass / scene.drag} s, or scheme "leapfrog"'
+        )
+    if not isfinite(lost):
+        yield (
+            f"drag is {scene.drag} kg/s: drag dt / m is not finite for dt {dt} s and"
+            f" grain {lightest} of mass {mass} kg"
+        )
+    if abs(scene.time) >= MOST_STEPS * dt:
+        yield (
+            f"time is {scene.time} s: it must be less than {MOST_STEPS:g} steps of {dt} s, because"
             " float64 times could not resolve them"
         )
-
-
-def _require_slow_walls(scene: Scene) -> None:
-    """Raise InputError unless no wall can pass the center of a grain within a step."""
-    smallest = scene.smallest_radius
     for k, wall in enumerate(scene.walls):
-        path = wall.speed * scene.dt
-        if not path < smallest:
-            raise InputError(
-                f"velocity of walls[{k}]: the {wall.kind} moves by {path:.3g} m in a step of {scene.dt} s;"
+        if not (path := wall.speed * dt) < smallest:
+            yield (
+                f"velocity of walls[{k}]: the {wall.kind} moves by {path:.3g} m in a step of {dt} s;"
                 f" it must be less than the smallest radius, {smallest} m"
             )
-
-
-def _require_slow_gravity(scene: Scene) -> None:
-    """Raise InputError unless gravity turns by less than half a turn in a step."""
-    if not abs(scene.gravity_rate) * scene.dt < pi:
-        raise InputError(
-            f"gravity.rotate is {scene.gravity_rate} rad/s: in a step of {scene.dt} s gravity turns by half a"
+    if not abs(scene.gravity_rate) * dt < pi:
+        yield (
+            f"gravity.rotate is {scene.gravity_rate} rad/s: in a step of {dt} s gravity turns by half a"
             f" turn or more; dt must be less than {pi / abs(scene.gravity_rate)} s"
         )
 
 
-def _require_friction(scene: Scene) -> None:
-    """Raise InputError if a field has no effect without friction, or the method does not support friction."""
-    walls = {"angular_velocity_out": OUTER, "angular_velocity_in": INNER}
+def _of_friction(scene: Scene) -> Iterator[str]:
+    """Yield which fields have no effect without friction, and which rotations cannot be computed."""
     if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
-        raise InputError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")
-    for name, wall in walls.items():
+        yield f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall"
+    for name, wall in {"angular_velocity_out": OUTER, "angular_velocity_in": INNER}.items():
+        given = f"{name} is {getattr(scene, name)} rad/s"
         if getattr(scene, name) != 0.0 and scene.friction_at_walls == 0.0:
-            raise InputError(
-                f"{name} is {getattr(scene, name)} rad/s: a wall without friction moves no grain; give"
-                " wall_friction"
-            )
+            yield f"{given}: a wall without friction moves no grain; give wall_friction"
         if not isfinite(scene.surface_speed(wall)):
-            raise InputError(f"{name} is {getattr(scene, name)} rad/s: the speed of the wall is not finite")
-    if scene.has_friction:
-        lost = scene.spin_drag * scene.dt / scene.inertia
-        if scene.scheme == "text" and (lost >= 1.0).any():
-            raise InputError(
-                f"spin_drag is {scene.spin_drag} kg m2/s: in a step of {scene.dt} s it would reverse the"
-                f" rotation of grain {int(lost.argmax())}; dt must be less than"
-                f' {float(scene.inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
-            )
-        with np.errstate(over="ignore"):
-            too_fast = ~np.isfinite(scene.spin_at_start * scene.radius)
-        if too_fast.any():
-            grain = checks.first_bad("spin", scene.spin_at_start, too_fast)
-            raise InputError(f"{grain}: the speed of its rim is not finite")
+            yield f"{given}: the speed of the wall is not finite"
+    if not scene.has_friction:
+        if scene.spin.any():
+            grain = checks.first_bad("spin", scene.spin, scene.spin != 0.0)
+            yield f"{grain}: grains rotate only with friction"
+        if scene.spin_drag:
+            yield f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction"
         return
-    if scene.spin is not None and scene.spin.any():
-        raise InputError(
-            f"{checks.first_bad('spin', scene.spin, scene.spin != 0.0)}: grains rotate only with friction"
+    lost = scene.spin_drag * scene.dt / scene.inertia
+    if scene.scheme == "text" and (lost >= 1.0).any():
+        yield (
+            f"spin_drag is {scene.spin_drag} kg m2/s: in a step of {scene.dt} s it would reverse the"
+            f" rotation of grain {int(lost.argmax())}; dt must be less than"
+            f' {float(scene.inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
         )
-    if scene.spin_drag:
-        raise InputError(f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction")
+    with np.errstate(over="ignore"):
+        too_fast = ~np.isfinite(scene.spin * scene.radius)
+    if too_fast.any():
+        yield f"{checks.first_bad('spin', scene.spin, too_fast)}: the speed of its rim is not finite"
 
 
-def _require_short_step(scene: Scene) -> None:
-    mass = float(scene.mass.min())
-    lost = scene.drag * scene.dt / mass  # fraction of a velocity that one step of the text's scheme removes
-    if lost < 1.0:
-        return
-    lightest = int(np.argmin(scene.mass))
-    if scene.scheme == "text":
-        raise InputError(
-            f"dt is {scene.dt} s: in one step, drag {scene.drag} kg/s would reverse grain {lightest}"
-            f' of mass {mass} kg; dt must be less than {mass / scene.drag} s, or scheme "leapfrog"'
-        )
-    if not isfinite(lost):
-        raise InputError(
-            f"drag is {scene.drag} kg/s: drag dt / m is not finite for dt {scene.dt} s and"
-            f" grain {lightest} of mass {mass} kg"
-        )
+def _of_driven_walls(scene: Scene) -> Iterator[str]:
+    """Yield which settings exclude a force or a pressure on walls."""
+    if scene.wall_mass is not None and scene.pressure is None:
+        yield f"wall_mass is {scene.wall_mass} kg: the outer wall is fixed; give pressure"
+    which = "pressure" if scene.pressure is not None else "force of a wall"
+    if scene.has_driven_walls and scene.method == "exact":
+        yield f"{which} is given and method is 'exact': use 'accelerated' or 'gauss-seidel'"
+    for k, wall in enumerate(scene.walls):
+        if wall.drive is not None and scene.wall_frictions[INSIDE + k] > 0.0:
+            yield f"walls[{k}] has a force and friction: set friction = 0 for this wall"
+    if scene.has_driven_walls and scene.wall == "round":
+        yield f"{which} is given and wall is 'round': use 'tangent'"
+
+
+def _of_methods(scene: Scene) -> Iterator[str]:
+    if scene.method == "exact" and scene.has_friction:
+        yield "method is 'exact': it solves steps without friction only; use 'accelerated'"
+    if scene.method == "exact" and scene.stops_on != "residual":
+        yield f"stop is {scene.stop!r}: method 'exact' stops on the residual"

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.arrays import FloatArray
 from warpgrains.described import described
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band, ring
@@ -71,10 +71,6 @@ class Disc(Obstacle):
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
         return hollow_normals(self.center, self.radius, point, position)
-
-    def covers(self, position: FloatArray) -> BoolArray:
-        rho = distance(np.array(self.center) - position)
-        return rho > self.radius if self.inside else rho < self.radius
 
     def drawn(self, thickness: float) -> Band:
         return ring(self.border, thickness)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
-from warpgrains.described import described, described_fields
+from warpgrains.described import checked, described, described_fields
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
@@ -30,12 +30,8 @@ UNCONVERGED = ("report", "raise")
 
 def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING) -> Any:
     """Return a field of a scene, with its section in scene files, and its check or a tuple of names."""
-    return described(meaning, section=section, check=check, default=default)
-
-
-def _optional(check: Any) -> Any:
-    """Return the check of a field that may be None."""
-    return lambda field, value: None if value is None else check(field, value)
+    known = partial(checks.one_of, known=check) if isinstance(check, tuple) else check
+    return described(meaning, section=section, check=known, default=default)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -48,7 +44,7 @@ class SceneFields:
     )
     radius: FloatArray = _key("Radius of every grain [m], shape (n,), or one number for all.")
     mass: FloatArray = _key("Mass of every grain [kg], shape (n,), or one number for all.")
-    spin: FloatArray | None = _key(
+    spin: FloatArray = _key(
         "Angular velocity of every grain at the start [rad/s], shape (n,), or one number for all; by default"
         " no grain rotates. Only with friction.",
         default=None,
@@ -65,13 +61,13 @@ class SceneFields:
         "Pressure on the outer wall [N/m], which then moves: its radius changes by pressure and contacts. By"
         " default the wall is fixed.",
         "domain",
-        _optional(checks.number),
+        checks.number,
         default=None,
     )
     wall_mass: float | None = _key(
         "Mass of the outer wall under a pressure [kg]; by default that of all grains.",
         "domain",
-        _optional(checks.positive),
+        checks.positive,
         default=None,
     )
     angular_velocity_out: float = _key(
@@ -116,7 +112,7 @@ class SceneFields:
     wall_friction: float | None = _key(
         "Coefficient of friction between grains and walls; by default that between grains.",
         "contact",
-        _optional(checks.not_negative),
+        checks.not_negative,
         default=None,
     )
     time: float = _key(
@@ -222,11 +218,6 @@ SECTIONS: dict[str, list[str]] = {}
 for _name, _field in FIELDS.items():
     if _field.metadata["section"]:
         SECTIONS.setdefault(_field.metadata["section"], []).append(_name)
-_CHECKS = {
-    name: partial(checks.one_of, known=check) if isinstance(check, tuple) else check
-    for name, field in FIELDS.items()
-    if (check := field.metadata["check"]) is not None
-}
 
 
 def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]:
@@ -234,7 +225,8 @@ def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]
     found = _checked_grains(scene) if "position" in names else {}
     if not set(names).isdisjoint(Annulus._fields):
         found |= Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict()
-    return found | {name: _CHECKS[name](name, getattr(scene, name)) for name in names if name in _CHECKS}
+    own = {name: FIELDS[name] for name in names if FIELDS[name].metadata["check"]}
+    return found | {name: checked(name, field, getattr(scene, name)) for name, field in own.items()}
 
 
 def _checked_grains(scene: SceneFields) -> dict[str, Any]:
@@ -251,5 +243,5 @@ def _checked_grains(scene: SceneFields) -> dict[str, Any]:
         "velocity": velocity,
         "radius": checks.positive_per_grain("radius", scene.radius, n),
         "mass": checks.positive_per_grain("mass", scene.mass, n),
-        "spin": None if scene.spin is None else checks.per_grain("spin", scene.spin, n),
+        "spin": checks.per_grain("spin", 0.0 if scene.spin is None else scene.spin, n),
     }

@@ -16,7 +16,6 @@ Vector = tuple[float, float]
 
 EARTH: Vector = (0.0, -9.81)
 """Default acceleration of gravity [m/s2]."""
-KEYS = ("vector", "rotate")
 
 
 @dataclass(frozen=True)
@@ -47,14 +46,13 @@ class TurningGravity(Sequence[float]):
 
 
 def checked_gravity(field: str, value: Any) -> Vector | TurningGravity:
-    """Return two finite numbers as a pair, or gravity that turns from a table of `KEYS`."""
+    """Return two finite numbers as a pair, or gravity that turns from its table."""
     if isinstance(value, TurningGravity):
         value = value.table
     if not isinstance(value, Mapping):
         return checks.vector(field, value)
     for key in value:
-        if key not in KEYS:
-            raise checks.unknown(f"key in {field}", key, KEYS)
+        checks.one_of(f"key in {field}", key, ("vector", "rotate"))
     if "rotate" not in value:
         raise InputError(f"{field}.rotate is missing: give the angular velocity of gravity [rad/s]")
     vector = checks.vector(f"{field}.vector", value.get("vector", EARTH))

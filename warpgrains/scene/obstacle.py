@@ -1,7 +1,7 @@
 """Walls inside the annulus: what all kinds have in common. A kind is a file such as disc.py."""
 
 import re
-from dataclasses import MISSING, Field, dataclass, replace
+from dataclasses import Field, dataclass, replace
 from functools import cache, cached_property
 from math import inf
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, Indices
-from warpgrains.described import described, described_fields, documented
+from warpgrains.described import checked, described, described_fields, documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band
@@ -95,9 +95,7 @@ class Obstacle:
 
     def __post_init__(self) -> None:
         for key, own in self.keys().items():
-            value = getattr(self, own.name)
-            if value is not None or own.default is not None:
-                vars(self)[own.name] = own.metadata["check"](f"{key} of {self.one()}", value)
+            vars(self)[own.name] = checked(f"{key} of {self.one()}", own, getattr(self, own.name))
         if self.to_time is not None and self.from_time is not None and self.to_time <= self.from_time:
             raise InputError(
                 f"to_time of {self.one()} is {self.to_time} s: it must be later than from_time,"
@@ -220,17 +218,12 @@ class Obstacle:
         raise NotImplementedError
 
     @property
-    def size(self) -> float:
-        """Radius of a wall without thickness, by which ends are close to it [m]; 0 for another one."""
-        return 0.0
-
-    @property
     def middle(self) -> tuple[float, float]:
         """Point about which the wall turns by default [m]."""
         raise NotImplementedError
 
     def farthest(self, point: tuple[float, float]) -> float:
-        """Return the largest distance of a point [m] from those that change their place when it turns."""
+        """Return the largest distance of a point from those that move when the wall turns [m]."""
         raise NotImplementedError
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
@@ -252,15 +245,12 @@ class Obstacle:
         return np.full(len(position), -1)
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the normals at a point of the wall of the faces on the side of points [m], shape (n, 2).
-
-        They point into the wall, and are 0 where the face bulges.
-        """
+        """Return normals at a point of the faces towards others, (n, 2); 0 where these bulge."""
         raise NotImplementedError
 
     def covers(self, position: FloatArray) -> BoolArray:
-        """Return which points are in the wall, shape (n,)."""
-        raise NotImplementedError
+        """Return which points are in or on the wall, shape (n,)."""
+        return ~(self.side(position, np.zeros(len(position))).gap > 0.0)
 
     def drawn_at(self, time: float, thickness: float) -> Band:
         """Return the drawing of the wall as it is at a time [s]."""
@@ -273,11 +263,7 @@ class Obstacle:
 
 
 class ThinWall(Obstacle):
-    """A wall without thickness, which grains touch at the nearest point; it also defines `ends`."""
-
-    @property
-    def size(self) -> float:
-        return self.circle[2]
+    """A wall without thickness, with `ends`, which grains touch at the nearest point."""
 
     def away(self, position: FloatArray) -> FloatArray:
         """Return the ways from points to the nearest points of the wall [m], shape (n, 2)."""
@@ -286,9 +272,6 @@ class ThinWall(Obstacle):
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
         away = self.away(position)
         return Side(directions(away), distance(away) - radius)
-
-    def covers(self, position: FloatArray) -> BoolArray:
-        return ~(distance(self.away(position)) > 0.0)
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(described,))
@@ -301,8 +284,3 @@ def kind_of_wall(kind: type[Kind]) -> type[Kind]:
 def _own_first(kind: type) -> list[Field[Any]]:
     """Return the described fields, those of all kinds last."""
     return sorted(described_fields(kind).values(), key=lambda own: own.kw_only is True)
-
-
-def is_required(own: Field[Any]) -> bool:
-    """Return whether a field has no default."""
-    return own.default is MISSING

@@ -13,7 +13,6 @@ import numpy as np
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.scene.geometry import Circle, cross
 
-AT_ONCE = 4096  # discs whose areas are computed together
 TOUCH = 1e-5  # half of a chord, in radii, below which lines and circles only touch a disc: 1e-15 of its area
 FIXED = np.array([0.0, 1.0, 2.5, 4.1])  # cuts, so that no arc is halved where a disc touches a wall
 
@@ -76,9 +75,7 @@ class Part(NamedTuple):
         """Return the areas of discs inside the part [m2], shape (n,)."""
         area, (within, cut) = np.zeros(len(radius)), self._within_and_cut(center, radius)
         area[within] = np.pi * radius[within] ** 2
-        for start in range(0, len(cut), AT_ONCE):
-            some = cut[start : start + AT_ONCE]
-            area[some] = self.cut_areas(center[some], radius[some])
+        area[cut] = self.cut_areas(center[cut], radius[cut])
         return area
 
     def _within_and_cut(self, center: FloatArray, radius: FloatArray) -> tuple[IndexArray, IndexArray]:

@@ -12,7 +12,7 @@ from warpgrains.scene import checks
 Draw = Callable[[int], FloatArray]
 """A function that draws the given number of radii [m]."""
 
-KEYS = {
+DISTRIBUTIONS = {
     "uniform": ("smallest", "largest"),
     "normal": ("mean", "deviation", "smallest", "largest"),
     "lognormal": ("mean", "deviation", "smallest", "largest"),
@@ -44,16 +44,16 @@ def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, floa
     if not isinstance(radius, dict):
         low, high = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
         return _uniform(checks.positive("grains.radius", low), high, generator), high
-    name = checks.one_of("grains.radius.distribution", radius.get("distribution"), KEYS)
+    name = checks.one_of("grains.radius.distribution", radius.get("distribution"), DISTRIBUTIONS)
     for key in radius:
-        checks.one_of(f"key of grains.radius, {name},", key, ("distribution", *KEYS[name]))
+        checks.one_of(f"key of grains.radius, {name},", key, ("distribution", *DISTRIBUTIONS[name]))
     given = {key: value for key, value in radius.items() if key != "distribution"}
     if name == "values":
         return _values(given, generator)
     numbers = {key: checks.positive(f"grains.radius.{key}", value) for key, value in given.items()}
     if "mean" in numbers:
         numbers = {key: share * numbers["mean"] for key, share in OF_MEAN.items()} | numbers
-    for key in KEYS[name]:
+    for key in DISTRIBUTIONS[name]:
         if key not in numbers:
             raise InputError(f"grains.radius.{key} is missing: a {name} distribution needs it")
     low, high = numbers.pop("smallest"), numbers.pop("largest")

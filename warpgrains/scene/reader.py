@@ -43,7 +43,6 @@ PROPERTIES = {
 
 _ARRAYS = ("position", "velocity", "radius", "mass", "spin")
 _COLUMNS = ("x", "y", "vx", "vy", "radius", "mass", "spin")
-
 _SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 
@@ -62,16 +61,11 @@ def require_key(section: str, key: str) -> None:
     """Raise InputError unless scene files may have this key in this section."""
     if section == "walls":
         of_walls = set().union(*(kind.keys() for kind in WRITTEN_KINDS.values()))
-        return _refuse_unknown_keys(section, {wall_key(key)[1]: None}, ("kind", *of_walls))
-    _require_section(section)
+        return _refuse_unknown_keys(section, [wall_key(key)[1]], ("kind", *of_walls))
+    checks.one_of("section", section, [*SECTIONS, "grains", "walls"])
     of_layouts = {name for layout in LAYOUTS.values() for name in keyword_parameters(layout)}
     known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))
-    _refuse_unknown_keys(section, {key: None}, known)
-
-
-def _require_section(section: str) -> None:
-    if section not in SECTIONS and section != "grains":
-        raise checks.unknown("section", section, [*SECTIONS, "grains", "walls"])
+    _refuse_unknown_keys(section, [key], known)
 
 
 def document_fields(document: Table, folder: Path) -> Table:
@@ -94,7 +88,7 @@ def section_fields(document: Table) -> Table:
     for section, table in document.items():
         if section == "walls":
             continue
-        _require_section(section)
+        checks.one_of("section", section, [*SECTIONS, "grains", "walls"])
         if not isinstance(table, dict):
             raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")
         if section in SECTIONS:
@@ -113,7 +107,7 @@ def _grains(table: Table, annulus: Annulus, obstacles: tuple[Obstacle, ...], fol
         position, radius = _lay_out(table["layout"], own, annulus, obstacles)
         grains: Table = {"position": position, "radius": radius}
     else:
-        _refuse_unknown_keys("grains", own, (source, "radius"), PROPERTIES)
+        _refuse_unknown_keys("grains", own, (source, "radius", *PROPERTIES))
         grains = {"position": own["position"]} if "position" in own else read_grains(folder, own["file"])
         _set_once(grains, own, "radius")
     grains["position"] = checks.vectors("position", grains["position"])
@@ -134,7 +128,7 @@ def _lay_out(layout: Any, parameters: Table, annulus: Annulus, obstacles: tuple[
     """Call a layout with those keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
     own = keyword_parameters(function)
-    _refuse_unknown_keys("grains", parameters, own, PROPERTIES)
+    _refuse_unknown_keys("grains", parameters, (*own, *PROPERTIES))
     for name, parameter in own.items():
         if parameter.default is parameter.empty and name not in parameters:
             raise InputError(f"grains.{name} is missing: layout {layout!r} needs it")
@@ -173,13 +167,9 @@ def _set_once(grains: Table, table: Table, key: str) -> None:
         grains[key] = table[key]
 
 
-def _refuse_unknown_keys(
-    section: str, table: Table, known: Iterable[str], also_known: Iterable[str] = ()
-) -> None:
-    every = [*known, *also_known]
+def _refuse_unknown_keys(section: str, table: Iterable[str], known: Iterable[str]) -> None:
     for key in table:
-        if key not in every:
-            raise checks.unknown(f"key in [{section}]", key, every)
+        checks.one_of(f"key in [{section}]", key, known)
 
 
 def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:

@@ -23,7 +23,7 @@ from warpgrains.scene.geometry import Circle, area_in_disc
 from warpgrains.scene.outline import Part, clip
 from warpgrains.scene.walls import Annulus
 
-KEYS = ("x", "y", "distance")
+RANGES = ("x", "y", "distance")
 ROUNDING = 1e-13  # of areas, sums of dozens of parts, in squares of the outer radius
 
 Corners = tuple[tuple[float, float], ...]
@@ -182,7 +182,7 @@ def region_of(annulus: Annulus, given: Any, field: str = "grains.region") -> Reg
     if not isinstance(given, Mapping):
         raise InputError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
     for key in given:
-        checks.one_of(f"key of {field}", key, KEYS)
+        checks.one_of(f"key of {field}", key, RANGES)
     ranges = {key: _range(f"{field}.{key}", value) for key, value in given.items()}
     between = (annulus.radius_in, annulus.radius_out)
     near, far = ranges.pop("distance", between)

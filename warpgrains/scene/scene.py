@@ -155,7 +155,7 @@ class Scene(SceneFields, Shown):
         kept = {name: found for name, found in vars(self).items() if name in ("extent", "joints")}
         return self.unchecked(radius_out=float(coordinates[OUTER]), walls=walls, **kept)
 
-    def starting_at(self, time: float, **grains: FloatArray | None) -> Self:
+    def starting_at(self, time: float, **grains: FloatArray) -> Self:
         """Return a scene of the grains and walls as they are at a later time [s], at which it starts."""
         walls = tuple(wall.at(time) for wall in self.walls)
         text = self.text_after(("time", "walls", *grains))
@@ -274,8 +274,7 @@ class Scene(SceneFields, Shown):
     def wall_speeds(self, position: FloatArray, wall: Indices, time: float) -> FloatArray:
         """Return how fast walls move along normal and tangent of contacts (grain, wall) [m/s], shape (m, 2).
 
-        The contacts have shape (m, 2). `position` holds the centers of all grains at the start of the step
-        [m], shape (n, 2), and `time` is that of its end [s].
+        `position` is that of all grains at the start of the step [m], and `time` that of its end [s].
         """
         normal, gap = self.wall_frames(position, wall, time=time)
         found = np.zeros(wall.shape)
@@ -290,31 +289,18 @@ class Scene(SceneFields, Shown):
         return found
 
     @property
-    def spin_at_start(self) -> FloatArray:
-        """Angular velocities at the start [rad/s], shape (n,): `spin`, or 0."""
-        return np.zeros(self.n) if self.spin is None else self.spin
-
-    @property
     def inertia(self) -> FloatArray:
         """Moment of inertia of each grain, a disc, m r^2 / 2 [kg m2], shape (n,)."""
-        inertia: FloatArray = 0.5 * self.mass * self.radius * self.radius
-        return inertia
+        return np.multiply(0.5 * self.mass * self.radius, self.radius)
 
     @property
     def rim_mass(self) -> FloatArray:
-        """Impulse at the rim that changes the rim speed by 2 m/s [kg], shape (n,) (MODEL.md, eq. 22).
-
-        It is the mass of a disc, plus spin_drag dt / r^2 in the leapfrog scheme.
-        """
+        """Impulse at the rim that changes the rim speed by 2 m/s [kg], shape (n,) (MODEL.md, eq. 22)."""
         return self.mass if self.scheme == "text" else self.mass + self.spin_drag * self.dt / self.radius**2
 
     @property
     def contact_mass(self) -> FloatArray:
-        """Contact impulse per change of a grain's velocity [kg], shape (n,) (MODEL.md, eq. 17b).
-
-        It is the mass, plus drag dt / 2 in the leapfrog scheme, because drag also acts on the velocity that
-        contacts add.
-        """
+        """Contact impulse per change of a grain's velocity [kg], shape (n,) (MODEL.md, eq. 17b)."""
         return self.mass if self.scheme == "text" else self.mass + self.drag * self.dt / 2.0
 
     @property
@@ -334,10 +320,7 @@ class Scene(SceneFields, Shown):
         return Region(self.annulus, discs=tuple(border for border in borders if border is not None)).area
 
     def discs_at(self, time: float) -> FloatArray:
-        """Return center and radius [m] of the disc that each wall inside fills at a time [s], (walls, 3).
-
-        The radius is 0 if a wall fills no area or, like a ring, surrounds the grains.
-        """
+        """Return center and radius, or 0, of the disc that each wall inside fills at a time, (walls, 3)."""
         borders = [wall.border_at(time) for wall in self.walls]
         discs = [(0.0,) * 3 if own is None or own.keeps_inside else own[:3] for own in borders]
         return np.array(discs).reshape(-1, 3)
@@ -345,8 +328,7 @@ class Scene(SceneFields, Shown):
     @property
     def wall_numbers(self) -> list[int]:
         """Numbers of the walls: 0 the outer, 1 the inner circle (if any), 2, 3, ... those of `walls`."""
-        inner = [INNER] if self.radius_in > 0.0 else []
-        return [OUTER, *inner, *self.numbered_walls]
+        return [OUTER, *[INNER] * (self.radius_in > 0.0), *self.numbered_walls]
 
     @property
     def numbered_walls(self) -> dict[int, Obstacle]:
@@ -355,7 +337,7 @@ class Scene(SceneFields, Shown):
 
     @property
     def wall_count(self) -> int:
-        """One more than the largest number of a wall: an array by wall also counts a missing inner circle."""
+        """Length of an array by wall, one more than the largest number."""
         return INSIDE + len(self.walls)
 
     @property
@@ -413,9 +395,8 @@ class Scene(SceneFields, Shown):
     @property
     def stops_on(self) -> str:
         """Quantity that the tolerance bounds: `stop`, or the default of the method."""
-        if self.stop != "default":
-            return self.stop
-        return "zeta" if self.method == "gauss-seidel" else "residual"
+        default = "zeta" if self.method == "gauss-seidel" else "residual"
+        return default if self.stop == "default" else self.stop
 
     @property
     def steps(self) -> int:

@@ -138,7 +138,7 @@ def first_state(scene: Scene) -> State:
     corrections = Corrections(nobody, nothing, nobody, nothing)
     state = State(0, scene.position, scene.velocity, corrections)
     if scene.has_friction:
-        state = replace(state, spin=scene.spin_at_start, angle=np.zeros(scene.n))
+        state = replace(state, spin=scene.spin, angle=np.zeros(scene.n))
     if scene.has_driven_walls:
         driven = np.zeros((len(scene.bodies), 2))
         driven[OUTER, 0] = scene.radius_out

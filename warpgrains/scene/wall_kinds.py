@@ -1,7 +1,7 @@
 """The kinds of walls inside the annulus, polylines, and the check of the walls of a scene."""
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from math import dist
 from typing import Any, ClassVar
 
@@ -12,7 +12,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.arc import Arc
 from warpgrains.scene.disc import Disc
-from warpgrains.scene.obstacle import Obstacle, is_required, kind_of_wall
+from warpgrains.scene.obstacle import Obstacle, kind_of_wall
 from warpgrains.scene.segment import Segment
 from warpgrains.scene.walls import LARGEST, SMALLEST
 
@@ -120,10 +120,9 @@ def _checked_wall(field: str, value: Any) -> Obstacle:
     kind = WRITTEN_KINDS[checks.one_of(f"{field}.kind", own.pop("kind", None), WRITTEN_KINDS)]
     keys = kind.keys()
     for key in own:
-        if key not in keys:
-            raise checks.unknown(f"key of {field}", key, ("kind", *keys))
+        checks.one_of(f"key of {field}", key, ("kind", *keys))
     for key, found in keys.items():
-        if key not in own and is_required(found):
+        if key not in own and found.default is MISSING:
             raise InputError(f"{field}.{key} is missing: {kind.one()} needs it")
     try:
         return kind(**{keys[key].name: given for key, given in own.items()})

@@ -78,11 +78,6 @@ class Annulus(NamedTuple):
         return float(np.pi) * (self.radius_out**2 - self.radius_in**2)
 
     @property
-    def depth(self) -> float:
-        """Distance of the lowest point from the origin [m], for any direction of gravity."""
-        return self.radius_out
-
-    @property
     def rounding(self) -> float:
         """Overlap below which a contact is not counted as overlapping [m]."""
         return ROUNDING * self.radius_out

@@ -94,7 +94,7 @@ def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
     dt = checks.positive("dt", fields.get("dt", before.dt))
     if dt != before.dt:
         given["time"] = now - steps * dt
-    scene = before.unchecked(spin=None).with_settings(**given)  # grains have other spins by now
+    scene = before.unchecked(spin=np.zeros(before.n)).with_settings(**given)  # grains have other spins by now
     return scene.unchecked(spin=before.spin) if scene.has_friction else scene
 
 

@@ -5,7 +5,8 @@ written so that the same doubles are read back. Every array is a separate entry 
 dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`); `last_scene` is a `Scene`, too.
 
 If a field of these, of `RunOptions` or of `RunStatistics` is added, removed, renamed or changes its meaning,
-`VERSION` must increase, so that another version of the program says which version it reads.
+`VERSION` must increase, so that another version of the program says which version it reads. A field that is
+added to `Scene` needs none: earlier files take its default, and earlier programs name it as unknown.
 """
 
 import io

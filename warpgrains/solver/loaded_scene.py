@@ -78,9 +78,8 @@ class LoadedScene:
         A simulation of it starts anew: without corrections, driven walls at rest, and in the leapfrog scheme
         with velocities that it takes for those of the present.
         """
-        spin = self.spin if self.scene.has_friction else None
         now = scene_with_walls(self._records, self._k)
-        return now.starting_at(self.time, position=self.position, velocity=self.velocity, spin=spin)
+        return now.starting_at(self.time, position=self.position, velocity=self.velocity, spin=self.spin)
 
     def contacts(self) -> PairContacts:
         """Return the contacts between grains that carry a correction after the last step."""

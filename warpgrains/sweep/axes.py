@@ -42,8 +42,7 @@ def _generated(name: str, axis: dict[str, Any]) -> AxisValues:
     kind = checks.only_one(f"axes.{name}", axis, KINDS)
     generate, known = KINDS[kind]
     for key in axis:
-        if key not in known:
-            raise checks.unknown(f"key in axes.{name}", key, known)
+        checks.one_of(f"key in axes.{name}", key, known)
     for key in known:
         if key not in axis:
             raise InputError(f"axes.{name}.{key} is missing: a {kind} needs it")

@@ -111,7 +111,7 @@ class Live:
         scene = self._simulation.scene
         state = first_state(scene)
         if scene.has_friction:  # the scene may have lost its spins meanwhile
-            state = replace(state, spin=self._first.spin_at_start)
+            state = replace(state, spin=self._first.spin)
         self._simulation.restore(state)
         self._forget()
 
