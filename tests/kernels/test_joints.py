@@ -282,7 +282,7 @@ def polygon_scene(seed: int) -> Scene:
             np.array([foot, foot + rng.uniform(0.1, 0.6) * on_circle(rng.uniform(0.0, tau, 1))[0]])
         )
     walls = [walls[k] for k in rng.permutation(len(walls))]
-    radius = min(rng.uniform(0.03, 0.06), *(2.0 * wall.size for wall in walls))
+    radius = min(rng.uniform(0.03, 0.06), *(2.0 * wall.circle[2] for wall in walls))
     position = np.zeros((0, 2))
     for x in rng.uniform(-1.0, 1.0, (100, 1, 2)):
         is_clear = all(wall.side(x, np.array([radius])).gap > 0.0 for wall in walls)

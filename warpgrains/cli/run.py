@@ -20,6 +20,7 @@ from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import exit_on_interrupt, in_columns, stdout_to_stderr
 from warpgrains.drawing.kinds import RECORDING
 from warpgrains.errors import InputError
+from warpgrains.files import require_writable_path
 from warpgrains.frame_log import log_of
 from warpgrains.kernels.access import CHECKED
 from warpgrains.scene import checks
@@ -113,6 +114,9 @@ def _begin(arguments: Namespace) -> tuple[OpenRun, None]:
     every = given.pop("every", None)
     require_needed(given, FLAGS.__getitem__)
     given |= _spacing(every, arguments.checkpoint, arguments.series)
+    if arguments.separate:  # which may take long
+        for name in given.keys() & {"record", "checkpoint", "series"}:
+            require_writable_path("output", Path(given[name]))
     scene = _scene(arguments)
     options = RunOptions(steps=_steps(scene, arguments), **given)
     return OpenRun(scene, options), None
