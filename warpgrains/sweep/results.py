@@ -20,8 +20,8 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.files import Row
 from warpgrains.scene.snapshot import Snapshot, Snapshots
-from warpgrains.solver.final_states import COUNTED, FinalStates, counted
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.final_states import FinalStates
+from warpgrains.solver.statistics import Summary, stacked
 from warpgrains.sweep.execution import RunSettings
 
 
@@ -36,9 +36,7 @@ class Column(NamedTuple):
 
 
 def _counted(field: str, meaning: str) -> Column:
-    """Return the column of a count of `RunStatistics`, one of `COUNTED`."""
-    if field not in COUNTED:
-        raise LookupError(f"column {field}: not among the statistics of short runs, {', '.join(COUNTED)}")
+    """Return the column of a count of `Summary`."""
     return Column(meaning, lambda ends: ends.done[field].astype(np.int64), kind=int)
 
 
@@ -99,8 +97,8 @@ def results(ends: FinalStates, snapshots: Iterable[Snapshot], settings: RunSetti
     return zip(*(values[name] for name in columns), seconds, strict=True)
 
 
-def result(end: Snapshot, done: RunStatistics, settings: RunSettings) -> RunResult:
-    ends = FinalStates(end.grains, np.array([end.scene.dt]), counted([done]))
+def result(end: Snapshot, done: Summary, settings: RunSettings) -> RunResult:
+    ends = FinalStates(end.grains, np.array([end.scene.dt]), stacked([done]))
     return next(results(ends, [end], settings))
 
 

@@ -23,7 +23,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.statistics import Summary
 from warpgrains.sweep.execution import ExecutionOptions, RunSettings
 from warpgrains.sweep.results import SECONDS, RunResult, failure, require_result, value_columns
 from warpgrains.sweep.sweep import GRAINS, Run
@@ -116,7 +116,7 @@ class RunFolder:
         options = RunOptions(
             steps=scene.steps, checkpoint=str(self.checkpoint), until=self.settings.until, **wanted
         )
-        return Checkpoint(scene, first_state(scene), options, RunStatistics())
+        return Checkpoint(scene, first_state(scene), options, Summary())
 
     def _read_checkpoint(self) -> Checkpoint:
         """Return the checkpoint of this run; file names that it contains are ignored."""

@@ -24,7 +24,7 @@ from warpgrains.scene.state import State
 from warpgrains.simulation.until import CountedRun, EndCriterion, criterion
 from warpgrains.solver.memory import OutOfMemoryError
 from warpgrains.solver.service import exact_solver
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.statistics import Summary
 from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, write_all
 from warpgrains.sweep.results import RunResult, results
@@ -51,7 +51,7 @@ class Interrupted(NamedTuple):
 
     short: ShortRun
     state: State
-    statistics: RunStatistics
+    statistics: Summary
     error: SimulationError | None
 
 
@@ -160,7 +160,7 @@ class ShortRunner:
         waiting = dict(enumerate(group.runs))
         runs = None
         if self._folder.settings.until is not None:
-            runs = [CountedRun(short.scene.steps, RunStatistics(), short.until) for short in group.runs]
+            runs = [CountedRun(short.scene.steps, Summary(), short.until) for short in group.runs]
         errors: dict[int, SimulationError] = {}
         for last in [loaded.advance(steps, poll)] if runs is None else loaded.advance_runs(runs, steps, poll):
             errors |= last.errors
@@ -173,7 +173,7 @@ class ShortRunner:
             error = errors.get(k)
             if isinstance(error, OutOfMemoryError):
                 error = None  # it continues alone
-            statistics = last.statistics(k) if runs is None else runs[k].statistics
+            statistics = last.summary(k) if runs is None else runs[k].statistics
             interrupted.append(Interrupted(short, loaded.scenes[k].state(), statistics, error))
         self._on_progress(len(ended) + sum(one.error is not None for one in interrupted) - progress)
         self._folder.shards.write(ended)
