@@ -11,11 +11,9 @@ from matplotlib.figure import Figure
 
 import warpgrains as wg
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.drawing.chains import ChainScale
-from warpgrains.drawing.colors import ColorScale
 from warpgrains.drawing.painter import Painter
 from warpgrains.pictures.still import FrameArtists, add_color_bar
-from warpgrains.solver.statistics import Summary
+from warpgrains.solver.statistics import RunStatistics
 
 Numbers = dict[str, float]
 Section = tuple[Figure, Numbers]
@@ -56,23 +54,9 @@ class Row:
         self.axes = self.figure.subplots(1, count)
         self._free = list(self.axes)
 
-    def show(
-        self,
-        simulation: wg.Simulation,
-        color_by: str = "speed",
-        largest: float | None = None,
-        frame: str | None = None,
-    ) -> None:
-        """Draw the present state in the next panel; `largest` is the force of a chain of full width [N].
-
-        Divided by the diameter of a mean grain, it is the pressure of the last color.
-        """
-        scene = simulation.scene
-        painter = Painter(scene, color_by, forces=True, frame=frame)
-        if largest is not None:
-            painter.chain_scale = ChainScale(largest, scene.smallest_radius)
-            if color_by == "pressure":
-                painter.colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
+    def show(self, simulation: wg.Simulation, color_by: str = "speed", **options: Any) -> None:
+        """Draw the present state in the next panel, with options of `Painter`."""
+        painter = Painter(simulation.scene, color_by, forces=True, **options)
         FrameArtists(self._free.pop(0), painter).show(snapshot(simulation))
         if not self._free and painter.colors.scale is not None:
             add_color_bar(self.figure, self.axes, painter.colors.scale)
@@ -82,11 +66,11 @@ def moments(
     scene: wg.Scene, times: Sequence[float], color_by: str = "speed"
 ) -> tuple[Figure, wg.Simulation, wg.Summary]:
     """Draw a scene at some times [s]; return the figure, the simulation at the last time, and a summary."""
-    simulation, done, row = wg.Simulation(scene), Summary(), Row(len(times))
+    simulation, done, row = wg.Simulation(scene), RunStatistics(), Row(len(times))
     for begin, end in pairwise([0, *(scene.steps_in(time) for time in times)]):
         done.add(simulation.advance(end - begin))
         row.show(simulation, color_by)
-    return row.figure, simulation, done
+    return row.figure, simulation, done.summary(None)
 
 
 def draw_sections(

@@ -21,11 +21,8 @@ from warpgrains import InputError, Scene, Simulation
 from warpgrains.analysis.plots import plot
 from warpgrains.cli.check import check
 from warpgrains.drawing.kinds import RECORDINGS
-from warpgrains.files import read_table, table_text
 from warpgrains.scene.reader import scene_fields
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.sweep.execution import RunSettings
-from warpgrains.sweep.results import SECONDS, failure, require_result, value_columns
 
 TOML = """
 domain = {radius_in = 0.5, radius_out = 1.0}
@@ -169,24 +166,6 @@ def check_header(header):
 
 
 test_headers = fuzzed(check_header, st.deferred(headers))
-
-LABELS = {"run": "1", "scene": "=scene"}
-COLUMNS = value_columns(RunSettings())
-VALUES = dict(zip([*COLUMNS, SECONDS], failure("it failed", COLUMNS, 1.0), strict=True))
-ROW = table_text([LABELS | VALUES]).encode()
-
-
-def check_result(content):
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "result.csv")
-        path.write_bytes(content)
-        try:
-            assert float(require_result(read_table(path), LABELS, COLUMNS)["seconds"]) is not None
-        except InputError as refusal:
-            require_one_line(refusal)
-
-
-test_results = fuzzed(check_result, mutations(ROW))
 
 
 @cache

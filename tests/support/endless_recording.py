@@ -9,9 +9,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from recordings import moment, recorder_of
+from recordings import moment
 
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.scene.scene import Scene
+from warpgrains.usd.recorder import Recorder
 
 
 def scene_of(grains):
@@ -27,7 +29,7 @@ def frame(number, grains):
 
 def main(output, grains, frames, counter):
     scene = scene_of(grains)
-    recorder = recorder_of(output, scene)
+    recorder = Recorder(output, scene, FrameTimes(0.01, 50), draw_as="points")
     with Path(counter).open("wb", buffering=0) as count, recorder:
         for number in range(frames):
             recorder.record(moment(*frame(number, grains), scene))

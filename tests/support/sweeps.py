@@ -5,7 +5,7 @@ from pathlib import Path
 
 from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.cli.main import main
-from warpgrains.sweep import execution, long
+from warpgrains.sweep.group import Group
 
 SMALL = """
 scene = "annulus"
@@ -60,19 +60,23 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Slices:
-    """Slices of four steps, after each of which runs are kept; the one after `left` more is interrupted."""
+    """Groups of runs with folders end after four steps; the one after `left` more is interrupted."""
 
     def __init__(self, patch):
-        self.left, self.steps = 1_000, []
-        patch.setattr(long, "BETWEEN_CHECKPOINTS", 0.0)
-        patch.setattr(execution, "GROWTH", 1)
-        advance = LoadedScenes.advance_runs
+        self.left = 1_000
+        advance, advance_runs = Group.advance, LoadedScenes.advance_runs
 
-        def advance_or_die(loaded, runs, steps):
+        def advance_or_die(group, seconds, on_progress):
             if self.left == 0:
                 raise Interrupted
             self.left -= 1
-            self.steps.append(max(steps))
-            return advance(loaded, runs, steps)
+            self.has_folders = any(member.folder is not None for member in group.members)
+            advance(group, -1.0 if self.has_folders else seconds, on_progress)
 
-        patch.setattr(LoadedScenes, "advance_runs", advance_or_die)
+        def advance_four(loaded, runs, steps, poll):
+            if not self.has_folders:
+                return advance_runs(loaded, runs, steps, poll)
+            return advance_runs(loaded, runs, [min(4, step) for step in steps], lambda done: None)
+
+        patch.setattr(Group, "advance", advance_or_die)
+        patch.setattr(LoadedScenes, "advance_runs", advance_four)

@@ -19,7 +19,7 @@ from warpgrains.files import read_table
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import memory, sizes, tuning
 from warpgrains.solver.records import SceneRecords
-from warpgrains.sweep import long
+from warpgrains.sweep import group
 from warpgrains.sweep.execution import ExecutionOptions, RunSettings
 from warpgrains.sweep.runner import finish_runs
 from warpgrains.sweep.sweep import Sweep
@@ -37,14 +37,13 @@ class TestResults:
         assert [list(row) for row in table(done / "timing.csv")] == [["run", "seconds"]] * 6
 
     def test_short_runs_are_few_files(self, done):
-        tables = ["results.csv", "runs", "scenes", "settings.json", "timing.csv"]
+        tables = ["results.csv", "scenes", "settings.json", "timing.csv"]
         assert sorted(path.name for path in done.iterdir()) == ["parts", *tables]
-        assert sorted(path.name for path in (done / "runs").iterdir()) == ["00002", "00003"]  # which failed
         (part,) = (done / "parts").glob("[0-9]*.csv")
         assert part.name.startswith("0000000-0000005-")
-        for row, line in zip(table(part), [0, 1, 4, 5], strict=True):
-            seconds = {"seconds": table(done / "timing.csv")[line]["seconds"]}
-            assert row == table(done / "results.csv")[line] | seconds
+        timing = [{"seconds": row["seconds"]} for row in table(done / "timing.csv")]
+        for row, result, seconds in zip(table(part), table(done / "results.csv"), timing, strict=True):
+            assert row == result | seconds
 
     def test_any_run_is_what_the_scene_and_its_row_say(self, done):
         row = table(done / "results.csv")[5]
@@ -56,12 +55,10 @@ class TestResults:
 
     def test_files_of_a_run(self, done, kept):
         assert results(kept) == results(done)
-        assert not (kept / "parts").exists()
         names = {
             path.name: sorted(file.name for file in path.iterdir()) for path in (kept / "runs").iterdir()
         }
-        whole, failed = ["checkpoint.npz", "result.csv", "scene.toml"], ["result.csv", "scene.toml"]
-        assert names == {f"{k:05}": failed if k in (2, 3) else whole for k in range(6)}
+        assert names == {f"{k:05}": ["checkpoint.npz", "scene.toml"] for k in (0, 1, 4, 5)}
 
     @pytest.mark.parametrize("number", [0, 5])
     def test_run_is_as_if_done_alone(self, done, kept, number):
@@ -106,8 +103,7 @@ class TestResults:
         assert bad["error"].startswith("step 1, from t = 0.0 s: ")
         assert "first run 1: step 1, from t = 0.0 s: " in capfd.readouterr().out
 
-    @pytest.mark.parametrize("options", [(), ("--folders",)])
-    def test_failed_run_has_its_seconds_and_its_last_good_state(self, tmp_path, options):
+    def test_failed_run_has_its_seconds_and_its_last_good_state(self, tmp_path):
         text = (
             'scene = "annulus"\n[set]\nsolver.max_iterations = 3\n[axes]\nsolver.on_unconverged = ["raise"]'
         )
@@ -115,8 +111,7 @@ class TestResults:
         folder = SweepFolder(out, sweep.axes, RunSettings())
         folder.create_or_check(sweep, sweep.runs, False)
         folder.write_common_files(sweep)
-        execution = ExecutionOptions(folders=bool(options))
-        assert finish_runs(folder, sweep.runs, execution, lambda _: None) == {}
+        assert finish_runs(folder, sweep.runs, ExecutionOptions(folders=True), lambda _: None) == {}
         assert "step 20" in folder.write_tables(sweep).failed[0]
         kept = read_checkpoint(out / "runs" / "00000" / "checkpoint.npz")
         assert kept.statistics.steps == kept.state.steps == 19
@@ -135,12 +130,19 @@ class TestResults:
         assert [row["error"] for row in found if row["run"] in "15"] == ["15 grains are too many"] * 2
         assert found[::2] == others[::2]
         assert not list(tmp_path.rglob("*.frames"))
+        monkeypatch.undo()
+        assert batch(write(tmp_path), "-o", tmp_path / "out", *options, "--resume") == 1
+        assert results(tmp_path / "out") == results(done)
 
-    @pytest.mark.parametrize("options", [(), ("--folders",)])
-    def test_runs_that_fit_in_memory_one_by_one(self, tmp_path, done, monkeypatch, options):
+    @pytest.mark.parametrize("options", [(), ("--folders",), ("--usd",)])
+    def test_runs_that_do_not_fit_in_memory_together(self, tmp_path, done, monkeypatch, options):
         monkeypatch.setattr(memory, "free_memory", lambda _: 50_000.0)
         assert batch(write(tmp_path), "-o", tmp_path / "out", *options) == 1
         assert results(tmp_path / "out") == results(done)
+        parts = [table(part) for part in (tmp_path / "out").glob("parts/[0-9]*.csv")]
+        assert sorted(len(part) for part in parts) == [1, 1, 1, 1, 2]  # two have failed before
+        for recording in tmp_path.rglob("*.usdc"):
+            assert inspect_recording(recording) == []
 
     @pytest.mark.parametrize("options", [(), ("--folders",)])
     def test_memory_that_is_lacking_for_a_longer_list(self, tmp_path, done, monkeypatch, options):
@@ -171,13 +173,13 @@ class TestResults:
 
         class Sets(loaded_scenes.LoadedScenes):
             def __init__(self, *given):
-                assert [group() for group in groups if group() is not None] == []
+                assert [sets() for sets in groups if sets() is not None] == []
                 groups.append(weakref.ref(self))
                 super().__init__(*given)
 
         monkeypatch.setattr(sizes, "first_pairs", lambda n: n // 4)
         monkeypatch.setattr(SceneRecords, "_resize", resize_alone)
-        monkeypatch.setattr(long, "LoadedScenes", Sets)
+        monkeypatch.setattr(group, "LoadedScenes", Sets)
         gc.collect()
         gc.disable()
         try:
@@ -223,13 +225,14 @@ class TestResults:
         assert batch(sweep, "-o", tmp_path / "out", "--plot", "x=physics.drag,y=steps") == 1
         assert "picture           none: no run has succeeded" in capfd.readouterr().out
 
-    @pytest.mark.parametrize(("threads", "folders"), [(1, 0), (2, 4)])
-    def test_large_runs_are_short_if_one_thread_runs(self, tmp_path, done, monkeypatch, threads, folders):
+    @pytest.mark.parametrize(("threads", "sizes"), [(1, [6]), (2, [1, 1, 1, 1, 2])])
+    def test_large_runs_are_alone_if_threads_share_them(self, tmp_path, done, monkeypatch, threads, sizes):
         monkeypatch.setattr(tuning, "SHARED_SET", 0)  # every run is large
         monkeypatch.setattr(tuning, "cores", lambda: 2)
         assert batch(write(tmp_path), "-o", tmp_path / "out", "--threads", threads) == 1
         assert results(tmp_path / "out") == results(done)
-        assert len(list((tmp_path / "out" / "runs").iterdir())) == 2 + folders  # two have failed
+        parts = [table(part) for part in (tmp_path / "out").glob("parts/[0-9]*.csv")]
+        assert sorted(len(part) for part in parts) == sizes
 
     def test_summary(self, tmp_path, capfd):
         sweep = write(tmp_path, SMALL.replace("100.0, ", ""))

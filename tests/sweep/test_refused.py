@@ -42,13 +42,12 @@ OTHER_AXIS = ("[5, 15]", "[5, 14]")
         ("done", (), "", "use --resume to continue the sweep"),
         ("kept", (), "", "use --resume to continue the sweep"),
         ("done", ("= 30", "= 31"), "--resume", "annulus.toml' is of a sweep with another scene"),
-        ("done", OTHER_AXIS, "--resume", "run 1 in '"),
-        ("kept", OTHER_AXIS, "--resume", "is the scene of another sweep: choose another -o"),
+        ("done", OTHER_AXIS, "--resume", "settings.json' is of a sweep with other runs: choose another -o"),
         ("done", (), "--resume --until rest", "settings.json' is of a sweep with --until none: choose"),
         ("done", (), "--resume --measure stress", "settings.json' is of a sweep with --measure none: choose"),
         ("kept", (), "--resume --measure stress", "settings.json' is of a sweep with --measure none: choose"),
         ("done", (), "--resume --measure stress --until rest", "with --measure none and --until none: "),
-        ("done", ("physics.drag =", "contact.friction ="), "--resume", "csv' is of another sweep"),
+        ("done", ("physics.drag =", "contact.friction ="), "--resume", "of a sweep with other runs: choose"),
     ],
 )
 def test_output_of_another_sweep(tmp_path, request, capfd, output, change, options, complaint):
@@ -75,11 +74,15 @@ def keep_only(folder, name):
         (lambda file: file.write_text(""), "settings.json' does not hold the settings of a sweep: restore"),
         (lambda file: file.write_text('{"measure": []}'), "settings.json' does not hold"),
         (lambda file: file.write_text("[]"), "settings.json' does not hold"),
+        (
+            lambda file: file.write_text(file.read_text().replace("axes", "axis")),
+            "does not hold the settings",
+        ),
         (lambda file: file.write_text("[" * 100_000), "settings.json' does not hold"),
         (lambda file: file.write_bytes(b"\xff"), "settings.json' does not hold"),
         (
-            lambda file: file.write_text('{"measure": 1, "until": [2], "region": null}'),
-            "with --measure 1 and --until 2: choose",
+            lambda file: file.write_text(file.read_text().replace("null", "[2]", 1)),
+            "with --until 2: choose",
         ),
         (lambda file: file.unlink(), "results.csv': '"),
         (lambda file: (file.unlink(), file.with_name("results.csv").unlink()), "scenes/annulus.toml': '"),

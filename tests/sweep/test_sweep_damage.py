@@ -8,7 +8,6 @@ import pytest
 from sweeps import SMALL, batch, results, table, write
 
 from warpgrains.frame_log import FrameLog, LogReader
-from warpgrains.sweep.results import SECONDS
 from warpgrains.usd.writer import reopen_log
 
 GOOD = SMALL.replace("100.0, ", "")
@@ -31,55 +30,18 @@ def resume_damaged(folder, whole, damage, *options):
     rows = table(out / "results.csv")
     assert [row["run"] for row in rows] == ["0", "1", "2", "3"]
     assert [bool(row["error"]) for row in rows] == [False, True, False, False]
+    shutil.rmtree(out / "runs" / "00001")
+    assert batch(write(folder, GOOD), "-o", out, "--resume", *options) == 0
+    assert results(out) == results(whole)
     return rows
-
-
-def with_value(column, value):
-    """Return a damage that changes a cell of a result, or takes a column out of it."""
-
-    def damage(run):
-        (row,) = table(run / "result.csv")
-        row[column] = value
-        row = {name: cell for name, cell in row.items() if cell is not None}
-        (run / "result.csv").write_text(f"{','.join(row)}\n{','.join(row.values())}\n")
-
-    return damage
-
-
-def cut_result(length):
-    return lambda run: (run / "result.csv").write_bytes((run / "result.csv").read_bytes()[:length])
-
-
-DAMAGED_RESULTS = {
-    "empty": cut_result(0),
-    "names only": cut_result(200),
-    "short": cut_result(-60),
-    "twice": lambda run: (run / "result.csv").write_bytes((run / "result.csv").read_bytes() * 2),
-    "no seconds": with_value(SECONDS, None),
-    "no run": with_value("run", None),
-    "of another run": with_value("run", "3"),
-    "no number": with_value("unconverged", "many"),
-    "not UTF-8": lambda run: (run / "result.csv").write_bytes(b"\xff\xfe"),
-    "a folder": lambda run: ((run / "result.csv").unlink(), (run / "result.csv").mkdir()),
-    "a pipe": lambda run: piped(run / "result.csv"),
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGED_RESULTS.values(), ids=DAMAGED_RESULTS.keys())
-def test_damaged_result_is_named(tmp_path, whole, damage, capfd):
-    rows = resume_damaged(tmp_path, whole, damage)
-    assert rows[1]["error"] == "result.csv is damaged: delete the folder of the run to repeat it"
-    assert "failed            1, first run 1: result.csv is damaged" in capfd.readouterr().out
-    shutil.rmtree(tmp_path / "out" / "runs" / "00001")
-    assert batch(write(tmp_path, GOOD), "-o", tmp_path / "out", "--resume") == 0
-    assert results(tmp_path / "out") == results(whole)
 
 
 def interrupted(damage):
     """Return a damage of a run that was killed before it had its result."""
 
     def undo_and_damage(run):
-        (run / "result.csv").unlink()
+        for shard in run.parents[1].glob("parts/[0-9]*.csv"):
+            shard.unlink()
         reopen_log(run / "recording.usdc", run / "recording.usdc.frames")
         (run / "recording.usdc").unlink()
         damage(run)
@@ -95,19 +57,6 @@ def damage_frame(log):
     log.write_bytes(content)
 
 
-def cut_scene(run, end):
-    """Keep a share of a scene file, or all but some lines."""
-    lines = (run / "scene.toml").read_text().splitlines(keepends=True)
-    (run / "scene.toml").write_text("".join(lines[: end if end < 0 else int(end * len(lines))]))
-
-
-def changed_scene(run, old, new):
-    text = (run / "scene.toml").read_text()
-    assert text.count(old) >= 1
-    last = text.rindex(old)
-    (run / "scene.toml").write_text(text[:last] + new + text[last + len(old) :])
-
-
 def piped(path):
     """Put a pipe that nobody writes to in the place of a file."""
     path.unlink()
@@ -118,18 +67,6 @@ DAMAGED_FILES = {
     "no log": (lambda run: (run / "recording.usdc.frames").unlink(), "does not exist"),
     "a frame is damaged": (lambda run: damage_frame(run / "recording.usdc.frames"), "holds 0 of the"),
     "checkpoint": (lambda run: (run / "checkpoint.npz").write_bytes(b"PK"), "is not a checkpoint"),
-    "scene": (lambda run: (run / "scene.toml").write_bytes(b"\xff\xff"), "scene.toml' is damaged"),
-    "empty scene": (lambda run: (run / "scene.toml").write_bytes(b""), "scene.toml' is damaged"),
-    "half a scene": (lambda run: cut_scene(run, 0.5), "scene.toml' is damaged"),
-    "scene without its last line": (lambda run: cut_scene(run, -1), "scene.toml' is damaged"),
-    "scene with another value": (lambda run: changed_scene(run, "drag = 0.1", "drag = 0.3"), "is damaged"),
-    "scene of another name": (lambda run: changed_scene(run, "run 1 of", "run 7 of"), "is damaged"),
-    "scene is no TOML": (lambda run: (run / "scene.toml").write_text("# run 9 of\n=\n"), "is damaged"),
-    "scene is a folder": (
-        lambda run: ((run / "scene.toml").unlink(), (run / "scene.toml").mkdir()),
-        "scene.toml' is not a regular file",
-    ),
-    "scene is a pipe": (lambda run: piped(run / "scene.toml"), "scene.toml' is not a regular file"),
     "checkpoint is a pipe": (lambda run: piped(run / "checkpoint.npz"), "checkpoint"),
 }
 

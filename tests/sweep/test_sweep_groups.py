@@ -1,5 +1,8 @@
 """How many runs of a sweep are executed together."""
 
+from contextlib import ExitStack
+from types import SimpleNamespace
+
 import pytest
 
 from warpgrains.sweep import runner
@@ -10,26 +13,32 @@ class FakeRunner:
 
     narrowest, widest = 2, 4096
 
-    def __init__(self, grains):
-        self.grains, self.time, self.sizes = grains, 0.0, []
+    def __init__(self, grains, runs):
+        self.scene, self.runs = SimpleNamespace(n=grains), runs
+        self.time, self.sizes, self.reasons, self.held = 0.0, [], {}, ExitStack()
 
-    def prepare(self, points):
-        return len(points)
+    def choose(self, width):
+        self.runs, chosen = self.runs[width:], self.runs[:width]
+        return chosen
 
-    def carry_out(self, size):
-        self.sizes.append(size)
-        self.time += 1e-3 * size
-        return self.grains * size
+    def prepare(self, chosen):
+        return SimpleNamespace(members=[SimpleNamespace(scene=self.scene)] * len(chosen))
+
+    def carry_out(self, group):
+        self.sizes.append(len(group.members))
+        self.time += 1e-3 * len(group.members)
 
 
 @pytest.mark.parametrize(
     ("grains", "settled"), [(15, 1000), (2000, 100), (10**6, 1)], ids=["by time", "by grains", "large"]
 )
 def test_sizes_settle(monkeypatch, grains, settled):
-    runs = FakeRunner(grains)
+    runs = FakeRunner(grains, range(20_000 if settled == 1000 else 1000))
     monkeypatch.setattr(runner, "perf_counter", lambda: runs.time)
-    runner._in_groups(runs, range(20_000 if settled == 1000 else 1000))
+    monkeypatch.setattr(runner, "Runner", lambda *_: runs)
+    count = len(runs.runs)
+    runner.finish_runs(None, [], None, None)
     later = runs.sizes[6:-1]
     assert len(later) > 3
     assert all(size == pytest.approx(settled, rel=0.01) for size in later)
-    assert sum(runs.sizes) == (20_000 if settled == 1000 else 1000)
+    assert sum(runs.sizes) == count

@@ -1,6 +1,5 @@
 """Two processes on one sweep: each does the runs that the other leaves, and says which it left."""
 
-import shutil
 import subprocess
 import sys
 
@@ -59,26 +58,6 @@ def test_twice_at_once(tmp_path, options):
         assert contents(read_checkpoint(path).state) == contents(read_checkpoint(other).state)
 
 
-def test_run_of_another_sweep_begun_meanwhile_is_left(tmp_path, kept, monkeypatch, capfd):
-    """Two sweeps with one output, begun at once: each keeps its own runs, and neither the other's."""
-    from warpgrains.cli import batch as command
-
-    out, sweep = tmp_path / "out", write(tmp_path)
-    another = (kept / "runs" / "00001" / "scene.toml").read_text().replace("# run 1 of", "# run 0 of")
-
-    def come_between(*arguments):
-        shutil.copytree(kept / "runs" / "00000", out / "runs" / "00000")
-        (out / "runs" / "00000" / "result.csv").unlink()
-        (out / "runs" / "00000" / "scene.toml").write_text(another)
-        return finish(*arguments)
-
-    finish = command._finish
-    monkeypatch.setattr(command, "_finish", come_between)
-    assert batch(sweep, "-o", out) == 1
-    assert "00000/scene.toml' is the scene of another sweep" in capfd.readouterr().out
-    assert (out / "runs" / "00000" / "scene.toml").read_text() == another
-
-
 @pytest.mark.parametrize(
     ("change", "until", "complaint"),
     [
@@ -88,6 +67,7 @@ def test_run_of_another_sweep_begun_meanwhile_is_left(tmp_path, kept, monkeypatc
             "annulus.toml' is of a sweep with another scene",
         ),
         (("[axes]", "[axes]"), "rest", "settings.json' is of a sweep with --until none"),
+        (("0.9", "0.8"), None, "settings.json' is of a sweep with other runs"),
     ],
 )
 def test_another_sweep_that_begins_at_once_is_refused(tmp_path, change, until, complaint):
@@ -112,36 +92,35 @@ def test_another_sweep_that_begins_at_once_is_refused(tmp_path, change, until, c
 )
 def test_a_sweep_that_is_refused_keeps_the_tables_of_the_other(tmp_path, monkeypatch, capfd, change, options):
     """The other one begins after it has checked its folder."""
-    from warpgrains.cli import batch as command
-
     (tmp_path / "other").mkdir()
     out, other = tmp_path / "out", write(tmp_path / "other", SMALL.replace(*change))
+    write_common_files = SweepFolder.write_common_files
 
     def come_between(*arguments):
         monkeypatch.undo()
         assert batch(other, "-o", out, *options) == 1
         capfd.readouterr()
-        return finish(*arguments)
+        write_common_files(*arguments)
 
-    finish = command._finish
-    monkeypatch.setattr(command, "_finish", come_between)
+    monkeypatch.setattr(SweepFolder, "write_common_files", come_between)
     assert batch(write(tmp_path), "-o", out) == 2
     require_refusal(capfd, "choose another -o")
     assert batch(other, "-o", tmp_path / "alone", *options) == 1
     assert results(out) == results(tmp_path / "alone")
 
 
-def test_results_of_another_sweep_that_began_at_once_are_refused(tmp_path):
-    """It has the same scene and other values on the axes, so that only its results differ."""
+def test_sweeps_that_go_on_in_different_ways_are_refused(tmp_path):
+    """They have the runs of a shorter one, so that only the results of the others differ."""
     folders = []
-    for number, text in enumerate((LONG, LONG.replace("0.9", "0.8"))):
+    for number, values in enumerate(("0.1", "0.1, 0.2", "0.1, 0.3")):
         (tmp_path / str(number)).mkdir()
-        sweep = Sweep.load(write(tmp_path / str(number), text.replace("3.0", "0.1")))
+        text = f'scene = "annulus"\n[set]\ntime.duration = 0.1\n[axes]\nphysics.drag = [{values}]'
+        sweep = Sweep.load(write(tmp_path / str(number), text))
         folder = SweepFolder(tmp_path / "out", sweep.axes, RunSettings())
         folder.create_or_check(sweep, sweep.runs, False)
         folder.write_common_files(sweep)
         folders.append((folder, sweep))
-    (first, sweep), (second, other) = folders
+    _, (first, sweep), (second, other) = folders
     assert finish_runs(first, sweep.runs, ExecutionOptions(), lambda _: None) == {}
     with pytest.raises(OutputError, match=r"run 1 in .* belongs to another sweep"):
         finish_runs(second, other.runs, ExecutionOptions(), lambda _: None)

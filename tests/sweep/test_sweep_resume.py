@@ -5,27 +5,26 @@ import signal
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
 
 import pytest
 from sweeps import LONG, SMALL, batch, results, table, write
 from trimmed import trimmed
 
-from warpgrains import Recording, Scene, SimulationError
-from warpgrains.batch.loaded_scenes import LoadedScenes
+from warpgrains import Scene
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.solver import engine, threads
-from warpgrains.sweep import execution, run_folder, runner, short, sweep_folder
-from warpgrains.sweep.run_folder import RunFolder
+from warpgrains.sweep import run_folder, sweep_folder
+from warpgrains.sweep.run_folder import FolderRun
 from warpgrains.sweep.sweep import Sweep
+from warpgrains.sweep.sweep_folder import SweepFolder
 
 DRIVER = """
 import sys
 from warpgrains.cli.main import main
-from warpgrains.sweep import long, runner, short
-short.SHORT, short.WIDTH, runner.FIRST_WIDTH = {short}, {width}, {width}
-long.LEAST_WIDTH, long.WIDTH, long.SLICE = 4, 4, 0.02
-long.BETWEEN_CHECKPOINTS = 0.5 if "--usd" in sys.argv else 0.05
+from warpgrains.solver import engine, threads
+from warpgrains.sweep import runner
+engine.BRIEF, threads.GLANCE = 0, 1e-3
+runner.LIMIT = {limit} * (5 if "--usd" in sys.argv else 1)
+runner.LEAST_WIDTH = runner.WIDTH = runner.WIDTH_OF_FOLDERS = {width}
 sys.exit(main(sys.argv[1:]))
 """
 MANY = """
@@ -70,7 +69,7 @@ def kill_and_resume(folder, text, driver, options, moments, how_far):
     ],
 )
 def test_killed(tmp_path, options, moments):
-    out = kill_and_resume(tmp_path, LONG, DRIVER.format(short=0.1, width=4), options, moments, steps_kept)
+    out = kill_and_resume(tmp_path, LONG, DRIVER.format(limit=0.1, width=4), options, moments, steps_kept)
     assert len(table(out / "timing.csv")) == 12
     for series in out.glob("runs/*/series.csv"):
         assert [int(row["step"]) for row in table(series)] == list(range(0, 801, 100))
@@ -79,62 +78,27 @@ def test_killed(tmp_path, options, moments):
 @pytest.mark.parametrize("moments", [[3], pytest.param(range(1, 1 + trimmed(20)), marks=pytest.mark.slow)])
 def test_killed_while_shards_are_written(tmp_path, moments):
     """No run that is in one is done again."""
-    driver = DRIVER.format(short=20.0, width=32)
+    driver = DRIVER.format(limit=20.0, width=32)
     out = kill_and_resume(tmp_path, MANY, driver, [], moments, lambda out: len(shards(out)))
     runs = [row["run"] for shard in shards(out) for row in table(shard)]
     assert sorted(map(int, runs)) == list(range(600))
 
 
-def test_what_failed_once_stays_failed(tmp_path, slices, monkeypatch):
-    """Even if it could go on later, such as when there is memory again: it has missed steps."""
-    advance = LoadedScenes.advance_runs
-
-    def fail_once(*arguments):
-        yield from advance(*arguments)
-        if len(slices.steps) == 2:
-            yield SimpleNamespace(errors={0: SimulationError("no room")})
-
-    monkeypatch.setattr(LoadedScenes, "advance_runs", fail_once)
-    assert batch(write(tmp_path), "-o", tmp_path / "out", "--folders") == 1
-    errors = [row["error"] for row in table(tmp_path / "out" / "results.csv")]
-    assert errors[:2] == ["no room", ""]
-
-
 @pytest.mark.parametrize("options", [[], ["--until", "rest,speed=0.05,time=0.35"]])
-def test_run_that_takes_long_gets_a_folder(tmp_path, monkeypatch, options):
-    """It goes on from where it is when the time is over."""
-    sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]"))
-    assert batch(sweep, "-o", tmp_path / "short", *options) == 0
-    assert not (tmp_path / "short" / "runs").exists()
-    monkeypatch.setattr(short, "SHORT", 0.0)
-    monkeypatch.setattr(engine, "BRIEF", 0)
-    monkeypatch.setattr(threads, "GLANCE", 1e-3)  # before the run is over, on any machine
-    out = tmp_path / "out"
-    assert batch(sweep, "-o", out, *options) == 0
-    assert results(out) == results(tmp_path / "short")
+def test_run_that_takes_long_gets_a_folder(tmp_path, brief, monkeypatch, options):
+    """It goes on from where it is when the time is over, even if the process is killed then."""
+    sweep, out = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]")), tmp_path / "out"
+    brief.is_killed = True
+    assert batch(sweep, "-o", out, *options) == 130
+    first = steps_kept(out)
+    brief.is_killed = False
+    assert batch(sweep, "-o", out, *options, "--resume") == 0
     kept = read_checkpoint(out / "runs" / "00000" / "checkpoint.npz")
     assert str(kept.statistics.steps) == table(out / "results.csv")[0]["steps"]
-
-
-def test_what_takes_long_is_kept_at_the_end_of_its_group(tmp_path, monkeypatch):
-    """A process that is killed before the first long group has lost none of the steps of its short groups."""
-    sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]"))
-    assert batch(sweep, "-o", tmp_path / "short") == 0
-    out, advance = tmp_path / "out", LoadedScenes.advance
-
-    def advance_before_the_limit(loaded, steps, poll):
-        return advance(loaded, steps, lambda done: poll(done) if done else None)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(short, "SHORT", 0.0)
-        patch.setattr(LoadedScenes, "advance", advance_before_the_limit)
-        patch.setattr(engine, "BRIEF", 0)
-        patch.setattr(threads, "GLANCE", 1e-3)
-        patch.setattr(runner, "LongRunner", lambda *_: pytest.fail("killed"))
-        with pytest.raises(pytest.fail.Exception, match="killed"):
-            batch(sweep, "-o", out)
-    assert steps_kept(out) > 0
-    assert batch(sweep, "-o", out, "--resume") == 0
+    assert 0 < first < steps_kept(out)
+    monkeypatch.undo()
+    assert batch(sweep, "-o", tmp_path / "short", *options) == 0
+    assert not (tmp_path / "short" / "runs").exists()
     assert results(out) == results(tmp_path / "short")
 
 
@@ -176,43 +140,31 @@ def test_results_in_a_folder_of_the_name_of_a_shipped_sweep(tmp_path, done, monk
     assert len(Sweep.load("iterations").runs) == shipped
 
 
-def test_a_folder_that_cannot_be_used_leaves_its_run_alone(tmp_path, monkeypatch, capfd):
-    """Also if the run gets it after its time as a short run."""
-    sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]"))
-    lock = RunFolder.lock
-
-    def lock_others(folder):
-        if folder.number == 0:
-            raise OSError("permission denied")
-        return lock(folder)
-
-    monkeypatch.setattr(RunFolder, "lock", lock_others)
-    monkeypatch.setattr(short, "SHORT", 0.0)
-    monkeypatch.setattr(engine, "BRIEF", 0)
-    monkeypatch.setattr(threads, "GLANCE", 1e-3)
-    assert batch(sweep, "-o", tmp_path / "out") == 1
-    assert (
-        "not finished      1 (continue with --resume), first run 0: permission denied\n"
-        in capfd.readouterr().out
-    )
-    assert [row["run"] for row in table(tmp_path / "out" / "results.csv")] == [str(k) for k in range(1, 12)]
-
-
-def test_a_folder_that_another_process_has_begun_keeps_its_outputs(tmp_path, slices, monkeypatch):
-    """Also if the run is a short one, because the folder did not exist yet, and no step is done in it."""
+def test_a_folder_that_cannot_be_used_leaves_its_run_alone(tmp_path, brief, monkeypatch, capfd):
     sweep, out = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]")), tmp_path / "out"
-    assert batch(sweep, "-o", tmp_path / "undisturbed") == 0
-    slices.left = 0
-    assert batch(sweep, "-o", out, "--usd", "--fps", 1) == 130
-    slices.left = 1_000_000
-    monkeypatch.setattr(short.ShortRunner, "_available", lambda runner, runs: runs)
-    monkeypatch.setattr(short, "SHORT", 0.0)
-    monkeypatch.setattr(engine, "BRIEF", 0)
-    monkeypatch.setattr(threads, "GLANCE", 1e-3)
-    monkeypatch.setattr(execution, "GROWTH", 8)
-    assert batch(sweep, "-o", out, "--resume") == 0
-    assert results(out) == results(tmp_path / "undisturbed")
-    assert [len(Recording(path)) for path in sorted(out.glob("runs/*/recording.usdc"))] == [41] * 12
+    open_folder = FolderRun.open
+
+    def open_others(folder, *given):
+        if folder.name == "00000":
+            raise OSError("permission denied")
+        return open_folder(folder, *given)
+
+    monkeypatch.setattr(FolderRun, "open", open_others)
+    assert batch(sweep, "-o", out) == 1
+    said = "not finished      1 (continue with --resume), first run 0: permission denied\n"
+    assert said in capfd.readouterr().out
+    assert [row["run"] for row in table(out / "results.csv")] == [str(k) for k in range(1, 12)]
+
+
+def test_a_folder_that_another_process_has_begun_is_left(tmp_path, brief, monkeypatch, capfd):
+    """On a file system without locks, after this process has begun the run without a folder."""
+    sweep, out = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]")), tmp_path / "out"
+    brief.is_killed = True
+    assert batch(sweep, "-o", out) == 130
+    brief.is_killed = False
+    monkeypatch.setattr(SweepFolder, "with_folders", lambda folder: set())
+    assert batch(sweep, "-o", out, "--resume") == 1
+    assert "another process has begun it\n" in capfd.readouterr().out
 
 
 @pytest.mark.parametrize("options", [["--usd"], []])
@@ -234,17 +186,19 @@ def test_frames_without_a_checkpoint_are_not_kept(tmp_path, done, monkeypatch, o
     assert len(list(out.rglob("*.usdc"))) == (4 if options else 0)
 
 
-def test_warp_is_not_started_if_no_run_is_left(tmp_path, done):
-    shutil.copytree(done, tmp_path / "out")
+def test_warp_is_not_started_if_no_run_is_left(tmp_path):
+    sweep, out = write(tmp_path, 'scene = "annulus"\nset.time.duration = 0.1'), tmp_path / "out"
+    assert batch(sweep, "-o", out) == 0
+    before = results(out)
     script = (
         "import sys\n"
         "from warpgrains.cli.main import main\n"
-        "assert main(sys.argv[1:]) == 1\n"
+        "assert main(sys.argv[1:]) == 0\n"
         "assert 'warp' not in sys.modules\n"
     )
-    arguments = ["batch", write(tmp_path), "-o", tmp_path / "out", "--resume"]
+    arguments = ["batch", sweep, "-o", out, "--resume"]
     subprocess.run([sys.executable, "-c", script, *arguments], check=True, timeout=60)
-    assert results(tmp_path / "out") == results(done)
+    assert results(out) == before
 
 
 def test_longer_sweep_goes_on(tmp_path, done):
@@ -263,20 +217,20 @@ def test_shares_make_the_whole(tmp_path, done):
     assert results(out) == results(done)
 
 
-def test_late_results_are_not_lost(tmp_path, kept, monkeypatch):
+def test_late_results_are_not_lost(tmp_path, done, monkeypatch):
     """Runs that finish while the tables are written: who writes last has them all."""
-    shutil.copytree(kept, tmp_path / "out")
-    last = tmp_path / "out" / "runs" / "00005" / "result.csv"
-    late, write_atomically = last.rename(tmp_path / "late.csv"), sweep_folder.write_atomically
+    shutil.copytree(done, tmp_path / "out")
+    (shard,) = shards(tmp_path / "out")
+    late, write_atomically = shard.rename(tmp_path / "late.csv"), sweep_folder.write_atomically
 
     def write_as_another_run_finishes(*arguments):
         write_atomically(*arguments)
         if late.exists():
-            late.rename(last)
+            late.rename(shard)
 
     monkeypatch.setattr(sweep_folder, "write_atomically", write_as_another_run_finishes)
     assert batch(write(tmp_path), "-o", tmp_path / "out", "--resume", "--index", 0, "--count", 6) == 0
-    assert results(tmp_path / "out") == results(kept)
+    assert results(tmp_path / "out") == results(done)
 
 
 UNRECORDABLE = """
@@ -303,7 +257,6 @@ def test_a_run_whose_frame_cannot_be_recorded_is_resumed_to_the_same_failure(tmp
     assert batch(sweep, *options) == 1
     first = results(out)
     assert b"a recording holds at most" in first
-    (out / "runs" / "00000" / "result.csv").unlink()
     assert batch(sweep, *options, "--resume") == 1
     assert results(out) == first
     assert not list(out.rglob("*.frames"))
@@ -331,8 +284,8 @@ def test_a_run_with_a_foreign_output_fails(tmp_path, name):
     options = ("-o", out, "--usd", "--measure", "coordination", "--every", 10)
     assert batch(sweep, *options) == 0
     run = out / "runs" / "00000"
-    for lost in ("result.csv", "checkpoint.npz"):
-        (run / lost).unlink()
+    for lost in (run / "checkpoint.npz", *shards(out)):
+        lost.unlink()
     (run / name).write_text("foreign")
     assert batch(sweep, *options, "--resume") == 1
     error = table(out / "results.csv")[0]["error"]

@@ -83,7 +83,8 @@ def grade(arguments: Namespace) -> int:
         told = [verdict.as_json() for verdict in verdicts]
         print(json.dumps(told if is_class else told[0]))
     else:
-        print(_lines(verdicts, table, site) if is_class else verdicts[0].text(_has_color(), arguments.lang))
+        has_color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
+        print(_lines(verdicts, table, site) if is_class else verdicts[0].text(has_color, arguments.lang))
     return max(RESULTS.get(verdict.status, NOT_GRADED) for verdict in verdicts)
 
 
@@ -146,10 +147,6 @@ def _lines(verdicts: list[Verdict], table: str | None, pages: str | None) -> str
         **({"pages": printable(pages)} if pages else {}),
     }
     return in_columns(rows)
-
-
-def _has_color() -> bool:
-    return sys.stdout.isatty() and "NO_COLOR" not in os.environ
 
 
 def write_template(folder: Path) -> list[Path]:

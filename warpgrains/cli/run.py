@@ -9,7 +9,7 @@ import warnings
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import asdict, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -180,11 +180,11 @@ def _show_warning(message: Warning | str, *where: Any) -> None:
 def results_of(run: OpenRun) -> dict[str, Any]:
     """Return the results of a run by name, as `--json` prints them."""
     scene, options = run.scene, run.options
-    summary, overlaps = replace(run.statistics, output=options.record), scene.count_overlaps()
+    summary, overlaps = run.statistics.summary(options.record), scene.count_overlaps()
     results = {
         "scene": scene.name,
         "grains": scene.n,
-        **summary.results(),
+        **asdict(summary),
         "overlap_in_radii": summary.overlap / scene.smallest_radius,
         "overlaps_at_start": overlaps._asdict(),
     }
@@ -198,11 +198,16 @@ def results_of(run: OpenRun) -> dict[str, Any]:
 
 
 def summary_lines(results: dict[str, Any]) -> str:
-    start = results["overlaps_at_start"]
+    start, output = results["overlaps_at_start"], results["output"]
     largest = f", up to {start['largest']:.2e} m" if start["largest"] else ""
+    ended, shown = "", "none (-o records one)" if output is None else str(output)
+    if "until" in results:
+        ended = f", {'at' if results['met'] else 'not at'} {results['until']}"
+    if "frames" in results:
+        shown += f", {number_of(results['frames'], 'frame')}, {results['fps']:.6g} a second"
     rows = {
         "scene": f"{results['scene']}, {number_of(results['grains'], 'grain')}",
-        "steps": f"{results['steps']}{_ended(results)}",
+        "steps": f"{results['steps']}{ended}",
         "iterations": f"mean {results['iterations_mean']:.1f}, max {results['iterations_max']}",
         "not converged": number_of(results["unconverged"], "step"),
         "worst residual": f"{results['residual']:.2e} m/s ({results['gap_error']:.2e} smallest radii a step)",
@@ -210,19 +215,6 @@ def summary_lines(results: dict[str, Any]) -> str:
         "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall{largest}",
         "time": f"{results['seconds']:.2f} s, {results['steps'] / results['seconds']:.0f} steps/s",
         **({"bounds": "every index within its array"} if "bounds_checked" in results else {}),
-        "output": "none (-o records one)" if results["output"] is None else _output(results),
+        "output": shown,
     }
     return in_columns(rows)
-
-
-def _ended(results: dict[str, Any]) -> str:
-    if "until" not in results:
-        return ""
-    return f", {'at' if results['met'] else 'not at'} {results['until']}"
-
-
-def _output(results: dict[str, Any]) -> str:
-    if "frames" not in results:
-        return str(results["output"])
-    frames = results["frames"]
-    return f"{results['output']}, {number_of(frames, 'frame')}, {results['fps']:.6g} a second"

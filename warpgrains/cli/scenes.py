@@ -47,13 +47,10 @@ def init(arguments: Namespace) -> bool:
 def _lists() -> str:
     parts = []
     for kind, command in KINDS.items():
-        names = {name: _first_remark(read_text(Path(name), kind)) for name in shipped(kind)}
+        firsts = {name: read_text(Path(name), kind).partition("\n")[0] for name in shipped(kind)}
+        names = {name: first.lstrip("# ") for name, first in firsts.items()}
         parts.append(f"{kind}s ({command})\n{in_columns(names)}")
     return "\n\n".join(parts) + "\n\nwarpgrains scenes NAME shows a scene and every key it could have."
-
-
-def _first_remark(text: str) -> str:
-    return text.partition("\n")[0].lstrip("# ")
 
 
 def _read(name: str) -> tuple[str, Table]:
@@ -124,13 +121,9 @@ def wall_keys() -> Iterator[Key]:
     found = {name: field for wall in WRITTEN_KINDS.values() for name, field in wall.keys().items()}
     for name, field in sorted(found.items(), key=lambda item: item[1].kw_only is True):
         default = REQUIRED if field.default is MISSING else field.default
-        kinds = "" if field.kw_only else ", ".join(kinds_with(name)) + ": "
+        with_key = [kind for kind, wall in WRITTEN_KINDS.items() if name in wall.keys()]  # noqa: SIM118
+        kinds = "" if field.kw_only else ", ".join(with_key) + ": "
         yield Key("walls", name, default, kinds + field.metadata["meaning"])
-
-
-def kinds_with(key: str) -> list[str]:
-    keys_of = {kind: wall.keys() for kind, wall in WRITTEN_KINDS.items()}
-    return [kind for kind, own in keys_of.items() if key in own]
 
 
 def commented(document: Table) -> str:

@@ -10,7 +10,8 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.kernels.record import StepState, StepSums
-from warpgrains.solver.statistics import StepReport, Summary
+from warpgrains.solver.final_states import Counts
+from warpgrains.solver.statistics import RunStatistics, StepReport
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -65,19 +66,17 @@ class LastSteps(NamedTuple):
             factorizations=step["factorizations"],
         )
 
-    def summary(self, k: int) -> Summary:
-        """Return the summary of the steps of scene k."""
+    def statistics(self, k: int) -> RunStatistics:
+        """Return the sums and maxima of scene k."""
         sums = dict(zip(SUMS, self.sums[k].tolist(), strict=True))
-        error = str(self.errors[k]) if k in self.errors else None
-        return Summary(
+        return RunStatistics(
             **sums,
             gap_error=self._gap_error(k, sums["residual"]),
-            seconds=self.seconds[k].item(),
-            error=error,
+            step_seconds=self.seconds[k].item(),
         )
 
-    def stacked(self, which: IndexArray) -> dict[str, np.ndarray[Any, Any]]:
-        """Return the sums and maxima of scenes as arrays by name, as `statistics.stacked` does."""
+    def counted(self, which: IndexArray) -> Counts:
+        """Return the statistics of scenes as arrays, as `final_states.counted` does."""
         sums = {name: self.sums[name][which] for name in SUMS}
         return {**sums, "seconds": self.seconds[which], "met": np.zeros(len(which), bool)}
 

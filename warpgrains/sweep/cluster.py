@@ -55,7 +55,7 @@ def finish_on_cluster(
     for run in _run_bundles(client, folder, runs, execution, on_progress):
         future = client.submit(finish_bundle, folder, [run], execution, pure=False)
         reason = future.exception() or future.result()[0].get(run.number, NO_RESULT)
-        if folder.unfinished([run]):
+        if not folder.finished([run]):
             reasons[run.number] = str(reason)
             print(f"run {run.number} is not finished: {reason}", file=sys.stderr)
         else:
@@ -89,9 +89,9 @@ def _run_bundles(
             return left
         future = next(completed)
         bundle = submitted.pop(future)
-        unfinished = folder.unfinished(bundle)
-        on_progress(len(bundle) - len(unfinished))
-        left += unfinished
+        finished = folder.finished(bundle)
+        on_progress(len(finished))
+        left += [run for run in bundle if run.number not in finished]
         if future.status == "finished":
             wanted = max(BUNDLE, SECONDS_PER_THREAD * threads)
             size = next_size(len(bundle), future.result()[1], wanted, MOST_IN_A_BUNDLE)

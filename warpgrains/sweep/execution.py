@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from warpgrains.scene.region import table_of
 
-WRITERS = 16
-GROWTH = 8  # largest ratio of the size of a group, slice or bundle to the previous one
-
-T = TypeVar("T")
+GROWTH = 8  # largest ratio of the size of a group or bundle to the previous one
 
 OnFraction = Callable[[float], None]
 """Called with the progress since the last call, as a fraction of a run."""
@@ -53,15 +49,9 @@ class ExecutionOptions:
 
     @property
     def needs_folders(self) -> bool:
-        """True if each run of a sweep has a folder; else those have that `ShortRunner` leaves."""
+        """True if each run of a sweep has a folder; else those that take longer than a group have one."""
         is_asked_for = self.folders or self.fps is not None or self.measure_every is not None
         return is_asked_for or self.device != "cpu"
-
-
-def write_all(write: Callable[[T], None], items: Iterable[T]) -> None:
-    """Write files of all items in parallel threads: most of the time is spent waiting for the disk."""
-    with ThreadPoolExecutor(WRITERS) as writers:
-        list(writers.map(write, items))
 
 
 def next_size(size: int, seconds: float, wanted: float, most: float, least: int = 1) -> int:

@@ -5,11 +5,10 @@ of `COLUMNS` follow, and before the last of them, `error`, the measured quantiti
 when, where and with how many interruptions the run is done. The last column is `seconds`, the time for
 the steps of the run and for completing its recording. The table of all results omits it.
 
-`results` finds all columns of finished runs, from their `FinalStates`. Those of short runs are arrays of
-thousands of runs in memory (`SetSteps.ended`), that of a long run is made of its last state (`result`).
+`results` finds all columns of finished runs, from the arrays of thousands of runs in memory, `FinalStates`.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,11 +16,8 @@ from numpy.typing import NDArray
 
 from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES, quantities, takes_region
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import InputError
-from warpgrains.files import Row
 from warpgrains.scene.snapshot import Snapshot, Snapshots
 from warpgrains.solver.final_states import FinalStates
-from warpgrains.solver.statistics import Summary, stacked
 from warpgrains.sweep.execution import RunSettings
 
 
@@ -32,28 +28,23 @@ class Column(NamedTuple):
     of_runs: Callable[[FinalStates], NDArray[Any]]
     """Values of many runs at once, shape (m,)."""
     unit: str = ""
-    kind: type[float] = float
 
 
 def _counted(field: str, meaning: str) -> Column:
-    """Return the column of a count of `Summary`."""
-    return Column(meaning, lambda ends: ends.done[field].astype(np.int64), kind=int)
+    """Return the column of a count of `RunStatistics`, one of `COUNTED`."""
+    return Column(meaning, lambda ends: ends.done[field].astype(np.int64))
 
 
 def _at_the_end(name: str, of_runs: Callable[[Snapshots], FloatArray]) -> Column:
     """Return the column of a quantity of the final state."""
-    quantity = QUANTITIES[name]
-    return Column(
-        f"{quantity.meaning}, at the end of the run", lambda ends: of_runs(ends.grains), quantity.unit
-    )
+    meaning, unit = f"{QUANTITIES[name].meaning}, at the end of the run", QUANTITIES[name].unit
+    return Column(meaning, lambda ends: of_runs(ends.grains), unit)
 
 
 MET = "met"
 SECONDS = "seconds"
 COLUMNS = {
-    "grains": Column(
-        "number of grains", lambda ends: np.full(len(ends.dt), ends.grains.mass.shape[1]), kind=int
-    ),
+    "grains": Column("number of grains", lambda ends: np.full(len(ends.dt), ends.grains.mass.shape[1])),
     "steps": _counted("steps", "number of time steps"),
     "time": Column("simulated time", lambda ends: ends.done["steps"] * ends.dt, "s"),
     "iterations_mean": Column(
@@ -63,11 +54,7 @@ COLUMNS = {
     "unconverged": _counted("unconverged", "number of steps that stopped short of the tolerance"),
     "worst_overlap": Column("largest overlap after any step", lambda ends: ends.done["overlap"], "m"),
     **{name: _at_the_end(name, of_runs) for name, of_runs in SWEEP_QUANTITIES.items()},
-    MET: Column(
-        "with `--until`: 1 if the run was at rest, else 0",
-        lambda ends: ends.done[MET].astype(np.int64),
-        kind=int,
-    ),
+    MET: _counted(MET, "with `--until`: 1 if the run was at rest, else 0"),
     "error": Column("reason of the failure, if the run failed", lambda ends: np.full(len(ends.dt), "")),
 }
 """Columns in order; `met` is that of sweeps with an end criterion."""
@@ -97,25 +84,5 @@ def results(ends: FinalStates, snapshots: Iterable[Snapshot], settings: RunSetti
     return zip(*(values[name] for name in columns), seconds, strict=True)
 
 
-def result(end: Snapshot, done: Summary, settings: RunSettings) -> RunResult:
-    ends = FinalStates(end.grains, np.array([end.scene.dt]), stacked([done]))
-    return next(results(ends, [end], settings))
-
-
-def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> RunResult:
-    return (*("" for _ in columns[:-1]), reason, f"{seconds:.3f}")
-
-
-def require_result(rows: list[Row], labels: Row, columns: Sequence[str]) -> Row:
-    """Return the only row of a run's table. Raises InputError unless it is a result with these labels."""
-    if len(rows) != 1 or list(rows[0]) != [*labels, *columns, SECONDS] or None in rows[0].values():
-        raise InputError("it does not have one row with the columns of this sweep")
-    row = rows[0]
-    if any(row[name] != label for name, label in labels.items()):
-        raise InputError("it is of another run")
-    for name in [SECONDS] if row["error"] else [*columns[:-1], SECONDS]:
-        try:
-            (COLUMNS[name].kind if name in COLUMNS else float)(row[name])
-        except ValueError:
-            raise InputError(f"{name} is {row[name]!r}") from None
-    return row
+def failure(reason: str, settings: RunSettings, seconds: float = 0.0) -> RunResult:
+    return (*("" for _ in value_columns(settings)[:-1]), reason, f"{seconds:.3f}")

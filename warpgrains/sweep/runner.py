@@ -1,49 +1,46 @@
 """Runs of a sweep in one process, in groups.
 
-While one group is advanced, another thread prepares the next.
-
-Runs without a folder come first, in groups of thousands (short.py). Those that need a folder, see
-`ShortRunner`, continue with one (long.py); on request, and on a GPU, every run has one.
+A group of runs is advanced for 20 s at most, while another thread prepares the next group. The results of the
+runs that have ended or failed are one shard. The others get a checkpoint each, in a folder, and continue in
+a later group. So a killed process loses 20 s at most.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
-from itertools import islice
 from time import perf_counter
-from typing import Protocol, TypeVar
+from typing import Any
 
+from warpgrains.analysis.quantities import require_quantities
+from warpgrains.batch.loaded_scenes import team_size
+from warpgrains.errors import InputError, LockedError, MissingExtraError
+from warpgrains.locks import RunLocks
+from warpgrains.scene.reader import document_fields
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import first_state
+from warpgrains.simulation.checkpoint import Checkpoint
+from warpgrains.simulation.until import CountedRun, criterion
+from warpgrains.solver.memory import OutOfMemoryError
+from warpgrains.solver.service import exact_solver
+from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
-from warpgrains.sweep.long import LongRunner
-from warpgrains.sweep.short import ShortRunner
-from warpgrains.sweep.sweep import Run
+from warpgrains.sweep.group import Group, Member
+from warpgrains.sweep.results import failure
+from warpgrains.sweep.run_folder import FolderRun, run_options
+from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder
+from warpgrains.warp_start import find_device
 
-GROUP = 1.0  # intended duration of a group [s]
-FIRST_WIDTH = 16  # runs in a group
+LIMIT = 20.0  # largest duration of a group [s]
+GROUP = 1.0  # intended duration [s]
+LEAST_WIDTH, WIDTH = 16, 4096  # runs in a group
+WIDTH_OF_FOLDERS = 64  # with open outputs
 MOST_GRAINS = 200_000  # in a group
-
-Group = TypeVar("Group")
-
-
-class Runner(Protocol[Group]):
-    """Interface of the classes that execute groups of runs."""
-
-    @property
-    def narrowest(self) -> int:
-        """Least number of runs in a group, unless their grains are too many."""
-
-    @property
-    def widest(self) -> int:
-        """Largest number of runs in a group."""
-
-    def prepare(self, runs: list[Run]) -> Group:
-        """Prepare a group. Another thread calls it while the previous group is advanced."""
-
-    def carry_out(self, group: Group) -> int:
-        """Advance a group and save its results; return its number of grains."""
+CACHED_SCENES = 256  # from which scenes with the same grains are made
 
 
 def finish_runs(
@@ -54,32 +51,161 @@ def finish_runs(
     A run that fails has the reason as its result. Runs that another process has, or without usable files, are
     left.
     """
-    reasons: dict[int, str] = {}
-    with ExitStack() as held:
-        if not execution.needs_folders:
-            short = held.enter_context(ShortRunner(folder, execution, on_progress))
-            _in_groups(short, runs)
-            reasons, runs = short.reasons, short.longer
-        long = LongRunner(folder, execution, on_progress, held)
-        _in_groups(long, runs)
-    return reasons | long.reasons
-
-
-def _in_groups(runner: Runner[Group], runs: Iterable[Run]) -> None:
-    """Execute runs in groups, sized by the last; a thread prepares each while the previous one advances."""
-    waiting = iter(runs)
-    with ThreadPoolExecutor(1) as ahead:
+    runner = Runner(folder, runs, execution, on_progress)
+    with runner.held, ThreadPoolExecutor(1) as ahead:
 
         def prepare_next(width: int) -> tuple[int, Future[Group]] | None:
-            chunk = list(islice(waiting, width))
-            return (len(chunk), ahead.submit(runner.prepare, chunk)) if chunk else None
+            chosen = runner.choose(width)
+            return (len(chosen), ahead.submit(runner.prepare, chosen)) if chosen else None
 
-        width = FIRST_WIDTH
+        width = runner.narrowest
         following = prepare_next(width)
         while following is not None:
             size, future = following
             group = future.result()
             following, start = prepare_next(width), perf_counter()
-            grains = runner.carry_out(group)
+            grains = sum(one.scene.n for one in group.members)
+            runner.carry_out(group)
             most = min(runner.widest, MOST_GRAINS * size // max(1, grains))
             width = next_size(size, perf_counter() - start, GROUP, most, runner.narrowest)
+            del group, future  # with their memory
+            following = following or prepare_next(width)
+    return runner.reasons
+
+
+class Runner:
+    """Runs that are done in groups.
+
+    `held` has their locks and open outputs, and `reasons` says why some are unfinished, by number.
+    """
+
+    def __init__(
+        self, folder: SweepFolder, runs: Iterable[Run], execution: ExecutionOptions, on_progress: OnFraction
+    ):
+        self.held = ExitStack()
+        self.reasons: dict[int, str] = {}
+        self._waiting, self._begun, self._alone = deque(runs), deque[Member](), deque[Member]()
+        self._folder, self._execution, self._on_progress = folder, execution, on_progress
+        self._threads, self._device = execution.threads or cores(), find_device(execution.device)
+        self.narrowest = max(LEAST_WIDTH, self._threads)
+        self.widest = WIDTH_OF_FOLDERS if execution.needs_folders else WIDTH
+        self._cache: dict[tuple[BaseScene, str], Scene] = {}
+        folder.shards.path.mkdir(parents=True, exist_ok=True)
+        self._locks = RunLocks(folder.shards.path / ".claims")
+        self.held.callback(self._locks.close)
+
+    def choose(self, width: int) -> Sequence[Run | Member]:
+        """Return the runs of the next group: those that are begun, if they suffice, or new ones."""
+        if self._alone:
+            return [self._alone.popleft()]
+        is_enough = len(self._begun) >= self.narrowest or not self._waiting
+        source: deque[Any] = self._begun if is_enough else self._waiting
+        return [source.popleft() for _ in range(min(width, len(source)))]
+
+    def prepare(self, chosen: Sequence[Run | Member]) -> Group:
+        """Load runs into memory. Another thread calls it while the group before is advanced."""
+        group = Group([one for one in chosen if isinstance(one, Member)])
+        self._begin([one for one in chosen if isinstance(one, Run)], group)
+        if group.members and not group.members[0].is_alone:
+            try:
+                group.load(self._device, self._threads)
+            except OutOfMemoryError:
+                for one in group.members:
+                    one.is_alone = True
+                self._alone += group.members
+                group.members.clear()
+        return group
+
+    def _begin(self, runs: Sequence[Run], group: Group) -> None:
+        """Add runs to a group, unless another process has locked or finished them."""
+        free = set(self._locks.acquire(run.number for run in runs))
+        free -= self._folder.finished([run for run in runs if run.number in free])
+        with_folders = self._folder.with_folders()
+        for run in runs:
+            try:
+                if run.number not in free:
+                    raise LockedError("another process has it")
+                one = self._member(run)
+                if self._execution.needs_folders or run.number in with_folders:
+                    self._open_folder(one, RunStatistics())
+                    self._on_progress(one.progress)
+                (self._alone if one.is_alone else group.members).append(one)
+            except (LockedError, MissingExtraError, OSError) as error:
+                self.reasons[run.number] = str(error)
+                self._on_progress(1.0)
+            except InputError as error:
+                group.ended[run.number] = run.labels(), failure(str(error), self._folder.settings)
+                self._on_progress(1.0)
+
+    def _member(self, run: Run) -> Member:
+        scene, settings = self._scene(run), self._folder.settings
+        exact_solver(scene.method)
+        until = criterion(settings.until, scene)
+        require_quantities(settings.measured, scene, settings.table)
+        counted = None if until is None else CountedRun(scene.steps, RunStatistics(), until)
+        return Member(run, run.labels(), scene, counted, team_size(scene, self._device, self._threads) > 1)
+
+    def _scene(self, run: Run) -> Scene:
+        """Return the scene of a run, derived from a cached one with the same grains and walls, if any."""
+        settings: dict[str, Any] = {}
+        of_grains = []
+        for name, value in run.changes().items():
+            section, _, key = name.partition(".")
+            if section in ("domain", "grains", "walls"):
+                of_grains.append(value)
+            else:
+                settings[key] = value
+        cached = self._cache.get((run.base, repr(of_grains)))
+        if cached is not None:
+            return cached.with_settings(**settings)
+        fields = document_fields(run.sections(GRAINS), self._folder.path)
+        scene = Scene(**fields, name=run.base.name)
+        if len(self._cache) == CACHED_SCENES:
+            del self._cache[next(iter(self._cache))]
+        self._cache[run.base, repr(of_grains)] = scene
+        return scene
+
+    def _open_folder(self, one: Member, statistics: RunStatistics) -> None:
+        """Give a run a folder. If that has a checkpoint, the run continues from it."""
+        folder = self._folder.of(one.run)
+        scene = one.scene.with_settings(text=one.run.text(f"../../{GRAINS}"))
+        options = run_options(folder, scene.steps, self._folder.settings, self._execution)
+        start = Checkpoint(scene, one.state or first_state(scene), options, statistics)
+        one.counted = opened = FolderRun.open(folder, start, self.held)
+        one.scene, one.state = opened.scene, opened.start
+
+    def carry_out(self, group: Group) -> None:
+        """Advance a group, write the results of the runs that have ended or failed, and keep the others."""
+        members, is_alone = group.members, any(one.is_alone for one in group.members)
+        reported = sum(one.progress for one in members)
+
+        def on_progress(fraction: float) -> None:
+            nonlocal reported
+            reported += fraction
+            self._on_progress(fraction)
+
+        try:
+            if is_alone:
+                group.load(self._device, self._threads)
+            group.advance(LIMIT, on_progress)
+        except OutOfMemoryError as error:
+            members[0].error = str(error)
+        self.reasons |= group.finish(self._folder.settings)
+        self._folder.shards.write(group.ended)
+        self._locks.release(group.ended)
+        done = group.ended.keys() | self.reasons.keys()
+        left = [k for k, one in enumerate(members) if one.run.number not in done]
+        left = [k for k in left if self._has_folder(members[k], group.statistics(k))]
+        group.save(left)
+        for one in (members[k] for k in reversed(left)):
+            (self._alone if one.is_alone else self._begun).appendleft(one)
+        on_progress(len(members) - len(left) + sum(members[k].progress for k in left) - reported)
+
+    def _has_folder(self, one: Member, statistics: RunStatistics) -> bool:
+        """Give a run that takes long a folder, unless it has one; return False if that is impossible."""
+        try:
+            if one.folder is None:
+                self._open_folder(one, statistics)
+        except (InputError, OSError) as error:
+            self.reasons[one.run.number] = str(error)
+        return one.folder is not None

@@ -1,16 +1,19 @@
-"""Result shards: tables with the results of many short runs, written atomically and never changed.
+"""Result shards: tables with the results of groups of runs, written atomically and never changed.
 
 A shard is a CSV table with the columns of `results.csv` and the seconds. Its name consists of its first run,
 its last run and a hash of its content: ``0000512-0001023-a1b2c3d4e5f60718.csv``. Any number of processes and
 machines may write shards at the same time. If the content does not match the hash, the shard is damaged. It
-is not read, so that its runs are done again. A run that was done twice is in two shards.
+is not read, so that its runs are done again.
+
+A run that was done twice is in two shards. A result counts more than a failure, a later failure more than an
+earlier one.
 """
 
 import os
 import re
 import socket
 import sys
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
@@ -25,11 +28,16 @@ _NAME = re.compile(r"(?P<first>\d+)-(?P<last>\d+)-[0-9a-f]+\.csv")
 
 
 class ResultShards:
-    """The shards in a folder, which may not exist yet; `lines` by number of the run, as far as read."""
+    """The shards in a folder, which may not exist yet.
+
+    `lines` are the results by number of the run, as far as they are read. Those of `repeated` are failures of
+    earlier processes, until there is another result.
+    """
 
     def __init__(self, path: Path, columns: Iterable[str]):
         self.path, self._head = path, csv_line(columns)
         self.lines: dict[int, bytes] = {}
+        self.repeated: set[int] = set()
         self._damaged: list[Path] = []
         self._read: set[str] = set()
 
@@ -42,20 +50,20 @@ class ResultShards:
             write_atomically(self.path / name, content, writer())
 
     def refresh(self, numbers: Collection[int]) -> set[int]:
-        """Read new shards that may contain some runs; return whose. OutputError for another sweep's."""
+        """Read new shards that may contain some runs; return whose lines are new, or OutputError."""
         self._damaged.clear()
-        new: set[int] = set()
         first, last = min(numbers, default=0), max(numbers, default=-1)
-        for path in sorted(self.path.glob("*.csv")):
-            shard = _NAME.fullmatch(path.name)
-            if shard is None or path.name in self._read:
+        new: list[tuple[int, Path]] = []
+        for path in self.path.glob("*.csv"):
+            shard = None if path.name in self._read else _NAME.fullmatch(path.name)
+            if shard is None or int(shard["first"]) > last or int(shard["last"]) < first:
                 continue
-            if int(shard["first"]) <= last and int(shard["last"]) >= first:
-                new |= self._take(path)
-        return new
+            with suppress(FileNotFoundError):  # another process has renamed it
+                new.append((path.stat().st_mtime_ns, path))
+        return set().union(*(self._take(path) for _, path in sorted(new)))
 
     def _take(self, path: Path) -> set[int]:
-        """Read the lines of a shard, unless it is damaged; return the numbers of runs that had no line."""
+        """Read the lines of a shard, unless it is damaged; return the numbers of the new ones."""
         content = b""
         with suppress(FileNotFoundError):
             content = path.read_bytes() if path.is_file() else b""
@@ -64,12 +72,14 @@ class ResultShards:
             return set()
         if not content.startswith(self._head):
             raise OutputError(f"'{path}' is of another sweep: choose another -o")
-        lines = content[len(self._head) :].splitlines(keepends=True)
-        found = {int(line.partition(b",")[0]): line for line in lines}
-        new = found.keys() - self.lines.keys()
-        self.lines |= {number: found[number] for number in new}
+        found = {int(line.partition(b",")[0]): line for line in _records(content[len(self._head) :])}
+        for number in found.keys() & self.lines.keys():
+            if not has_failed(self.lines[number]):
+                del found[number]
+        self.lines |= found
+        self.repeated -= found.keys()
         self._read.add(path.name)
-        return new
+        return set(found)
 
     def set_damaged_aside(self) -> None:
         """Rename the damaged shards that `refresh` has found to ``….csv.damaged``, and report them."""
@@ -82,6 +92,21 @@ class ResultShards:
         """Raise OutputError if the result of run `number` has other labels, that is, of another run."""
         if not self.lines[number].startswith(csv_line(labels.values())[:-1] + b","):
             raise OutputError(f"run {number} in '{self.path}' belongs to another sweep: choose another -o")
+
+
+def _records(content: bytes) -> Iterator[bytes]:
+    """Yield the lines of a table, of which one with several lines in a cell is several."""
+    begun = b""
+    for line in content.splitlines(keepends=True):
+        begun += line
+        if begun.count(b'"') % 2 == 0:
+            yield begun
+            begun = b""
+
+
+def has_failed(line: bytes) -> bool:
+    """Return whether the last cell but one of a result, the reason of a failure, is not empty."""
+    return line.rsplit(b",", 2)[1] != b""
 
 
 def writer() -> str:

@@ -23,6 +23,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import prod
+from operator import eq
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -103,8 +104,9 @@ class Run:
     """Values on the axes, by key."""
 
     def labels(self) -> Row:
-        """Return the first columns of the run's result, which identify it: "run", "scene" and the axes."""
-        cells = {key: _cell(value) for key, value in self.values.items()}
+        """Return the first columns of the run's result, which identify it."""
+        values = self.values.items()
+        cells = {key: value if isinstance(value, str) else toml_value(value) for key, value in values}
         return {"run": str(self.number), "scene": self.base.name, **cells}
 
     def changes(self) -> KeyValues:
@@ -134,6 +136,8 @@ class Sweep:
     """Keys of the axes."""
     bases: list[BaseScene]
     """Scenes from which the runs are derived."""
+    plan: Table
+    """Names of the scenes, values of the axes and their combination, see `have_same_runs`."""
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -155,7 +159,8 @@ class Sweep:
             if is_file_of_radii(value):
                 raise InputError(f"grains.radius of an axis is {value!r}: files of radii belong into scenes")
         for key, values in ({key: [value] for key, value in fixed.items()} | lists).items():
-            _require_toml_values(key, values)
+            for value in values:
+                _require_toml(key, value)
         bases = list(_bases(document, path if is_folder else path.parent, fixed, lists))
         count = len(bases) * prod(map(len, lists.values()))
         if combine == "grid" and count > MOST_VALUES:
@@ -163,15 +168,22 @@ class Sweep:
                 f"scenes and axes have {count} combinations: a sweep has at most {MOST_VALUES} runs"
             )
         pairs = itertools.product(bases, _combinations(lists, combine))
-        return cls([Run(number, *pair) for number, pair in enumerate(pairs)], tuple(lists), bases)
+        plan = {"scenes": [base.name for base in bases], "axes": lists, "combine": combine}
+        return cls([Run(number, *pair) for number, pair in enumerate(pairs)], tuple(lists), bases, plan)
 
 
-def _cell(value: Any) -> str:
-    return value if isinstance(value, str) else toml_value(value)
+def have_same_runs(plan: Table, other: Table) -> bool:
+    """Return whether the runs of two sweeps are the same, as far as both go: one may have more."""
+    own, others = (
+        itertools.product(sweep["scenes"], _combinations(sweep["axes"], sweep["combine"]))
+        for sweep in (plan, other)
+    )
+    has_same_axes = list(plan["axes"]) == list(other["axes"])
+    return plan == other or (has_same_axes and all(map(eq, own, others)))
 
 
 def _by_key(document: Table, name: str) -> KeyValues:
-    """Return the entries of a section of a sweep by "section.key". Each must be a key of scene files."""
+    """Return the entries of a section of a sweep by "section.key", each a key of scene files."""
     found: KeyValues = {}
     for section, table in _table(name, document.get(name, {})).items():
         if name == "axes" and _is_named(section, table):
@@ -187,7 +199,7 @@ def _by_key(document: Table, name: str) -> KeyValues:
 
 
 def _is_named(name: str, axis: Any) -> bool:
-    """Return whether an entry of [axes] is an axis with a name of its own, instead of a section of keys."""
+    """Return whether an entry of [axes] is an axis with its own name, not a section of keys."""
     is_axis = isinstance(axis, list) or (isinstance(axis, dict) and not axis.keys().isdisjoint(AXIS_KINDS))
     if not (is_axis and re.fullmatch(r"\w+", name)):
         return False
@@ -230,13 +242,12 @@ def _inserted(value: Any, values: KeyValues) -> Any:
     return value
 
 
-def _require_toml_values(key: str, values: list[Any]) -> None:
-    """Raise InputError if a scene file cannot hold one of the values, such as a date."""
-    for value in values:
-        try:
-            toml_value(value)
-        except InputError as error:
-            raise InputError(f"{key}: {error}") from None
+def _require_toml(key: str, value: Any) -> None:
+    """Raise InputError if a scene file cannot hold a value, such as a date."""
+    try:
+        toml_value(value)
+    except InputError as error:
+        raise InputError(f"{key}: {error}") from None
 
 
 def _table(name: str, value: Any) -> Table:
@@ -246,13 +257,12 @@ def _table(name: str, value: Any) -> Table:
 
 
 def _combinations(lists: dict[str, list[Any]], combine: str) -> list[KeyValues]:
-    if combine == "grid":
-        return [dict(zip(lists, row, strict=True)) for row in itertools.product(*lists.values())]
     lengths = {key: len(values) for key, values in lists.items()}
-    if len(set(lengths.values())) > 1:
+    if combine == "zip" and len(set(lengths.values())) > 1:
         counts = ", ".join(f"{key} {length}" for key, length in lengths.items())
         raise InputError(f"combine is 'zip': all axes must have the same number of values, not {counts}")
-    return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)] or [{}]
+    together = zip(*lists.values(), strict=True) if combine == "zip" and lists else None
+    return [dict(zip(lists, row, strict=True)) for row in together or itertools.product(*lists.values())]
 
 
 def _bases(

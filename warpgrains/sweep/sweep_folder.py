@@ -2,10 +2,10 @@
 
 ================== ==========================================================================================
 results.csv        the results of all runs that are finished; timing.csv, how long they took
-settings.json      the settings of all runs, see `RunSettings`
+settings.json      the settings of all runs, see `RunSettings`, and their scenes and axes
 scenes/NAME.toml   the common part of the runs of a scene; their values on the axes are in their results
-parts/             results of runs without a folder, see `ResultShards`
-runs/00042/        the folder of a run, if it needs one, see `ExecutionOptions.needs_folders`
+parts/             results of runs, see `ResultShards`
+runs/00042/        outputs and checkpoint of a run, see `FolderRun`
 grains/            copies of files of grains
 ================== ==========================================================================================
 """
@@ -13,7 +13,6 @@ grains/            copies of files of grains
 import json
 import os
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,9 +20,8 @@ from warpgrains.errors import InputError, OutputError
 from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_atomically
 from warpgrains.sweep.execution import RunSettings
 from warpgrains.sweep.results import MET, SECONDS, value_columns
-from warpgrains.sweep.run_folder import RESULT, RunFolder
-from warpgrains.sweep.shards import ResultShards, writer
-from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep
+from warpgrains.sweep.shards import ResultShards, has_failed, writer
+from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep, have_same_runs
 
 RESULTS = "results.csv"
 AREA = "packing_fraction"
@@ -46,8 +44,7 @@ class SweepFolder:
     """The output folder of a sweep.
 
     `results` is the table of all results, which do not depend on when and where a run was done; `timing` that
-    of the times for steps and for completing recordings [s]; `shards` the results of the runs without a
-    folder.
+    of the times for steps and for completing recordings [s]; `shards` the results of groups of runs.
     """
 
     def __init__(self, path: Path, axes: tuple[str, ...], settings: RunSettings):
@@ -60,16 +57,13 @@ class SweepFolder:
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.path, self._axes, self.settings)
 
-    def of(self, run: Run) -> RunFolder:
+    def of(self, run: Run) -> Path:
         """Return the folder of a run, which may not exist yet."""
-        return RunFolder(self._of(run.number), run, self.settings)
-
-    def _of(self, number: int) -> Path:
-        return self._runs / f"{number:05}"
+        return self._runs / f"{run.number:05}"
 
     def write_common_files(self, sweep: Sweep) -> None:
         """Write the files that all runs have in common, the settings first, unless they exist."""
-        _write_if_missing(self._settings_file, f"{json.dumps(self._settings_by_option)}\n".encode())
+        _write_if_missing(self._settings_file, f"{json.dumps(self._settings_of(sweep))}\n".encode())
         for base in sweep.bases:
             _write_if_missing(self._scene_file(base), base.text.encode())
             for source, copy in base.grain_files.values():
@@ -79,26 +73,24 @@ class SweepFolder:
     def _scene_file(self, base: BaseScene) -> Path:
         return self.path / "scenes" / f"{base.name}.toml"
 
-    @property
-    def _settings_by_option(self) -> dict[str, Any]:
-        """Content of the file of the settings, which is no TOML: in a folder, that would be a scene."""
+    def _settings_of(self, sweep: Sweep) -> dict[str, Any]:
+        """Return the content of the settings' file, which is no TOML: in a folder, that would be a scene."""
         settings = self.settings
-        return {"measure": list(settings.measured), "until": settings.until, "region": settings.region}
+        own = {"measure": list(settings.measured), "until": settings.until, "region": settings.region}
+        return own | {"runs": sweep.plan}
 
     def create_or_check(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
         """Create the folder, or check that a share of runs may continue; rename damaged shards."""
         make_folder(self.path)
         self._require_common_files(sweep)
-        in_shards, with_folders = self.in_shards(sweep.runs), self.with_folders()
+        finished, with_folders = self.finished(sweep.runs), self.with_folders()
         self.shards.set_damaged_aside()
-        for run in share:
-            if run.number in in_shards and not resume:
-                raise InputError(f"'{self.path}' has results: {HOW_TO_CONTINUE}")
-            if run.number in with_folders:
-                folder = self.of(run)
-                if folder.scene_file.exists() and not resume:
-                    raise InputError(f"'{folder.path}' exists: {HOW_TO_CONTINUE}")
-                folder.require_this_sweep()
+        if not resume:
+            for run in share:
+                if run.number in finished:
+                    raise InputError(f"'{self.path}' has results: {HOW_TO_CONTINUE}")
+                if run.number in with_folders and any(self.of(run).glob("[!.]*")):
+                    raise InputError(f"'{self.of(run)}' exists: {HOW_TO_CONTINUE}")
 
     def _require_common_files(self, sweep: Sweep) -> None:
         """Raise OutputError if the folder holds other settings, or other scenes or files of these names."""
@@ -119,27 +111,50 @@ class SweepFolder:
         """
         others = [path for path in (self.results, *map(self._scene_file, sweep.bases)) if path.exists()]
         others += self.shards.path.glob("[0-9]*.csv")
-        file, own = self._settings_file, self._settings_by_option
+        file, own = self._settings_file, self._settings_of(sweep)
         if not file.exists():
             if others:
                 missing = f"'{file}', which every sweep has, does not exist"
                 raise OutputError(f"refusing to overwrite '{others[0]}': {missing}")
             return
-        content, found = read_regular(file), None
-        with suppress(ValueError, RecursionError):
-            found = json.loads(content)
-        if not isinstance(found, dict) or found.keys() != own.keys():
+        content, own = read_regular(file), json.loads(json.dumps(own))
+        try:
+            found = dict(json.loads(content))
+            has_same_runs = have_same_runs(found.pop("runs"), own.pop("runs"))
+            is_whole = found.keys() == own.keys()
+        except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
+            is_whole = False
+        if not is_whole:
             raise OutputError(
                 f"'{file}' does not hold the settings of a sweep: restore it, or choose another -o"
             )
         differing = [_option(name, value) for name, value in found.items() if value != own[name]]
+        if not has_same_runs:
+            differing.append("other runs")
         if differing:
             raise OutputError(f"'{file}' is of a sweep with {' and '.join(differing)}: choose another -o")
 
     def unfinished(self, runs: Sequence[Run]) -> list[Run]:
-        """Return those of some runs that have no result."""
-        in_folders, in_shards = self._finished(runs)
-        return [run for run in runs if run.number not in in_folders and run.number not in in_shards]
+        """Return those of some runs that have no result, or a failure of an earlier process."""
+        found = self.finished(runs)
+        self.shards.repeated |= {number for number in found if has_failed(self.shards.lines[number])}
+        return [run for run in runs if run.number not in found - self.shards.repeated]
+
+    def finished(self, runs: Sequence[Run]) -> set[int]:
+        """Return the numbers of those of some runs with a result, or a failure that is not repeated.
+
+        OutputError if a result is of another sweep.
+        """
+        self._has_more(runs)
+        return ({run.number for run in runs} & self.shards.lines.keys()) - self.shards.repeated
+
+    def _has_more(self, runs: Sequence[Run]) -> bool:
+        """Read new results of some runs; return whether there are any."""
+        new = self.shards.refresh({run.number for run in runs})
+        for run in runs:
+            if run.number in new:
+                self.shards.require_this_run(run.number, run.labels())
+        return bool(new)
 
     def with_folders(self) -> set[int]:
         """Return the numbers of the runs that have a folder."""
@@ -149,46 +164,27 @@ class SweepFolder:
         except FileNotFoundError:
             return set()
 
-    def in_shards(self, runs: Sequence[Run]) -> set[int]:
-        """Return which of some runs have a result in a shard; OutputError if it is of another sweep."""
-        numbers = {run.number for run in runs}
-        new = self.shards.refresh(numbers)
-        for run in runs:
-            if run.number in new:
-                self.shards.require_this_run(run.number, run.labels())
-        return numbers & self.shards.lines.keys()
-
-    def _finished(self, runs: Sequence[Run]) -> tuple[set[int], set[int]]:
-        """Return the numbers of those of some runs with a result, or failure, in a folder, and in a shard."""
-        in_shards, candidates = self.in_shards(runs), {run.number for run in runs} & self.with_folders()
-        return {number for number in candidates if (self._of(number) / RESULT).exists()}, in_shards
-
     def write_tables(self, sweep: Sweep) -> Outcomes:
         """Write the tables of all finished runs, and return their numbers by outcome.
 
         They are written again if more have finished meanwhile: of several processes, the last tables are
         complete.
         """
-        in_folders, in_shards = self._finished(sweep.runs)
+        self._has_more(sweep.runs)
         while True:
-            finished = in_folders | in_shards
-            if not finished:
-                return Outcomes(finished, {}, set(), None if self.settings.until is None else set(), set())
             results, timing = [csv_line(self.columns)], [csv_line(["run", SECONDS])]
             for run in sweep.runs:
-                if run.number in finished:
-                    has_folder = run.number in in_folders
-                    line = self.of(run).line() if has_folder else self.shards.lines[run.number]
-                    result, _, seconds = line.rpartition(b",")
+                if run.number in self.shards.lines:
+                    result, _, seconds = self.shards.lines[run.number].rpartition(b",")
                     results.append(result + b"\n")
                     timing.append(b"%d,%b" % (run.number, seconds))
-            _write(self.results, results)
-            _write(self.timing, timing)
-            in_folders, in_shards = self._finished(sweep.runs)
-            if in_folders | in_shards == finished:
-                return self._outcomes(finished, results)
+            if len(results) > 1:
+                _write(self.results, results)
+                _write(self.timing, timing)
+            if not self._has_more(sweep.runs):
+                return self._outcomes(results)
 
-    def _outcomes(self, finished: set[int], results: list[bytes]) -> Outcomes:
+    def _outcomes(self, results: list[bytes]) -> Outcomes:
         """Return the numbers of runs by outcome from the lines of the table of results."""
         met = [] if self.settings.until is None else [MET]
         found = columns_of(map(bytes.decode, results), lambda _: ("run", "error", "unconverged", AREA, *met))
@@ -201,7 +197,7 @@ class SweepFolder:
 
         unconverged = set(numbers) - errors.keys() - good("unconverged", "0", "")
         unmet = good(MET, "0") if met else None
-        return Outcomes(finished, errors, unconverged, unmet, good(AREA, "nan"))
+        return Outcomes(set(numbers), errors, unconverged, unmet, good(AREA, "nan"))
 
 
 def _option(name: str, value: Any) -> str:
