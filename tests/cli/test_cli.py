@@ -15,7 +15,6 @@ from command import exit_code, require_refusal
 
 from warpgrains import Scene, Simulation, SimulationError
 from warpgrains.cli import commands
-from warpgrains.cli.run import _output
 from warpgrains.described import described, described_fields
 
 GRAINS = """
@@ -101,11 +100,6 @@ def test_summary_is_aligned_lines(scene, tmp_path, capfd):
     assert summary["output"] == f"{output}, 3 frames, 24 a second"
     rows = "scene, steps, iterations, not converged, worst residual, worst overlap, overlaps at start"
     assert ", ".join(summary) == f"{rows}, time, output"
-
-
-@pytest.mark.parametrize(("frames", "said"), [(0, "0 frames"), (1, "1 frame"), (2, "2 frames")])
-def test_number_of_frames(frames, said):
-    assert _output({"output": "a.usdc", "frames": frames, "fps": 24.0}) == f"a.usdc, {said}, 24 a second"
 
 
 def test_option_without_a_default_has_the_type_of_its_field(monkeypatch):

@@ -27,10 +27,8 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 FIRST_BUNDLE, MOST_IN_A_BUNDLE = 16, 16_384  # runs
-BUNDLE = 10.0  # intended duration of a bundle [s] ...
-SECONDS_PER_THREAD = (
-    0.05  # ... plus this for every thread, because the scheduler takes about 10 ms per bundle
-)
+BUNDLE = 10.0  # intended duration of a bundle [s], or, if that is more:
+SECONDS_PER_THREAD = 0.05  # for every thread, because the scheduler takes about 10 ms per bundle
 BUNDLES_PER_THREAD = 2  # submitted bundles per thread
 FEWEST_THREADS = 16  # assumed at least, because workers connect one by one
 CONNECT_WITHIN = 30.0  # s
@@ -48,8 +46,8 @@ def finish_on_cluster(
 ) -> dict[int, str]:
     """Finish runs on a cluster as `finish_runs` does; return the reasons why some are unfinished, by number.
 
-    A bundle that dask gives up because too many of its workers died is tried again at the end, run by run. A
-    run that is given up alone stays unfinished, and a message on standard error says so.
+    The unfinished runs of a bundle, which dask gives up if too many of its workers died, are tried again one
+    by one.
     """
     reasons: dict[int, str] = {}
     for run in _run_bundles(client, folder, runs, execution, on_progress):
@@ -70,7 +68,7 @@ def _run_bundles(
     execution: ExecutionOptions,
     on_progress: OnFraction,
 ) -> list[Run]:
-    """Execute bundles, several at a time and sized by the time of the last; return the unfinished runs."""
+    """Execute bundles, each sized by the time of the last; return the unfinished runs."""
     from distributed import as_completed
 
     waiting, size = deque(runs), FIRST_BUNDLE
@@ -100,7 +98,7 @@ def _run_bundles(
 def finish_bundle(
     folder: SweepFolder, runs: list[Run], execution: ExecutionOptions
 ) -> tuple[dict[int, str], float]:
-    """Finish on a worker what earlier ones have not; return reasons as `finish_runs`, and duration [s]."""
+    """Finish on a worker the runs that earlier ones have not; return reasons, and the duration [s]."""
     from distributed import get_worker
 
     with _one_at_a_time:

@@ -17,11 +17,11 @@ keys of the first of ``[[walls]]`` are ``walls.0.friction`` and so on.
 """
 
 import hashlib
-import itertools
 import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from math import prod
 from operator import eq
 from pathlib import Path
@@ -70,7 +70,6 @@ class BaseScene:
     """A scene from which runs are derived."""
 
     name: str
-    """Name of the scene."""
     sections: Table
     """Sections of the scene file, with the values that the sweep sets for all runs."""
     grain_files: dict[str, GrainFile]
@@ -99,7 +98,6 @@ class Run:
     number: int
     """Index of the run in the sweep, from 0."""
     base: BaseScene
-    """Scene from which the run is derived."""
     values: KeyValues
     """Values on the axes, by key."""
 
@@ -135,7 +133,6 @@ class Sweep:
     axes: tuple[str, ...]
     """Keys of the axes."""
     bases: list[BaseScene]
-    """Scenes from which the runs are derived."""
     plan: Table
     """Names of the scenes, values of the axes and their combination, see `have_same_runs`."""
 
@@ -167,19 +164,17 @@ class Sweep:
             raise InputError(
                 f"scenes and axes have {count} combinations: a sweep has at most {MOST_VALUES} runs"
             )
-        pairs = itertools.product(bases, _combinations(lists, combine))
+        pairs = product(bases, _combinations(lists, combine))
         plan = {"scenes": [base.name for base in bases], "axes": lists, "combine": combine}
         return cls([Run(number, *pair) for number, pair in enumerate(pairs)], tuple(lists), bases, plan)
 
 
 def have_same_runs(plan: Table, other: Table) -> bool:
     """Return whether the runs of two sweeps are the same, as far as both go: one may have more."""
-    own, others = (
-        itertools.product(sweep["scenes"], _combinations(sweep["axes"], sweep["combine"]))
-        for sweep in (plan, other)
-    )
-    has_same_axes = list(plan["axes"]) == list(other["axes"])
-    return plan == other or (has_same_axes and all(map(eq, own, others)))
+    if plan == other or list(plan["axes"]) != list(other["axes"]):
+        return bool(plan == other)
+    runs = (product(one["scenes"], _combinations(one["axes"], one["combine"])) for one in (plan, other))
+    return all(map(eq, *runs))
 
 
 def _by_key(document: Table, name: str) -> KeyValues:
@@ -262,7 +257,7 @@ def _combinations(lists: dict[str, list[Any]], combine: str) -> list[KeyValues]:
         counts = ", ".join(f"{key} {length}" for key, length in lengths.items())
         raise InputError(f"combine is 'zip': all axes must have the same number of values, not {counts}")
     together = zip(*lists.values(), strict=True) if combine == "zip" and lists else None
-    return [dict(zip(lists, row, strict=True)) for row in together or itertools.product(*lists.values())]
+    return [dict(zip(lists, row, strict=True)) for row in together or product(*lists.values())]
 
 
 def _bases(
