@@ -56,7 +56,9 @@ def checked(code: str) -> str:
     return CHECK + re.sub(r"([\w.]+)\.data\[([^]]+)\]", r"\1.data[within(\1, \2)]", code)
 
 
-for dtype in (f64, wp.int32, wp.uint64, wp.vec2d, wp.vec3d, wp.vec2i, wp.vec3i, Shape, Motion, Pose, Drive):
+NUMBERS = (f64, wp.int32, wp.uint64, wp.vec2d, wp.vec3d, wp.mat33d, wp.vec2i, wp.vec3i)
+
+for dtype in (*NUMBERS, Shape, Motion, Pose, Drive):
 
     @wp.func_native(checked("return array.data[i];"))
     def at(array: wp.array(dtype=dtype), i: int) -> dtype:

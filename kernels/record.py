@@ -80,7 +80,9 @@ class StepState:
     restarts: wp.int32  # attempts that a missing contact made void
     factorizations: wp.int32  # by the host
     measured: wp.int32  # last iteration after which the residual was measured
-    patience: wp.int32  # `StoppingCriterion.patience`; 0 once the host has found no better corrections
+    patience: (
+        wp.int32
+    )  # `StoppingCriterion.patience`; 0 once the host is done, -1 if it is only to end the step
     trend_residual: f64  # eta with which the next one is compared, by which it falls too slowly [m/s]
     converged: wp.int32  # whether it has met the tolerance
     outcome: wp.int32

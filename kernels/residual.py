@@ -7,7 +7,7 @@ wall leaves to these. No contact closes faster than gap/dt + eta. The velocities
 step whose gaps are changed by at most dt * eta, and whose free velocities by what letting go contacts still
 carry, at most eta each.
 
-Steps on which sweeps converge too slowly are solved by the host (warpgrains/solver/exact.py): such a step
+Steps on which sweeps converge too slowly are solved by the host (warpgrains/solver/exact): such a step
 ends as SLOW (stopping.py). Velocities are then recomputed from the host's corrections, and sweeps continue
 until they meet the tolerance, mostly none. If the host finds no better ones, the sweeps continue from
 where they were. The way in which corrections were found does not matter: a contact that is not listed and
@@ -107,3 +107,5 @@ def take_corrected_velocity(s: Scene, i: int):
     """Start from the velocity that the host's corrections make, if they are better than those before."""
     if s.control.phase == Phase.CORRECTED:
         put(s.grains.next_velocity, i, at(s.grains.recomputed_velocity, i))
+        if rotates(s, i):
+            put(s.grains.next_rim, i, at(s.grains.recomputed_rim, i))

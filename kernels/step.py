@@ -181,21 +181,25 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
     ]
 
 
-ANSWERED = [
-    *recompute(False),
-    Each(grain_count, residual.take_corrected_velocity),
-    Serial(verlet.clear_check),
-    Each(grain_count, verlet.begin_peak),
-    Serial(stopping.end_correction),
-]
+def exact(has_friction: bool) -> list[Stage]:
+    """Return accelerated sweeps, and what follows on an answer of the host."""
+    answer = [
+        *recompute(has_friction),
+        Each(grain_count, residual.take_corrected_velocity),
+        Serial(verlet.clear_check),
+        Each(grain_count, verlet.begin_peak),
+        Serial(stopping.end_correction),
+    ]
+    return [If(answered, answer), *accelerated_sweeps(has_friction)]
 
 
 METHODS: dict[Kind, list[Stage]] = {
     Kind("gauss-seidel", False): plain_sweeps(False),
     Kind("accelerated", False): accelerated_sweeps(False),
-    Kind("exact", False): [If(answered, ANSWERED), *accelerated_sweeps(False)],
+    Kind("exact", False): exact(False),
     Kind("gauss-seidel", True): plain_sweeps(True),
     Kind("accelerated", True): accelerated_sweeps(True),
+    Kind("exact", True): exact(True),
 }
 
 SAVE = [Each(grain_count, contact_list.save_row), Each(contact_list.listed_count, contact_list.save_contact)]

@@ -118,7 +118,7 @@ def is_trend_due(s: Scene) -> bool:
 
     A residual that is measured for the history alone decides nothing.
     """
-    if s.step.patience == 0 or s.control.phase == Phase.RECORD:
+    if s.step.patience <= 0 or s.control.phase == Phase.RECORD:
         return False
     return is_half_way(s) or s.step.iterations % RECOMPUTE_EVERY == 0
 
@@ -345,7 +345,7 @@ def judge(s: Scene):
     converged = meets_tolerance(s)
     outcome = outcome_of_check(s)
     if outcome == SOLVED and not converged:
-        if s.step.patience > 0:
+        if s.step.patience != 0:
             outcome = SLOW
         elif s.stopping.raise_on_unconverged != 0:
             outcome = NOT_CONVERGED

@@ -244,7 +244,6 @@ def test_momentum_is_kept_without_walls_and_gravity() -> None:
         ({"angular_velocity_in": 1.0}, "angular_velocity_in is 1.0 rad/s: there is no inner wall"),
         ({"angular_velocity_out": 1e308, "radius_out": 20.0}, "angular_velocity_out is 1e+308 rad/s: "),
         ({"scheme": "text", "spin_drag": 100.0}, "spin_drag is 100.0 kg m2/s: in a step of 0.01 s"),
-        ({"method": "exact"}, "method is 'exact': it solves steps without friction only"),
     ],
 )  # fmt: skip
 def test_bad_values_are_one_line(changes: dict[str, Any], message: str) -> None:

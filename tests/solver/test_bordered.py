@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from warpgrains.solver import bordered
-from warpgrains.solver.active_set import _Dual
-from warpgrains.solver.bordered import BorderedMatrix
-from warpgrains.solver.projection import PROXIMITY, Projection
+from warpgrains.solver.exact import bordered
+from warpgrains.solver.exact.active_set import _Dual
+from warpgrains.solver.exact.bordered import BorderedMatrix
+from warpgrains.solver.exact.projection import PROXIMITY, Projection
 
 PAIRS = [(0, 1), (0, 2), (1, 2), (1, 3), (2, 4), (3, 4), (3, 5), (4, 5)]
 ALONE = [0, 0, 5, 6]  # grain 6 touches no other

@@ -18,10 +18,10 @@ from warpgrains import Batch, InputError, Scene, Simulation, SimulationError
 from warpgrains.accuracy import certify
 from warpgrains.accuracy.exact_step import StepProblem
 from warpgrains.scene.walls import OUTER
-from warpgrains.solver import active_set, bordered, exact, interior_point
-from warpgrains.solver.bordered import BorderedMatrix
-from warpgrains.solver.exact import Matrices
-from warpgrains.solver.projection import NormalMatrix, Projection, Solution
+from warpgrains.solver.exact import active_set, bordered, convex, interior_point
+from warpgrains.solver.exact.bordered import BorderedMatrix
+from warpgrains.solver.exact.convex import Matrices
+from warpgrains.solver.exact.projection import NormalMatrix, Projection, Solution
 
 TOLERANCE = 1e-10  # m/s
 EPS = np.finfo(float).eps
@@ -89,7 +89,7 @@ def test_heavy_tops_and_random_masses_on_a_pile_at_rest_are_solved(n: int, kind:
     )
     report = simulation.step()
     assert report.converged
-    assert 0 < report.factorizations <= exact.MOST
+    assert 0 < report.factorizations <= convex.MOST
     assert_optimal(simulation)
 
 
@@ -176,14 +176,14 @@ def asked_of_the_host(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> list[tuple[Projection, np.ndarray, float]]:
     """The problems that the host is given in some steps, and where it starts."""
-    asked, real = [], exact.solve
+    asked, real = [], convex.solve
 
     def solve(problem: Projection, matrices: Matrices, q: np.ndarray, tolerance: float) -> Solution:
         asked.append((problem, q, tolerance))
         return real(problem, matrices, q, tolerance)
 
     with monkeypatch.context() as patch:
-        patch.setattr(exact, "solve", solve)
+        patch.setattr(convex, "solve", solve)
         Simulation(scene).advance(12)
     return asked
 
@@ -257,7 +257,7 @@ def test_an_interrupted_solve_leaves_the_step_before(monkeypatch: pytest.MonkeyP
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(exact, "solve", interrupted)
+        patch.setattr(convex, "solve", interrupted)
         with pytest.raises(KeyboardInterrupt):
             simulation.step()
     after = simulation.state()
@@ -317,9 +317,8 @@ def test_stop_on_zeta_is_refused() -> None:
 def test_without_the_library_the_extra_is_named(
     make: Callable[[Scene], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("active_set", "bordered", "exact", "interior_point", "projection"):
-        monkeypatch.delitem(sys.modules, f"warpgrains.solver.{module}")
-    monkeypatch.delattr("warpgrains.solver.exact")
+    for module in ("active_set", "bordered", "convex", "interior_point", "path", "projection"):
+        monkeypatch.delitem(sys.modules, f"warpgrains.solver.exact.{module}")
     monkeypatch.setitem(sys.modules, "qdldl", None)
     with pytest.raises(InputError, match=r"method 'exact' needs qdldl: pip install 'qdldl>="):
         make(heap(10, method="exact"))

@@ -43,7 +43,7 @@ from warpgrains.scene.geometry import left_of, pair_gaps
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.solver.constraints import StepConstraints, every_wall
-from warpgrains.solver.projection import Projection, projection_of
+from warpgrains.solver.exact.projection import Projection, projection_of
 
 TOLERANCE = 1e-14  # requested from the library, which stops earlier if rounding prevents it
 REGULARIZATION = 1e-12  # of the library's matrix; with the default, 1e-8, it stops at a gap of about 1e-6
@@ -174,9 +174,7 @@ def projection_with_frozen_slip(
     step: StepConstraints, motion: FloatArray, root: FloatArray, free: FloatArray
 ) -> Projection:
     """Return the step with the slip of `motion`, in y = root (velocity, rim speed), shape (n, 3) [m/s]."""
-    scene, pairs = step.scene, len(step.second)
-    friction = np.append(np.full(pairs, scene.friction), np.array(scene.wall_frictions)[step.wall[:, 1]])
-    surface = np.append(np.zeros(pairs), scene.wall_speeds(step.position, step.wall, step.time)[:, 1])
+    friction, surface = step.friction, step.surface_speed
     normal, slip = _rows(step, step.normal, 0.0), _rows(step, left_of(step.normal), 1.0)
     bound = step.gap_rate + friction * np.abs(slip @ motion.ravel() - surface)
     rough, moved = slip.multiply(friction[:, np.newaxis]), friction * surface

@@ -159,6 +159,13 @@ class SceneFields:
         STOPS,
         default="default",
     )
+    exact_time: float | None = _key(
+        'Most time that method "exact" takes for a step with friction beside its sweeps, in units of the time'
+        " of `max_iterations` sweeps; by default 20.",
+        "solver",
+        checks.positive,
+        default=None,
+    )
     on_unconverged: str = _key(
         'Reaction to a step above its tolerance after `max_iterations`: "report" it and continue, or'
         ' "raise" `SimulationError` and leave the state as it was before the step.',
@@ -198,6 +205,7 @@ class SceneOptions(TypedDict, total=False):
     order: str
     method: str
     stop: str
+    exact_time: float | None
     on_unconverged: str
     name: str
     text: str

@@ -9,6 +9,7 @@ import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, Indices
 from warpgrains.scene.geometry import pair_gaps, pair_normals
+from warpgrains.scene.walls import OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -68,6 +69,27 @@ class StepConstraints:
         """Return the constraints with round-wall gaps for displacements [m], shape (n, 2) (eq. 18)."""
         _, gap = self.scene.wall_frames(self.position, self.wall, move, self.time)
         return replace(self, gap_rate=np.append(self.gap_rate[: len(self.second)], gap / self.scene.dt))
+
+    @property
+    def reach(self) -> FloatArray:
+        """A / dt of eq. 18 at a round outer wall, else inf [m/s], shape (m,)."""
+        scene, found = self.scene, np.full(len(self.first), np.inf)
+        if scene.wall == "round":
+            at_wall = np.append(np.zeros(len(self.second), bool), self.wall[:, 1] == OUTER)
+            found[at_wall] = (scene.radius_out - scene.radius[self.first[at_wall]]) / scene.dt
+        return found
+
+    @property
+    def friction(self) -> FloatArray:
+        """Coefficients of friction, shape (m,)."""
+        scene, pairs = self.scene, len(self.second)
+        return np.append(np.full(pairs, scene.friction), np.array(scene.wall_frictions)[self.wall[:, 1]])
+
+    @property
+    def surface_speed(self) -> FloatArray:
+        """Speeds of the surfaces along the tangents of contacts [m/s], shape (m,); 0 for pairs."""
+        at_walls = self.scene.wall_speeds(self.position, self.wall, self.time)[:, 1]
+        return np.append(np.zeros(len(self.second)), at_walls)
 
     def only(self, at_walls: BoolArray) -> Self:
         """Return the constraints of all pairs and of the selected wall contacts, mask of shape (m - k,)."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def exact_solver(method: str) -> Callable[[SceneRecords, int], Any] | None:
-    """Return the class that solves steps of a scene on the host; None if the method needs none.
+    """Return the function that makes the solver of a scene on the host; None if the method needs none.
 
     Raises
     ------
@@ -31,8 +31,13 @@ def exact_solver(method: str) -> Callable[[SceneRecords, int], Any] | None:
     if method != "exact":
         return None
     with requiring("method 'exact'", "exact"):
-        from warpgrains.solver.exact import ExactSolver
-    return ExactSolver
+        from warpgrains.solver.exact.convex import ConvexSolver
+        from warpgrains.solver.exact.path import PathSolver
+
+    def solver_of(records: SceneRecords, k: int) -> ConvexSolver | PathSolver:
+        return (PathSolver if records.scenes[k].has_friction else ConvexSolver)(records, k)
+
+    return solver_of
 
 
 class Service:

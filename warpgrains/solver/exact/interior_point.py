@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.solver.projection import PROXIMITY, NormalMatrix, Projection, Solution
+from warpgrains.solver.exact.projection import PROXIMITY, NormalMatrix, Projection, Solution
 
 FIRST = 30.0  # initial sqrt(mu), in natural residuals
 WIDER = 100.0  # mu after a short step, in means of q s; GROWTH times that after the next,

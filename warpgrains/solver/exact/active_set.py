@@ -22,8 +22,8 @@ from scipy import sparse
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.host_kernels import launch, share
 from warpgrains.kernels import dual as kernels
-from warpgrains.solver.bordered import BorderedMatrix
-from warpgrains.solver.projection import PROXIMITY, Projection, Solution
+from warpgrains.solver.exact.bordered import BorderedMatrix
+from warpgrains.solver.exact.projection import PROXIMITY, Projection, Solution
 
 CENTRES = 8  # most updates of q* for one W
 MET = 0.1  # largest error of the bounds that are met, in tolerances

@@ -11,7 +11,7 @@ from scipy import sparse
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.host_kernels import Array, launch, share, shared
 from warpgrains.kernels import bordered as kernels
-from warpgrains.solver.projection import PROXIMITY, NormalMatrix
+from warpgrains.solver.exact.projection import PROXIMITY, NormalMatrix
 
 MOST = 400  # borders of a matrix
 FEW = 10_000  # rows up to which a matrix has entries for all of them, and its order of elimination is kept

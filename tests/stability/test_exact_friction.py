@@ -1,0 +1,196 @@
+"""The exact method with friction: hard steps of runs, its budget, its bits, and what it refuses."""
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hard_scenes import heap
+from launched import launched_state
+from same_bits import contents
+
+from warpgrains import Batch, InputError, Scene, Simulation
+from warpgrains.accuracy import certify
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.layouts import lattice
+from warpgrains.scene.walls import Annulus
+from warpgrains.solver.exact import path
+from warpgrains.solver.exact.path import ATTEMPTS, Contacts, Elimination, FrictionStep
+
+EPS = np.finfo(float).eps
+STEPS = Path(__file__).parent / "friction_steps"
+"""Steps of runs in which 300 sweeps end above 2 % of g dt; dv and dvt are the corrections then."""
+NAMES = sorted(file.stem for file in STEPS.glob("*.npz"))
+SOON: dict[str, Any] = {
+    "method": "exact",
+    "tolerance": 1e-9,
+    "max_iterations": 110,
+    "friction": 0.5,
+    "exact_time": 1e3,
+}
+
+
+def hard_step(name: str) -> tuple[FrictionStep, Contacts, dict[str, FloatArray]]:
+    with np.load(STEPS / f"{name}.npz") as file:
+        own = dict(file)
+    contacts = Contacts(*(own[field] for field in Contacts._fields))
+    elimination = Elimination(len(own["free"]), contacts.first, contacts.second)
+    return FrictionStep(contacts, elimination, own["inertia"], own["free"]), contacts, own
+
+
+def residual(contacts: Contacts, own: dict[str, FloatArray], dv: FloatArray, dvt: FloatArray) -> float:
+    """Return the residual [m/s] (eq. 25) by NumPy."""
+    i, j, n = contacts.first, contacts.second, contacts.normal
+    pair, t = j >= 0, np.stack([-n[:, 1], n[:, 0]], axis=1)
+    mass, k = own["inertia"][:, 0], own["inertia"][:, 0] / own["inertia"][:, 2]
+    share_i = np.where(pair, mass[j] / (mass[i] + mass[j]), 1.0)
+    share_j = np.where(pair, 1.0 - share_i, 0.0)
+    u, impulse = own["free"].copy(), dv[:, None] * n + dvt[:, None] * t
+    for grain, share, sign in ((i, share_i, -1.0), (j, share_j, 1.0)):
+        np.add.at(u[:, :2], grain, sign * share[:, None] * impulse)
+        np.subtract.at(u[:, 2], grain, share * k[grain] * dvt)
+    other = np.where(pair[:, None], u[j], 0.0)
+    v = u[i, :2] - other[:, :2]
+    vn, vt = (v * n).sum(axis=1), (v * t).sum(axis=1) + u[i, 2] + other[:, 2] - contacts.surface
+    round_wall = np.isfinite(contacts.reach)
+    reach, along = contacts.reach[round_wall], (u[i, :2] * t).sum(axis=1)[round_wall]
+    gap = contacts.gap_rate.copy()
+    gap[round_wall] -= reach - np.sqrt(reach**2 - along**2)
+    e_n = np.maximum(0.0, dv + vn - gap) - dv
+    limit, compliance = contacts.friction * (dv + e_n), 1.0 + share_i * k[i] + share_j * k[j]
+    e_t = compliance * (np.clip(dvt + vt / compliance, -limit, limit) - dvt)
+    return float(np.abs([e_n, e_t]).max())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_hard_step_is_solved(name: str) -> None:
+    step, contacts, own = hard_step(name)
+    before = step.residual(own["dv"], own["dvt"])
+    # of some contacts, a hundred roundings each at most, of numbers up to 20 m/s, or 1 / dt here
+    rounding = 100.0 * EPS * 1e3
+    assert abs(before - residual(contacts, own, own["dv"], own["dvt"])) <= rounding
+    assert before > 1e-4
+    answer = step.solve(own["dv"], own["dvt"], 1e-9)
+    assert answer.residual <= 1e-9
+    assert residual(contacts, own, answer.dv, answer.dvt) <= 1e-9 + rounding
+    assert (answer.dv >= 0.0).all()
+    again = hard_step(name)[0].solve(own["dv"], own["dvt"], 1e-9)
+    assert contents(again.dv) == contents(answer.dv)
+
+
+@pytest.mark.parametrize("name", ["flow", "drum"])
+@pytest.mark.parametrize("attempt", ATTEMPTS)
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.1, 0.5])
+def test_the_work_ends_within_the_budget_and_never_worse(
+    name: str, attempt: path.Attempt, share: float
+) -> None:
+    step, _, own = hard_step(name)
+    before, budget = step.residual(own["dv"], own["dvt"]), share * 1e6
+    answer = step.solve(own["dv"], own["dvt"], 1e-12, budget, attempt)
+    assert answer.work <= budget
+    assert answer.residual <= before
+    assert step.residual(answer.dv, answer.dvt) == answer.residual
+
+
+def drum(**changes: Any) -> Scene:
+    """A half-full drum that turns."""
+    scene = heap(60, spacing=2.0, wall="round", scheme="leapfrog", drag=0.1, dt=0.01, **SOON)
+    return scene.replace(**{"wall_friction": 0.8, "angular_velocity_out": 0.5, **changes})
+
+
+def couette(**changes: Any) -> Scene:
+    """Grains of unlike masses around a wall that turns."""
+    place, radius = lattice(Annulus(0.3, 1.0), radius=0.06, count=60, spacing=2.02)
+    mass = 0.1 * 10.0 ** np.random.default_rng(2).uniform(0.0, 1.0, len(place))
+    circles = {"radius_in": 0.3, "radius_out": 1.0, "angular_velocity_in": 5.0}
+    return Scene(position=place, radius=radius, mass=mass, **{**circles, **SOON, **changes})
+
+
+def run_of(scene: Scene, steps: int, **options: Any) -> Simulation:
+    simulation = Simulation(scene, **options)
+    simulation.advance(steps)
+    return simulation
+
+
+@pytest.mark.parametrize("make", [drum, couette, partial(drum, friction=0.0), partial(drum, wall="tangent")])
+def test_steps_are_solutions_of_coulombs_law(make: Any) -> None:
+    """The residual of the kernels meets the tolerance, and another library finds the same velocities."""
+    simulation, asked = Simulation(make()), 0
+    for _ in range(40):
+        report = simulation.step()
+        asked += report.factorizations
+        assert report.converged
+    assert asked > 0
+    bound = certify(simulation)
+    assert bound.error is None or bound.error < 1e-6
+
+
+@pytest.mark.parametrize("order", ["sequential", "color"])
+def test_the_same_bits_however_it_is_run(order: str) -> None:
+    scenes = [drum(order=order), couette(order=order)]
+    expected = [contents(run_of(scene, 40).state()) for scene in scenes]
+    assert contents(run_of(scenes[0], 40, threads=2).state()) == expected[0]
+    batch = Batch([scenes[1], scenes[0], Scene.load("annulus")], threads=2)
+    batch.run(steps=40)
+    assert [contents(batch.state(k)) for k in (1, 0)] == expected
+    resumed = Simulation(scenes[0])
+    resumed.restore(run_of(scenes[0], 31).state())
+    resumed.advance(9)
+    assert contents(resumed.state()) == expected[0]
+
+
+def test_stages_launched_as_on_a_gpu_give_the_same_bits() -> None:
+    assert contents(launched_state(drum(), 20)) == contents(run_of(drum(), 20).state())
+
+
+def test_an_interrupted_solve_leaves_the_step_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulation = Simulation(drum())
+    while simulation.step().factorizations == 0:
+        pass
+    before, done = contents(simulation.state()), simulation.steps
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(FrictionStep, "solve", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            simulation.advance(100)
+    interrupted_at = simulation.steps
+    assert contents(simulation.state()) == before or interrupted_at > done
+    simulation.advance(done + 10 - interrupted_at)
+    assert contents(simulation.state()) == contents(run_of(drum(), done + 10).state())
+
+
+def test_a_step_that_is_not_solved_ends_no_worse_than_by_sweeps() -> None:
+    """With a budget too small for one factorization the bits are those of sweeps alone."""
+    scene = drum(exact_time=1e-6)
+    one, other = Simulation(scene), Simulation(scene.replace(exact_time=None, method="accelerated"))
+    for _ in range(20):
+        assert one.step().residual == other.step().residual
+    state = other.state()
+    for tight in (0.1, 1.0, 10.0):
+        one = Simulation(scene.replace(exact_time=tight))
+        one.restore(state)
+        other.restore(state)
+        assert one.step().residual <= other.step().residual
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"exact_time": 0.0}, "exact_time is 0.0"),
+        ({"exact_time": float("nan")}, "exact_time is nan"),
+        ({"method": "accelerated"}, "exact_time is 1000.0: it is for method 'exact' with friction"),
+        (
+            {"friction": 0.0, "wall_friction": 0.0, "angular_velocity_out": 0.0},
+            "it is for method 'exact' with friction",
+        ),
+        ({"stop": "zeta"}, "method 'exact' stops on the residual"),
+        ({"pressure": 1.0, "wall": "tangent"}, "pressure is given and method is 'exact'"),
+    ],
+)
+def test_bad_options_are_refused(changes: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint):
+        drum(**changes)

@@ -1,0 +1,98 @@
+"""The host's part of the method "exact" without friction, for steps in which sweeps converge too slowly.
+
+The contacts and their corrections are those at which the kernels stopped (listed.py). The solution of
+`active_set`, or of `interior_point` if the first fails, replaces the corrections. The kernels then recompute
+velocities, measure the residual and check the list (kernels/residual.py).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.kernels.record import Phase
+from warpgrains.solver.constraints import StepConstraints
+from warpgrains.solver.exact import active_set, interior_point
+from warpgrains.solver.exact.bordered import BorderedMatrix
+from warpgrains.solver.exact.listed import ListedContacts
+from warpgrains.solver.exact.projection import NormalMatrix, Projection, Solution, projection_of
+
+if TYPE_CHECKING:
+    from warpgrains.solver.records import SceneRecords
+
+ASKED = 0.5  # of the tolerance; leaves a margin for rounding in the kernels
+BETTER = 0.01  # of the residual after the sweeps: an answer must be below
+NEAR = 1e-3  # of that residual: below, rounding makes steps of the interior point method short
+MOST = 100  # factorizations of a step after which no other problem is begun
+
+
+class Matrices(NamedTuple):
+    """Matrices of the two methods, whose memory is used again."""
+
+    active: BorderedMatrix
+    interior: NormalMatrix
+
+
+def solve(problem: Projection, matrices: Matrices, q: FloatArray, tolerance: float) -> Solution:
+    """Solve a step from the corrections of some sweeps by the active-set method.
+
+    If it fails, the interior point method comes near, and where rounding stops that, as with masses that
+    are far apart, the active-set method ends from there.
+    """
+    first = active_set.solve(problem, matrices.active, q, tolerance)
+    if first.residual <= tolerance or problem.is_infeasible(first.q):
+        return first
+    before = problem.residual(q)
+    start = first.q if first.residual < before else q
+    inner = interior_point.solve(problem, matrices.interior, start, tolerance, NEAR * before)
+    found = [first, inner]
+    if tolerance < inner.residual <= BETTER * before:
+        found.append(active_set.solve(problem, matrices.active, inner.q, tolerance))
+    best = min(found, key=lambda one: one.residual)
+    return best._replace(factorizations=sum(one.factorizations for one in found))
+
+
+class ConvexSolver:
+    """Host solver for the steps without friction of scene k."""
+
+    def __init__(self, records: SceneRecords, k: int):
+        self._records, self._k = records, k
+        self._matrices = Matrices(BorderedMatrix(), NormalMatrix())
+
+    def solve(self) -> None:
+        """Replace the corrections of the step if better ones are found, and let the kernels continue.
+
+        The gaps of a round wall depend on the velocities (MODEL.md, eq. 18). They are iterated: each problem
+        takes the gaps of the last answer, until an answer satisfies its own gaps.
+        """
+        contacts, record = ListedContacts(self._records, self._k), self._records.host[self._k]
+        problem = projection_of(contacts.constraints, self._records.array(self._k, "grains.free_velocity"))
+        tolerance = ASKED * self._records.scenes[self._k].tolerance
+        q = problem.unit * np.maximum(contacts.read("dv"), 0.0)
+        problem = _with_gaps_of(problem, contacts.constraints, q)
+        before = left = problem.residual(q)
+        while left > tolerance and record["step"]["factorizations"] < MOST:
+            found = solve(problem, self._matrices, q, tolerance)
+            record["step"]["factorizations"] += found.factorizations
+            problem = _with_gaps_of(problem, contacts.constraints, found.q)
+            last, residual = left, problem.residual(found.q)
+            if residual < left:
+                q, left = found.q, residual
+            if found.residual > tolerance or residual > 0.5 * last:
+                break
+        is_better = before > tolerance and left <= max(BETTER * before, tolerance)
+        if is_better:
+            contacts.write("dv", q / problem.unit)
+        if left > tolerance:
+            record["step"]["patience"] = 0  # the methods have done what they can
+        record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
+
+
+def _with_gaps_of(problem: Projection, constraints: StepConstraints, q: FloatArray) -> Projection:
+    """Return the problem with the wall gaps for the velocities that corrections q lead to."""
+    scene = constraints.scene
+    u = (problem.free - problem.rows.T @ q).reshape(-1, 2)
+    move = scene.dt * (u / np.sqrt(scene.contact_mass)[:, np.newaxis])
+    return problem._replace(bound=problem.unit * constraints.sliding(move).gap_rate)

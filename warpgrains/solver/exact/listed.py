@@ -1,0 +1,49 @@
+"""The listed contacts of a step that waits for the host."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.solver.constraints import StepConstraints
+from warpgrains.solver.loading import listed_pairs, listed_walls
+
+if TYPE_CHECKING:
+    from warpgrains.solver.records import SceneRecords
+
+
+class ListedContacts:
+    """The listed contacts of scene k: pairs in lexicographic order, then wall contacts ordered by wall.
+
+    Attributes
+    ----------
+    constraints : StepConstraints
+        With the gaps at the start of the step.
+    """
+
+    def __init__(self, records: SceneRecords, k: int):
+        (pair, self._at_pair), (listed, index) = listed_pairs(records, k), listed_walls(records, k)
+        self._records, self._k, scene = records, k, records.scenes[k]
+        bodies = scene.bodies
+        sides = [(number, bodies.of(np.array(number)) == listed[:, 1]) for number in scene.wall_numbers]
+        self._at_wall = np.concatenate([index[own] for _, own in sides])
+        grain = np.concatenate([listed[own, 0] for _, own in sides])
+        wall = np.stack([grain, np.repeat(scene.wall_numbers, [own.sum() for _, own in sides])], axis=1)
+        self._sign = bodies.sign(wall[:, 1])
+        time = scene.time_after(int(records.host["steps"][k]) + 1)
+        self.constraints = StepConstraints.at(scene, records.array(k, "grains.position"), pair, wall, time)
+
+    def read(self, name: str) -> FloatArray:
+        """Return the corrections `name` [m/s], shape (m,); < 0 where the other circle carries."""
+        own = self._records.array(self._k, f"contacts.{name}")
+        return np.concatenate([own[self._at_pair], self._sign * own[self._at_wall]])
+
+    def write(self, name: str, correction: FloatArray) -> None:
+        """Write corrections [m/s]. Both circles may share a contact, which carries their sum."""
+        own = self._records.array(self._k, f"contacts.{name}")
+        pairs, walls = np.split(correction, [len(self._at_pair)])
+        own[self._at_pair] = pairs
+        own[self._at_wall] = 0.0
+        np.add.at(own, self._at_wall, self._sign * walls)
