@@ -190,7 +190,8 @@ def test_grains_have_their_colors(tmp_path: Path, color_by: str, draw_as: str) -
     now, colors = snapshot(simulation), GrainColors(simulation.scene, color_by)
     reader = Recording(tmp_path / "run.usdc")
     assert reader.scale == colors.scale
-    frame, grains = reader.frame(STEPS // 2, contacts=False), UsdGeom.PrimvarsAPI(reader._prim)
+    stage, frame = Usd.Stage.Open(str(tmp_path / "run.usdc")), reader.frame(STEPS // 2, contacts=False)
+    grains = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(GRAINS))
     color = grains.GetPrimvar("displayColor").ComputeFlattened(STEPS // 2)
     assert_allclose(encoded(np.array(color)), colors.of(now), atol=1e-6)
     assert np.array_equal(painter_of(reader).color(frame), colors.of(now))

@@ -22,8 +22,7 @@ from warpgrains.usd.grains import (
     quaternions,
 )
 from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, WALLS
-from warpgrains.usd.recording import open_recording, refusing_untrusted_content
-from warpgrains.usd.stage import Values, too_coarse, values_of
+from warpgrains.usd.stage import Values, open_recording, refusing_untrusted_content, too_coarse, values_of
 
 _HALF = 1e-3  # of a quaternion: half precision, and angles as float32 up to 1e4 rad
 _FINITE, _POSITIVE = (-np.inf, np.inf, "finite"), (0.0, np.inf, "positive and finite")

@@ -26,8 +26,7 @@ from warpgrains.scene.snapshot import Snapshot
 from warpgrains.scene.toml import parameters_text
 from warpgrains.usd.grains import GrainInstances, GrainPoints
 from warpgrains.usd.meshes import ForceChains, Walls
-from warpgrains.usd.recording import refusing_untrusted_content
-from warpgrains.usd.stage import RECORDED_BY, Drawing, static_layer, too_coarse
+from warpgrains.usd.stage import RECORDED_BY, Drawing, refusing_untrusted_content, static_layer, too_coarse
 from warpgrains.usd.writer import identity, reopen_log, write_recording
 
 if TYPE_CHECKING:

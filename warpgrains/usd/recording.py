@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
+from pxr import UsdGeom
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import ChainScale, pairs_and_walls
@@ -27,7 +25,7 @@ from warpgrains.shown import Shown, number_of
 from warpgrains.tables import dataset, library
 from warpgrains.usd.grains import GRAINS, OF_GRAINS, VELOCITIES, numbers_of, position_of
 from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, WALLS
-from warpgrains.usd.stage import RECORDED_BY, numbers
+from warpgrains.usd.stage import RECORDED_BY, numbers, open_recording, refusing_untrusted_content
 
 if TYPE_CHECKING:
     import pandas
@@ -76,7 +74,6 @@ class Recording(Shown):
         prim = self._stage.GetPrimAtPath(GRAINS)
         if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
             raise InputError(f"'{self.path}' holds no grains")
-        self._prim = prim
         codes = position_of(prim).GetTimeSamples()
         if not codes:
             raise InputError(f"'{self.path}' holds no frames")
@@ -103,9 +100,8 @@ class Recording(Shown):
             checks.positive_per_grain(name, numbers(prim.GetAttribute(attribute)), n)
             for name, attribute in OF_GRAINS.items()
         )
-
-        recorded = numbers_of(prim)
-        self._recorded = {name: recorded[name] for name in COLORINGS if name in recorded}
+        self._attributes = numbers_of(prim)
+        self._attributes |= {"position": position_of(prim), "velocity": prim.GetAttribute(VELOCITIES)}
 
     def summary(self) -> dict[str, str]:
         """Return the fields of the one-line summary by name."""
@@ -127,40 +123,35 @@ class Recording(Shown):
     @cached_property
     def position(self) -> FloatArray:
         """Centers of the grains [m], shape (f, n, 2)."""
-        return self._of_all_frames(self._position)
+        return self._of_all_frames("position")
 
     @cached_property
     def velocity(self) -> FloatArray:
         """Velocities of the grains [m/s], shape (f, n, 2)."""
-        return self._of_all_frames(self._velocity)
+        return self._of_all_frames("velocity")
 
     @cached_property
     def spin(self) -> FloatArray:
         """Angular velocities of the grains [rad/s], shape (f, n); 0 without friction."""
-        return self._of_all_frames(lambda k: self._rotation("spin", k))
+        return self._of_all_frames("spin")
 
     @cached_property
     def angle(self) -> FloatArray:
         """Angles by which grains have turned since the start [rad], shape (f, n); 0 without friction."""
-        return self._of_all_frames(lambda k: self._rotation("angle", k))
+        return self._of_all_frames("angle")
 
-    def _of_all_frames(self, read: Callable[[int], FloatArray]) -> FloatArray:
-        return np.array([read(k) for k in range(len(self))])
+    def _of_all_frames(self, name: str) -> FloatArray:
+        return np.array([self._of_frame(name, k) for k in range(len(self))])
 
-    def _numbers(self, attribute: Usd.Attribute, k: int, *columns: int) -> FloatArray:
-        """Return the values of the grains in a frame, shape (n, *columns)."""
+    def _of_frame(self, name: str, k: int) -> FloatArray:
+        """Return numbers of the grains; 0 if they are not recorded, as without friction."""
+        attribute, n = self._attributes.get(name), len(self.radius)
+        if attribute is None:
+            return np.zeros(n)
         with refusing_untrusted_content(self.path):
-            return numbers(attribute, k, (len(self.radius), *columns))
-
-    def _position(self, k: int) -> FloatArray:
-        return self._numbers(position_of(self._prim), k, 3)[:, :2]
-
-    def _velocity(self, k: int) -> FloatArray:
-        return self._numbers(self._prim.GetAttribute(VELOCITIES), k, 3)[:, :2]
-
-    def _rotation(self, name: str, k: int) -> FloatArray:
-        attribute = self._prim.GetAttribute(f"primvars:{name}")
-        return self._numbers(attribute, k) if attribute else np.zeros(len(self.radius))
+            if name in ("position", "velocity"):
+                return numbers(attribute, k, (n, 3))[:, :2]
+            return numbers(attribute, k, (n,))
 
     @cached_property
     def scene(self) -> Scene:
@@ -183,11 +174,10 @@ class Recording(Shown):
     @cached_property
     def recorded_scene(self) -> Scene:
         """Scene of the run, with the grains of the first frame, which may be in a wall at the start."""
-        has_spin = bool(self._prim.GetAttribute("primvars:spin"))
         return Scene.of_later_state(
-            position=self._position(0),
-            velocity=self._velocity(0),
-            spin=self._rotation("spin", 0) if has_spin else None,
+            position=self._of_frame("position", 0),
+            velocity=self._of_frame("velocity", 0),
+            spin=self._of_frame("spin", 0) if "spin" in self._attributes else None,
             radius=self.radius,
             mass=self._mass,
             **self._parameters,
@@ -225,21 +215,21 @@ class Recording(Shown):
         if contacts and not self.has_forces:
             raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
         k, times = k % len(self), self.times
-        position, velocity, places = self._position(k), self._velocity(k), self._places(k)
+        grains: dict[str, Any] = {}
+        for name in ("position", "velocity", "spin", "angle"):
+            grains[name] = self._of_frame(name, k)
+        places = self._places(k)
         scene, steps = self.recorded_scene.with_walls_at(places), times.simulated_step(k)
         return Snapshot(
             scene=scene,
             steps=steps,
             time=times.time(k),
-            position=position,
-            velocity=velocity,
-            spin=self._rotation("spin", k),
-            angle=self._rotation("angle", k),
-            start=position - (times.dt - times.left(k)) * velocity,
+            **grains,
+            start=grains["position"] - (times.dt - times.left(k)) * grains["velocity"],
             start_scene=scene,
             start_staggered=scene.scheme == "leapfrog" and steps > 1,
             places=places,
-            recorded={name: self._numbers(own, k) for name, own in self._recorded.items()},
+            recorded={name: self._of_frame(name, k) for name in COLORINGS if name in self._attributes},
             **(self._contacts(k) if contacts else {}),
         )
 
@@ -312,27 +302,3 @@ def painter_of(recording: Recording, frame: str | None = None) -> Painter:
     painter = Painter(recording.recorded_scene, color_by, recording.has_forces, frame=frame)
     painter.colors.scale, painter.chain_scale = recording.scale, recording.chain_scale
     return painter
-
-
-def open_recording(path: Path) -> Usd.Stage:
-    """Open a recording. Raises InputError if the file is missing or cannot be read."""
-    if not path.is_file():
-        raise InputError(f"recording '{path}' does not exist")
-    try:
-        _unprinted = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings would be lines beside ours
-        # not the layer that USD keeps of an earlier file of this name
-        return Usd.Stage.Open(Sdf.Layer.OpenAsAnonymous(str(path)))
-    except Tf.ErrorException as error:
-        raise InputError(f"recording '{path}' is not a USD file that can be read") from error
-
-
-@contextmanager
-def refusing_untrusted_content(path: str | Path) -> Iterator[None]:
-    """Raise InputError instead of any exception of USD or NumPy that unexpected content causes."""
-    try:
-        yield
-    except (InputError, OSError, MemoryError):
-        raise
-    except Exception as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"recording '{path}' is damaged: {reason}") from error

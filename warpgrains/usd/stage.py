@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
+from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, UsdUtils, Vt
 
 import warpgrains
 from warpgrains.arrays import FloatArray
@@ -207,3 +209,27 @@ def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64])
     high = np.add(shown.T, half_width, out=edges).max(axis=1)
     np.nextafter(high.astype(np.float32), _INFINITY, out=box[1])
     return box
+
+
+def open_recording(path: Path) -> Usd.Stage:
+    """Open a recording. Raises InputError if the file is missing or cannot be read."""
+    if not path.is_file():
+        raise InputError(f"recording '{path}' does not exist")
+    try:
+        _unprinted = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings would be lines beside ours
+        # not the layer that USD keeps of an earlier file of this name
+        return Usd.Stage.Open(Sdf.Layer.OpenAsAnonymous(str(path)))
+    except Tf.ErrorException as error:
+        raise InputError(f"recording '{path}' is not a USD file that can be read") from error
+
+
+@contextmanager
+def refusing_untrusted_content(path: str | Path) -> Iterator[None]:
+    """Raise InputError instead of any exception of USD or NumPy that unexpected content causes."""
+    try:
+        yield
+    except (InputError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise InputError(f"recording '{path}' is damaged: {reason}") from error

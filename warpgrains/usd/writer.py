@@ -17,8 +17,7 @@ from warpgrains.errors import InputError
 from warpgrains.files import draft_folder, draft_of, publish, resolve_link, suffix_of
 from warpgrains.frame_log import FrameLog, LogReader, kind_of
 from warpgrains.usd.grains import GRAINS
-from warpgrains.usd.recording import refusing_untrusted_content
-from warpgrains.usd.stage import RECORDED_BY
+from warpgrains.usd.stage import RECORDED_BY, refusing_untrusted_content
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
 _PACKED = time.mktime((1980, 1, 1, 0, 0, 0, 0, 1, -1))  # of every package, so that its bytes repeat
