@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 
 import warpgrains as wg
 from warpgrains.analysis.snapshot import snapshot
+from warpgrains.drawing.chains import ChainScale
+from warpgrains.drawing.colors import ColorScale
 from warpgrains.drawing.painter import Painter
 from warpgrains.pictures.still import FrameArtists, add_color_bar
 from warpgrains.solver.statistics import RunStatistics
@@ -54,9 +56,23 @@ class Row:
         self.axes = self.figure.subplots(1, count)
         self._free = list(self.axes)
 
-    def show(self, simulation: wg.Simulation, color_by: str = "speed", **options: Any) -> None:
-        """Draw the present state in the next panel, with options of `Painter`."""
-        painter = Painter(simulation.scene, color_by, forces=True, **options)
+    def show(
+        self,
+        simulation: wg.Simulation,
+        color_by: str = "speed",
+        largest: float | None = None,
+        frame: str | None = None,
+    ) -> None:
+        """Draw the present state in the next panel; `largest` is the force of a chain of full width [N].
+
+        Divided by the diameter of a mean grain, it is the pressure of the last color.
+        """
+        scene = simulation.scene
+        painter = Painter(scene, color_by, forces=True, frame=frame)
+        if largest is not None:
+            painter.chain_scale = ChainScale(largest, scene.smallest_radius)
+            if color_by == "pressure":
+                painter.colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
         FrameArtists(self._free.pop(0), painter).show(snapshot(simulation))
         if not self._free and painter.colors.scale is not None:
             add_color_bar(self.figure, self.axes, painter.colors.scale)

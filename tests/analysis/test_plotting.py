@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from recordings import RADIUS, make_contacts, make_frames, make_scene, moment, points_recorder, record
+from recordings import RADIUS, bands_of, make_contacts, make_frames, make_scene, moment, record, recorder_of
 from walls_seen import View
 
 from warpgrains import InputError
@@ -98,9 +98,8 @@ class TestFrame:
 
     def test_force_chains_are_as_wide_as_in_the_file(self, tmp_path, frames):
         recording = record(tmp_path / "run.usdc", frames, make_scene(gravity=(0.0, -1.0)), forces=True)
-        picture, chains = draw(recording, 1), Recording(recording)
-        chains = painter_of(chains).chains(chains.frame(1))
-        for (start, end), width in zip(chains.ends, chains.width, strict=True):
+        picture = draw(recording, 1)
+        for (start, end), width in zip(*bands_of(recording, 1), strict=True):
             along = (end - start) / np.linalg.norm(end - start)
             across = np.array([-along[1], along[0]])
             places = (start + end) / 2.0 + np.linspace(-0.1, 0.1, 4001)[:, np.newaxis] * across
@@ -148,7 +147,7 @@ class TestCurves:
         mass = np.array([1.0, 0.2, 3.0, 0.5, 2.0])
         scene = make_scene(mass=mass, gravity=(3.0, -4.0), friction=0.5)
         spin, path = np.arange(5.0) - 9.0, tmp_path / "run.usdc"
-        with points_recorder(path, scene, forces=True) as recorder:
+        with recorder_of(path, scene, forces=True) as recorder:
             for seed, frame in enumerate(frames):
                 recorder.record(moment(*frame, scene, **make_contacts(seed), spin=spin, angle=spin))
         source = Recording(path)

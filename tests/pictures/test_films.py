@@ -148,7 +148,7 @@ def test_a_second_run_shows_the_simulated_time(tmp_path, monkeypatch, suffix, ex
 def test_a_film_that_is_not_finished_leaves_what_was_there(tmp_path, suffix):
     path, scene = tmp_path / f"run{suffix}", make_scene()
     path.write_bytes(b"earlier")
-    run = path, scene, FrameTimes(scene.dt, 50), RunOptions(steps=1)
+    run = scene, RunOptions(steps=1, record=path), FrameTimes(scene.dt, 50)
 
     def interrupted():
         with Film(*run) as film:

@@ -11,15 +11,14 @@ from pathlib import Path
 
 import pytest
 from command import exit_code, require_refusal
-from recordings import make_frames, make_scene, moment, record
+from recordings import make_frames, moment, record, recorder_of
 
 from warpgrains import InputError, Scene, Simulation, locks
 from warpgrains.cli.grade import write_template
-from warpgrains.drawing.frames import FrameTimes
 from warpgrains.errors import OutputError
 from warpgrains.locks import Lock, RunLocks
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.usd.recorder import Recorder, log_of, recover
+from warpgrains.usd.recorder import log_of, recover
 
 
 class TestLock:
@@ -167,10 +166,10 @@ class TestRun:
 
 class TestPython:
     def test_recorder(self, tmp_path):
-        with Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60)) as recorder:
+        with recorder_of(tmp_path / "run.usdc") as recorder:
             recorder.record(moment(*make_frames(1)[0]))
             with pytest.raises(OutputError, match="is being written by process"):
-                Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60))
+                recorder_of(tmp_path / "run.usdc")
             recorder.flush()
             with pytest.raises(OutputError, match="is being written by process"):
                 recover(recorder.log)
@@ -191,7 +190,7 @@ class TestPython:
         log_of(tmp_path / "run.usdc").touch()
         for _ in range(2):
             with pytest.raises(InputError, match="holds frames of another run"):
-                Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60))
+                recorder_of(tmp_path / "run.usdc")
 
 
 CLAIM = """

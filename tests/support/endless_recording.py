@@ -9,11 +9,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from recordings import moment
+from recordings import moment, recorder_of
 
-from warpgrains.drawing.frames import FrameTimes
 from warpgrains.scene.scene import Scene
-from warpgrains.usd.recorder import Recorder
 
 
 def scene_of(grains):
@@ -29,7 +27,7 @@ def frame(number, grains):
 
 def main(output, grains, frames, counter):
     scene = scene_of(grains)
-    recorder = Recorder(output, scene, FrameTimes(0.01, 50), draw_as="points")
+    recorder = recorder_of(output, scene)
     with Path(counter).open("wb", buffering=0) as count, recorder:
         for number in range(frames):
             recorder.record(moment(*frame(number, grains), scene))

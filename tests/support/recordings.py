@@ -3,12 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from pxr import UsdGeom
+from pxr import Usd, UsdGeom
 
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
+from warpgrains.simulation.options import RunOptions
 from warpgrains.usd.recorder import Recorder
 
 GRAINS = "/World/Grains"
@@ -48,19 +49,29 @@ def moment(position, velocity, scene=None, **fields):
     return replace(snapshot(scene, first_state(scene)), position=position, velocity=velocity, **fields)
 
 
-def points_recorder(path, scene, **options):
-    """A recorder of points at 50 frames per second, unless it is told otherwise."""
-    return Recorder(path, scene, **{"times": FrameTimes(scene.dt, 50), "draw_as": "points"} | options)
+def recorder_of(path, scene=None, resume_at=None, first_step=0, fps=50, **options):
+    """A recorder of 50 frames per second, unless it is told otherwise."""
+    scene = make_scene() if scene is None else scene
+    options = RunOptions(steps=1, record=path, fps=fps, **options)
+    return Recorder(scene, options, FrameTimes(scene.dt, fps, first_step), resume_at)
 
 
 def record(path, frames, scene=None, **options):
     """Record frames, each with contacts of its own, and return the path; by default as points."""
     scene = make_scene() if scene is None else scene
-    with points_recorder(path, scene, **options) as recorder:
+    with recorder_of(path, scene, **options) as recorder:
         for seed, frame in enumerate(frames):
             contacts = make_contacts(seed) if recorder.needs_contacts else {}
             recorder.record(moment(*frame, scene, **contacts))
     return path
+
+
+def bands_of(path, code):
+    """Return the middles of both ends of each force chain of a file [m], (m, 2, 2), and widths [m], (m,)."""
+    stage = Usd.Stage.Open(str(path))
+    points = np.array(stage.GetAttributeAtPath("/World/Forces.points").Get(code), np.float64)
+    a, b, c, d = points.reshape(-1, 4, 3)[:, :, :2].swapaxes(0, 1)
+    return np.stack([(a + d) / 2.0, (b + c) / 2.0], axis=1), np.hypot(*(a - d).T)
 
 
 def grains_of(stage):

@@ -14,14 +14,12 @@ import pytest
 from matplotlib.image import imread
 from pages import blocks
 from pxr import Usd
-from recordings import GRAINS, RADIUS, make_scene, moment, record
+from recordings import GRAINS, RADIUS, make_scene, moment, record, recorder_of
 
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colorings import speed_scale
 from warpgrains.drawing.colors import GrainColors, mark_color
-from warpgrains.drawing.frames import FrameTimes
-from warpgrains.usd.recorder import Recorder
 
 pytestmark = pytest.mark.blender
 
@@ -158,7 +156,7 @@ class TestAsOpened:
     def test_marks_show_how_far_grains_have_turned(self, rendered, tmp_path, draw_as):
         scene, path = make_scene(friction=0.3), tmp_path / "run.usdc"
         angles = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [1.5, -1.0, 7.0, 0.3, -2.0]])
-        with Recorder(path, scene, FrameTimes(scene.dt, 50), draw_as=draw_as, color_by="palette") as recorder:
+        with recorder_of(path, scene, draw_as=draw_as, color_by="palette") as recorder:
             for angle in angles:
                 recorder.record(moment(scene.position, scene.velocity, scene, spin=angle, angle=angle))
         pictures, _ = rendered(path, [0, 1], "Standard", (1200, 1200))  # no pixel is of mark and grain

@@ -8,11 +8,10 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 from pxr import Sdf, Usd
-from recordings import RADIUS, grains_of, make_frames, make_scene, moment, points_recorder, record
+from recordings import RADIUS, grains_of, make_frames, make_scene, moment, record, recorder_of
 
 import warpgrains
 from warpgrains import files
-from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError
 from warpgrains.frame_log import _MAGIC, FrameLog, LogReader, _record
@@ -93,7 +92,7 @@ class TestLog:
 
     def test_what_cannot_be_written_leaves_the_log_as_it_was(self, tmp_path, monkeypatch):
         frames = make_frames(9)
-        with points_recorder(tmp_path / "run.usdc", make_scene()) as recorder:
+        with recorder_of(tmp_path / "run.usdc") as recorder:
             for frame in frames[:3]:
                 recorder.record(moment(*frame))
             before = recorder.log.read_bytes()
@@ -203,7 +202,7 @@ class TestCrafted:
         log = crafted(tmp_path, {"constants": LAYER.format(NESTED)}, GOOD)
         log = log.rename(tmp_path / "run.usdc.frames")
         with pytest.raises(InputError, match="is damaged"):
-            points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=1)
+            recorder_of(tmp_path / "run.usdc", resume_at=1)
 
 
 class TestNothingIsLost:
@@ -245,7 +244,7 @@ class TestNothingIsLost:
         log = cut_short(tmp_path / "run.usdc", make_frames(5))
         before = log.read_bytes()
         with pytest.raises(InputError, match=r"run.usdc.frames' holds frames of another run"):
-            points_recorder(tmp_path / "run.usdc", make_scene())
+            recorder_of(tmp_path / "run.usdc")
         assert log.read_bytes() == before
 
     def test_frames_lost_in_writing_the_file_are_noticed(self, tmp_path, monkeypatch):
@@ -264,7 +263,7 @@ class TestNothingIsLost:
         assert recover(log)[1] == 9
 
     def test_frames_lost_from_the_log_during_the_run_are_noticed(self, tmp_path):
-        recorder = points_recorder(tmp_path / "run.usdc", make_scene())
+        recorder = recorder_of(tmp_path / "run.usdc")
         for frame in make_frames(12):
             recorder.record(moment(*frame))
         lost = "reads back 8 frames of /World/Grains.extent, but 12 were written"
@@ -296,11 +295,11 @@ class TestNothingIsLost:
 class TestResume:
     def test_continues_as_if_never_cut_short(self, tmp_path):
         frames, path = make_frames(11), tmp_path / "run.usdc"
-        killed = points_recorder(path, make_scene())
+        killed = recorder_of(path)
         for frame in frames[:10]:
             killed.record(moment(*frame))
         del killed  # and with it its lock
-        with points_recorder(path, make_scene(), resume_at=6) as recorder:
+        with recorder_of(path, make_scene(), resume_at=6) as recorder:
             assert recorder.frames == 6
             for frame in frames[6:]:
                 recorder.record(moment(*frame))
@@ -322,7 +321,7 @@ class TestResume:
         (tmp_path / "whole").mkdir()
         whole = record(tmp_path / "whole" / f"run{suffix}", frames)
         path = record(tmp_path / f"run{suffix}", frames[:8])
-        with points_recorder(path, make_scene(), resume_at=6) as recorder:
+        with recorder_of(path, make_scene(), resume_at=6) as recorder:
             for frame in frames[6:]:
                 recorder.record(moment(*frame))
         require_frames(path, frames)
@@ -336,7 +335,7 @@ class TestResume:
     def test_refuses_a_log_of_fewer_frames(self, tmp_path):
         cut_short(tmp_path / "run.usdc", make_frames(6))
         with pytest.raises(InputError, match="holds 6 of the 7 frames"):
-            points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=7)
+            recorder_of(tmp_path / "run.usdc", resume_at=7)
 
     @pytest.mark.parametrize("is_finished", [False, True])
     def test_continues_what_another_release_began(self, tmp_path, monkeypatch, is_finished):
@@ -348,7 +347,7 @@ class TestResume:
                 record(path, frames[:6], draw_as="discs")
             else:
                 cut_short(path, frames[:6], draw_as="discs")
-        with points_recorder(path, make_scene(), draw_as="discs", resume_at=5) as recorder:
+        with recorder_of(path, make_scene(), draw_as="discs", resume_at=5) as recorder:
             for frame in frames[5:]:
                 recorder.record(moment(*frame))
         assert inspect_recording(path) == []
@@ -364,8 +363,8 @@ class TestResume:
             ({}, {"color_by": "radius"}),
             ({}, {"color_by": "palette"}),
             ({}, {"forces": True}),
-            ({}, {"times": FrameTimes(0.01, 25)}),
-            ({}, {"times": FrameTimes(0.01, 50, first_step=3)}),
+            ({}, {"fps": 25}),
+            ({}, {"first_step": 3}),
             ({}, {"draw_as": "points"}),
             ({}, {"draw_as": "spheres"}),
         ],
@@ -374,8 +373,8 @@ class TestResume:
         cut_short(tmp_path / "run.usdc", make_frames(4), draw_as="discs")
         options = {"draw_as": "discs"} | options
         with pytest.raises(InputError, match="holds frames of another scene"):
-            points_recorder(tmp_path / "run.usdc", make_scene(**fields), resume_at=4, **options)
+            recorder_of(tmp_path / "run.usdc", make_scene(**fields), resume_at=4, **options)
 
     def test_refuses_what_is_not_there(self, tmp_path):
         with pytest.raises(InputError, match="does not exist"):
-            points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=4)
+            recorder_of(tmp_path / "run.usdc", resume_at=4)

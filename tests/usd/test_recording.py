@@ -3,8 +3,18 @@ import re
 import lightusd
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdValidation, Work
-from recordings import GRAINS, RADIUS, grains_of, make_contacts, make_frames, make_scene, moment, record
+from pxr import Gf, Usd, UsdGeom, UsdValidation
+from recordings import (
+    GRAINS,
+    RADIUS,
+    grains_of,
+    make_contacts,
+    make_frames,
+    make_scene,
+    moment,
+    record,
+    recorder_of,
+)
 
 import warpgrains
 from warpgrains import Scene, Segment, Simulation
@@ -15,8 +25,6 @@ from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError
 from warpgrains.scene.toml import read_parameters
 from warpgrains.usd.check import inspect_recording
-from warpgrains.usd.recorder import Recorder
-from warpgrains.usd.writer import _freeing_in_this_thread
 
 DRAWINGS = {
     "points": {},
@@ -195,9 +203,7 @@ class TestRecord:
     def test_the_arrays_handed_in_may_be_reused(self, tmp_path):
         frames = make_frames(3)
         buffer = np.empty_like(frames[0])
-        with Recorder(
-            tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50), draw_as="points"
-        ) as recorder:
+        with recorder_of(tmp_path / "run.usdc", draw_as="points") as recorder:
             for frame in frames:
                 buffer[:] = frame
                 recorder.record(moment(*buffer))
@@ -206,7 +212,7 @@ class TestRecord:
         assert np.array_equal(written[:, :, :2], frames[:, 0].astype(np.float32))
 
     def test_a_run_without_frames_leaves_nothing(self, tmp_path):
-        recorder = Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50), draw_as="points")
+        recorder = recorder_of(tmp_path / "run.usdc")
         with pytest.raises(ValueError, match="no frame was recorded"), recorder:
             pass
         assert list(tmp_path.iterdir()) == []
@@ -216,7 +222,7 @@ class TestOutput:
     @pytest.mark.parametrize("name", ["run.obj", "run", "run.usdx"])
     def test_unknown_suffix(self, tmp_path, name):
         with pytest.raises(InputError, match=re.escape(f"must end in {', '.join(RECORDINGS)}")):
-            Recorder(tmp_path / name, make_scene(), FrameTimes(0.01, 60))
+            recorder_of(tmp_path / name)
 
     @pytest.mark.parametrize("unit", [1e-45, 1e45])
     def test_lengths_that_float32_cannot_hold(self, tmp_path, unit):
@@ -248,7 +254,7 @@ class TestOutput:
             simulation.run(duration=3.0, record=tmp_path / "run.usdc", forces=True)
 
     def test_velocities_that_float32_cannot_hold(self, tmp_path):
-        recorder = Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50))
+        recorder = recorder_of(tmp_path / "run.usdc")
         with pytest.raises(InputError, match=r"the velocity of a grain is 1e\+39: a recording"), recorder:
             recorder.record(moment(np.zeros((5, 2)), np.full((5, 2), 1e39)))
 
@@ -263,7 +269,7 @@ class TestOutput:
     def test_pressures_that_float32_cannot_hold(self, tmp_path, options, force, complaint):
         contacts = make_contacts()
         contacts |= {name: force * contacts[name] for name in ("force", "wall_force")}
-        recorder = Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50), **options)
+        recorder = recorder_of(tmp_path / "run.usdc", **options)
         with pytest.raises(InputError, match=re.escape(f"{complaint}: a recording holds at most")), recorder:
             recorder.record(moment(*make_frames(1)[0], **contacts))
 
@@ -271,7 +277,7 @@ class TestOutput:
     def test_rotation_that_float32_cannot_hold(self, tmp_path, name):
         rotation = {"spin": np.zeros(5), "angle": np.zeros(5), name: np.full(5, -1e39)}
         scene = make_scene(friction=0.3)
-        recorder = Recorder(tmp_path / "run.usdc", scene, FrameTimes(0.01, 50))
+        recorder = recorder_of(tmp_path / "run.usdc", scene)
         with pytest.raises(InputError, match=rf"the {name} of a grain is 1e\+39: a recording"), recorder:
             recorder.record(moment(*make_frames(1)[0], scene, **rotation))
 
@@ -282,42 +288,32 @@ class TestOutput:
         with pytest.raises(InputError, match=r"a point of a wall is .*: a recording holds at most"):
             Simulation(scene).run(steps=40, record=tmp_path / "run.usdc", fps=1)
 
-    def test_threads_that_write_restore_the_limit_of_usd(self):
-        """The last one does, whichever began first."""
-        before = Work.GetConcurrencyLimit()
-        first, second = _freeing_in_this_thread(), _freeing_in_this_thread()
-        for step in (first.__enter__, second.__enter__, lambda: first.__exit__(None, None, None)):
-            step()
-            assert Work.GetConcurrencyLimit() == 1
-        second.__exit__(None, None, None)
-        assert Work.GetConcurrencyLimit() == before
-
     def test_unknown_coloring(self, tmp_path):
         with pytest.raises(
             InputError, match="unknown color_by 'mood': known: palette, pressure, radius, speed"
         ):
-            Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60), color_by="mood")
+            recorder_of(tmp_path / "run.usdc", color_by="mood")
         assert list(tmp_path.iterdir()) == []
 
     def test_unknown_way_to_draw(self, tmp_path):
         with pytest.raises(InputError, match="unknown draw_as 'cubes': known: discs, points, spheres"):
-            Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50), draw_as="cubes")
+            recorder_of(tmp_path / "run.usdc", draw_as="cubes")
         assert list(tmp_path.iterdir()) == []
 
     def test_folder_that_does_not_exist(self, tmp_path):
         with pytest.raises(InputError, match="absent' cannot be written: No such file"):
-            Recorder(tmp_path / "absent" / "run.usdc", make_scene(), FrameTimes(0.01, 60))
+            recorder_of(tmp_path / "absent" / "run.usdc")
 
     def test_folder_that_is_a_file(self, tmp_path):
         (tmp_path / "file").touch()
         with pytest.raises(InputError, match="file' cannot be written: Not a directory"):
-            Recorder(tmp_path / "file" / "run.usdc", make_scene(), FrameTimes(0.01, 60))
+            recorder_of(tmp_path / "file" / "run.usdc")
 
     def test_folder_that_refuses_files(self):
         with pytest.raises(InputError, match="'/proc' cannot be written"):
-            Recorder("/proc/run.usdc", make_scene(), FrameTimes(0.01, 60))
+            recorder_of("/proc/run.usdc")
 
     def test_output_that_is_a_folder(self, tmp_path):
         (tmp_path / "run.usdc").mkdir()
         with pytest.raises(InputError, match="is a folder"):
-            Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60))
+            recorder_of(tmp_path / "run.usdc")

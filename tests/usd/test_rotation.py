@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from pxr import Sdf, Usd, UsdGeom, UsdValidation, Vt
-from recordings import GRAINS, make_frames, make_scene, moment
+from recordings import GRAINS, bands_of, make_frames, make_scene, moment, recorder_of
 
 import warpgrains as wg
 from warpgrains import Scene, Simulation
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.chains import ChainScale, all_contacts
 from warpgrains.drawing.colorings import mobilized, spin_scale
 from warpgrains.drawing.colors import GrainColors, encoded, mark_color
-from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.shapes import Shape, disc, mark, sphere
 from warpgrains.usd.check import inspect_recording
-from warpgrains.usd.recorder import Recorder, recover
+from warpgrains.usd.recorder import recover
 from warpgrains.usd.recording import Recording, painter_of
 
 FORMS = ("points", "discs", "spheres")
@@ -208,26 +208,22 @@ def test_grains_have_their_colors(tmp_path: Path, color_by: str, draw_as: str) -
 def test_chains_are_the_total_forces(tmp_path: Path) -> None:
     """Bands go through the contact points, along the forces, and are as wide as they."""
     simulation = record(tmp_path / "run.usdc", forces=True)
-    reader = Recording(tmp_path / "run.usdc")
-    chains, x = painter_of(reader).chains(reader.frame(STEPS // 2)), simulation.position
-    at_wall, radius = chains.pair[:, 1] < 0, simulation.scene.radius
+    (ends, width), x = bands_of(tmp_path / "run.usdc", STEPS // 2), simulation.position
+    (pair, force, tangential), radius = all_contacts(snapshot(simulation)), simulation.scene.radius
+    at_wall, (i, j), scale = pair[:, 1] < 0, pair.T, ChainScale.of(simulation.scene)
     assert at_wall.any()
-    i, j = chains.pair.T
-    total = np.hypot(chains.force, chains.tangential_force)
-    assert reader.chain_scale is not None
-    share = np.minimum(total / reader.chain_scale.force, 1.0)
-    assert_allclose(chains.width, share * reader.chain_scale.width, rtol=0.0, atol=FLOAT32)
+    share = np.minimum(np.hypot(force, tangential) / scale.force, 1.0)
+    assert_allclose(width, share * scale.width, rtol=0.0, atol=FLOAT32)
     side = np.where(j == -2, -1.0, 1.0)[:, np.newaxis]
     normal = np.where(at_wall[:, np.newaxis], side * x[i], x[np.maximum(j, 0)] - x[i])
     normal /= np.hypot(*normal.T)[:, np.newaxis]
-    along = chains.ends[:, 1] - chains.ends[:, 0]
+    along = ends[:, 1] - ends[:, 0]
     direction = along / np.hypot(*along.T)[:, np.newaxis]
-    slope = chains.tangential_force / chains.force
     cross = normal[:, 0] * direction[:, 1] - normal[:, 1] * direction[:, 0]
-    assert_allclose(cross / (normal * direction).sum(axis=1), slope, atol=1e-4)
+    assert_allclose(cross / (normal * direction).sum(axis=1), tangential / force, atol=1e-4)
     contact = x[i] + radius[i, np.newaxis] * normal
-    assert_allclose(chains.ends[:, 0], contact - radius[i, np.newaxis] * direction, atol=1e-5)
-    assert_allclose(chains.ends[at_wall, 1], contact[at_wall], atol=1e-5)
+    assert_allclose(ends[:, 0], contact - radius[i, np.newaxis] * direction, atol=1e-5)
+    assert_allclose(ends[at_wall, 1], contact[at_wall], atol=1e-5)
 
 
 @pytest.mark.parametrize("draw_as", FORMS)
@@ -238,9 +234,7 @@ def test_a_recording_can_be_continued_and_recovered(tmp_path: Path, draw_as: str
     paths = [tmp_path / name for name in ("whole.usdc", "again.usdc", "killed.usdc")]
 
     def write(path: Path, which: range, resume_at: int | None = None) -> None:
-        with Recorder(
-            path, scene, FrameTimes(scene.dt, 50), draw_as=draw_as, resume_at=resume_at
-        ) as recorder:
+        with recorder_of(path, scene, draw_as=draw_as, resume_at=resume_at) as recorder:
             for k in which:
                 recorder.record(moment(*frames[k], scene, spin=still + k, angle=still + 0.3 * k))
 
@@ -257,7 +251,7 @@ def test_a_recording_can_be_continued_and_recovered(tmp_path: Path, draw_as: str
 
 
 def interrupted(path: Path, scene: Scene, frames: Any, draw_as: str) -> None:
-    with Recorder(path, scene, FrameTimes(scene.dt, 50), draw_as=draw_as) as recorder:
+    with recorder_of(path, scene, draw_as=draw_as) as recorder:
         for k, frame in enumerate(frames):
             recorder.record(moment(*frame, scene, spin=np.full(5, float(k)), angle=np.full(5, 0.3 * k)))
         raise KeyboardInterrupt

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from warpgrains.analysis.energy import kinetic_energy
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.kinds import STILLS
-from warpgrains.drawing.views import size_of
+from warpgrains.drawing.kinds import STILLS, size_of
 from warpgrains.errors import InputError
 from warpgrains.files import read_table, require_writable_path
 from warpgrains.locks import Lock

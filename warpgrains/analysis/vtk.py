@@ -9,7 +9,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.chains import contact_ends, contact_normals, with_walls
+from warpgrains.drawing.chains import all_contacts, contact_lines
 from warpgrains.drawing.shapes import drawn_walls, moved_walls, wall_mesh
 from warpgrains.errors import InputError, requiring
 from warpgrains.files import draft_of, make_folder, require_writable_path, resolve_link, write_atomically
@@ -100,14 +100,11 @@ def _blocks(source: Recording, k: int) -> dict[str, Any]:
     _add(grains.GetPointData(), dict(sorted(own.items())) | vector)
     found = {"Grains": grains}
     if source.has_forces:
-        pair = with_walls(frame.pair, frame.wall)
-        ends = contact_ends(frame, pair, contact_normals(frame, pair)).reshape(-1, 2)
+        pair, force, tangential = all_contacts(frame)
+        ends = np.stack(contact_lines(frame, pair)[:2], axis=1).reshape(-1, 2)
         found["Contacts"] = contacts = _polydata(ends)
         contacts.SetLines(_cells(np.arange(len(ends)).reshape(-1, 2)))
-        carried = {"force": np.concatenate([frame.force, frame.wall_force])}
-        if scene.has_friction:
-            tangential = frame.tangential_force, frame.wall_tangential_force
-            carried["tangential_force"] = np.concatenate(tangential)
+        carried = {"force": force} | ({"tangential_force": tangential} if scene.has_friction else {})
         _add(contacts.GetCellData(), {"grain": pair[:, 0], "other": pair[:, 1]} | carried)
     moved = moved_walls(scene, scene, frame.time)
     if moved or k == 0:

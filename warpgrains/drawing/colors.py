@@ -120,7 +120,7 @@ class GrainColors:
         coloring = COLORINGS.get(color_by) if isinstance(color_by, str) else None
         if coloring is not None and coloring.needs_friction and not scene.has_friction:
             raise InputError(f"color_by is {color_by!r}: it needs a scene with friction")
-        checks.one_of("color_by", color_by, colorings(scene))
+        checks.one_of("color_by", color_by, ["palette", *colorings_of(scene)])
         self.needs_contacts = coloring is not None and coloring.needs_contacts
         self.scale = None if coloring is None else ColorScale(color_by, *coloring.ends(scene))
         self.colors = PALETTE if self.scale is None else self.scale.colors()
@@ -141,11 +141,6 @@ class GrainColors:
     def of(self, now: Snapshot) -> FloatArray:
         """Return the colors of the grains (sRGB), shape (n, 3)."""
         return self.colors[self.levels(now)]
-
-
-def colorings(scene: Scene) -> tuple[str, ...]:
-    """Return the names of all colorings of a scene."""
-    return "palette", *colorings_of(scene)
 
 
 def colormap(name: str, share: FloatArray) -> FloatArray:

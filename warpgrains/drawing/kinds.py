@@ -1,13 +1,14 @@
-"""Kinds of outputs of runs, by the suffix of their files."""
+"""Kinds of outputs of runs, by the suffix of their files, and what their options say."""
 
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
-from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from warpgrains.errors import requiring
+from warpgrains.errors import InputError, requiring
+from warpgrains.scene import checks
+from warpgrains.scene.box import Box
 
 if TYPE_CHECKING:
     from warpgrains.drawing.frames import FrameTimes
@@ -19,6 +20,9 @@ RECORDINGS = (".usdc", ".usda", ".usdz")
 STILLS = (".png", ".pdf", ".svg")
 DRAWN_AS = ("points", "discs", "spheres")
 """Forms of the grains in a recording."""
+
+
+_SMALLEST, _LARGEST = 64, 8192  # pixels of a side of a picture
 
 
 class FilmFormat(NamedTuple):
@@ -83,18 +87,18 @@ class Kind(NamedTuple):
         return ", ".join(self.suffixes)
 
     def opened(
-        self, path: Path, scene: Scene, times: FrameTimes | None, options: RunOptions, resume_at: int | None
+        self, scene: Scene, options: RunOptions, times: FrameTimes | None, resume_at: int | None
     ) -> Output:
         """Return a locked output of a run, which continues at a frame if the run is resumed."""
-        with requiring(f"'{path}'", self.extra) if self.extra else nullcontext():
+        with requiring(f"'{options.record}'", self.extra) if self.extra else nullcontext():
             factory = resolve_name(f"warpgrains.{self.factory}")
-        output: Output = factory(path, scene, times, options, resume_at)
+        output: Output = factory(scene, options, times, resume_at)
         return output
 
 
 RECORDING = Kind(
     "recording", "a USD file of the frames, the present state first", RECORDINGS,
-    "usd.recorder:Recorder.of_run", continues=True, lacks=("size",),
+    "usd.recorder:Recorder", continues=True, lacks=("size",),
 )  # fmt: skip
 FILM = Kind("film", "a film of them", tuple(FILMS), "pictures.film:Film", "film", lacks=("draw_as",))
 STILL = Kind(
@@ -109,6 +113,31 @@ def described_kinds() -> str:
     """Return what there is to record, with the suffixes."""
     *first, last = (f"{kind.shows} ({kind.listed})" for kind in dict.fromkeys(KINDS.values()))
     return f"{', '.join(first)} or {last}"
+
+
+def frame_of(field: str, text: Any) -> Box:
+    """Return the rectangle of a text "X0,Y0,X1,Y1" [m]. Raises InputError unless X0 < X1 and Y0 < Y1."""
+    words = checks.text(field, text).split(",")
+    try:
+        box = Box(*(checks.number(field, float(word)) for word in words))
+    except (TypeError, ValueError):
+        raise InputError(f"{field} is {text!r}: it must be X0,Y0,X1,Y1 in m, such as -0.5,0,0.5,1") from None
+    if not (0.0 < box.width < float("inf") and 0.0 < box.height < float("inf")):
+        raise InputError(f"{field} is {text!r}: X0 must be less than X1, and Y0 less than Y1")
+    return box
+
+
+def size_of(field: str, text: Any, is_film: bool = False) -> tuple[int, int]:
+    """Return the numbers of a text "WIDTHxHEIGHT" [pixels]. Raises InputError if no picture has them."""
+    words = checks.text(field, text).split("x")
+    if len(words) != 2 or not all(word.isascii() and word.isdigit() for word in words):
+        raise InputError(f"{field} is {text!r}: it must be WIDTHxHEIGHT in pixels, such as 1920x1080")
+    width, height = (int(word[:9]) for word in words)
+    if not all(_SMALLEST <= side <= _LARGEST for side in (width, height)):
+        raise InputError(f"{field} is {text!r}: each side must have {_SMALLEST} to {_LARGEST} pixels")
+    if is_film and (width % 2 or height % 2):
+        raise InputError(f"{field} is {text!r}: a film needs even numbers of pixels")
+    return width, height
 
 
 def require_drawing(what: str, is_film: bool = False) -> None:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property, reduce
 from math import hypot
 from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
-from warpgrains.drawing.colors import ColorScale, GrainColors
+from warpgrains.drawing.colors import GrainColors
+from warpgrains.drawing.kinds import frame_of
 from warpgrains.drawing.shapes import drawn_walls
-from warpgrains.drawing.views import view_of
 from warpgrains.scene.band import Band
 from warpgrains.scene.box import Box
 from warpgrains.scene.extent import box_of_discs
@@ -21,29 +20,21 @@ if TYPE_CHECKING:
     from warpgrains.scene.snapshot import Snapshot
 
 
+_MARGIN = 0.04  # about the extent, in half of its longer side: walls are drawn outside of the grains' space
+
+
 class Painter:
     """Colors and force chains of the snapshots of a scene, and the rectangle to show.
 
-    `largest` is the force of a chain of full width [N], by default estimated from the scene. Divided by the
-    diameter of a mean grain, it is the pressure of the last color. `frame` is the rectangle to show, by
-    default the extent of the scene.
+    `frame` is the rectangle, by default the extent of the scene.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        color_by: str,
-        forces: bool,
-        largest: float | None = None,
-        frame: str | None = None,
-    ) -> None:
+    def __init__(self, scene: Scene, color_by: str, forces: bool, frame: str | None = None) -> None:
         self.scene, self.colors = scene, GrainColors(scene, color_by)
         self.chain_scale = ChainScale.of(scene) if forces else None
-        if largest is not None:
-            self.chain_scale = self.chain_scale and replace(self.chain_scale, force=largest)
-            if color_by == "pressure":
-                self.colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
-        self.view, self._is_framed = view_of(scene, frame), frame is not None
+        self._is_framed = frame is not None
+        margin = _MARGIN * scene.extent.half
+        self.view = scene.extent.grown(margin) if frame is None else frame_of("frame", frame)
 
     @property
     def needs_contacts(self) -> bool:

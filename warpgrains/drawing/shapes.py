@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -83,6 +84,10 @@ def sphere(is_marked: bool = False) -> Shape:
     counts = np.repeat([3, 4], [len(triangles), len(sides)])
     marked = np.tile(_in_mark(), len(counts) // _SEGMENTS) if is_marked else None
     return Shape(points, counts, np.concatenate([triangles.ravel(), sides.ravel()]), points, marked)
+
+
+SHAPES: dict[str, Callable[..., Shape] | None] = {"points": None, "discs": disc, "spheres": sphere}
+"""Meshes of a grain by the form in which recordings have it, see `kinds.DRAWN_AS`."""
 
 
 def mark() -> FloatArray:

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.drawing.frames import FrameTimes
-from warpgrains.drawing.kinds import FILMS, SLOWEST, FilmFormat
+from warpgrains.drawing.kinds import FILMS, SLOWEST, FilmFormat, size_of
 from warpgrains.drawing.painter import Painter
-from warpgrains.drawing.views import size_of
 from warpgrains.errors import InputError
 from warpgrains.files import draft_folder, draft_of, draft_path, require_writable_path, suffix_of
 from warpgrains.locks import Lock
@@ -174,9 +173,9 @@ def draw_film(
 class Film(DrawnOutput):
     """A film of a run, see `DrawnOutput`."""
 
-    def __init__(self, path: Path, scene: Scene, times: FrameTimes, options: RunOptions, *_: object) -> None:
+    def __init__(self, scene: Scene, options: RunOptions, times: FrameTimes, *_: object) -> None:
         require_rate(times.rate)
-        super().__init__(path, scene, times, options)
+        super().__init__(scene, options)
         self._rate = times.rate
 
     def __enter__(self) -> Self:

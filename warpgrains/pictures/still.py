@@ -31,7 +31,6 @@ from warpgrains.scene.box import Box
 from warpgrains.scene.snapshot import Snapshot
 
 if TYPE_CHECKING:
-    from warpgrains.drawing.frames import FrameTimes
     from warpgrains.scene.scene import Scene
     from warpgrains.simulation.options import RunOptions
 
@@ -94,7 +93,7 @@ class FrameArtists:
             self._marks.set(verts=turned, facecolor=mark_color(color))
         if chains is not None:
             casing = _CASING * self._points * chains.width
-            self._chains.set(verts=chains.corners(), linewidth=casing)  # one array is set fastest
+            self._chains.set(verts=chains.corners, linewidth=casing)  # one array is set fastest
         time = float(f"{now.time:.12g}")  # without the rounding of its computation, which differs by output
         self._time.set_text(f"t = {time:.3g} s" if 0.0 < time < 0.1 else f"t = {time:.2f} s")
 
@@ -214,15 +213,13 @@ class Picture:
 class DrawnOutput(ExitStack):
     """Base of the film and the picture of a run: locked until the block ends, it replaces any file."""
 
-    def __init__(
-        self, path: pathlib.Path, scene: Scene, times: FrameTimes | None, options: RunOptions, *_: object
-    ) -> None:
+    def __init__(self, scene: Scene, options: RunOptions, *_: object) -> None:
         super().__init__()
-        require_writable_path("output", path)
-        self._painter = Painter(scene, options.color_by, options.forces, frame=options.frame)
-        self._path, self._size = path, options.pixels
+        self._path, self._size = pathlib.Path(options.record or ""), options.pixels
+        require_writable_path("output", self._path)
+        self._painter = Painter(scene, options.color_by, options.forces, options.frame)
         self.needs_contacts = self._painter.needs_contacts
-        self.enter_context(Lock(path))
+        self.enter_context(Lock(self._path))
 
     def flush(self) -> None:
         """Do nothing, because a run that is drawn cannot be continued."""

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypedDict
 
 from warpgrains.described import described, described_fields
-from warpgrains.drawing.kinds import DRAWN_AS, FILM, FILMS, KINDS, Kind, described_kinds
-from warpgrains.drawing.views import frame_of, size_of
+from warpgrains.drawing.kinds import DRAWN_AS, FILM, FILMS, KINDS, Kind, described_kinds, frame_of, size_of
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link, suffix_of
 from warpgrains.scene import checks

@@ -112,9 +112,7 @@ class OpenRun(CountedRun):
             has_all_frames = self._is_resumed and self.has_ended and is_complete(path)
             if kind is not None and not has_all_frames:
                 resume_at = self.statistics.frames if self._is_resumed else None
-                self.output = held.enter_context(
-                    kind.opened(path, self.scene, self.times, options, resume_at)
-                )
+                self.output = held.enter_context(kind.opened(self.scene, options, self.times, resume_at))
             yield
             at_end = perf_counter()
         self.statistics.other_seconds += perf_counter() - at_end

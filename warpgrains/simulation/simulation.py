@@ -11,9 +11,8 @@ from warnings import warn
 from warpgrains.analysis.snapshot import snapshot_of
 from warpgrains.arrays import FloatArray
 from warpgrains.described import documented, fields_in_help
-from warpgrains.drawing.kinds import require_drawing
+from warpgrains.drawing.kinds import require_drawing, size_of
 from warpgrains.drawing.painter import Painter
-from warpgrains.drawing.views import size_of
 from warpgrains.errors import InputError, SimulationError, requiring
 from warpgrains.scene import checks
 from warpgrains.scene.energy import TOLERANCES

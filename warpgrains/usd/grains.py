@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,14 +10,12 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.colorings import colorings_of
-from warpgrains.drawing.colors import GrainColors, linear
+from warpgrains.drawing.colors import linear
+from warpgrains.drawing.painter import Painter
 from warpgrains.drawing.shapes import Shape
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.usd.stage import as_float32, bind_material, covering_extent, define_mesh, set_kind, triples
-
-if TYPE_CHECKING:
-    from warpgrains.scene.scene import Scene
 
 GRAINS = Sdf.Path("/World/Grains")
 PROTOTYPES = Sdf.Path("/World/Prototypes")
@@ -37,27 +35,31 @@ ORIENTATIONS = "orientations"
 _MOST_PROTOTYPES = 16
 
 
-class GrainPoints:
-    """Grains as `UsdGeom.Points`; their `widths` are diameters, and colors are indices into a table.
+class Grains:
+    """Grains as `UsdGeom.Points`, or as instances of a shape of radius 1, rotated if there is friction.
 
-    Further primvars hold the mass [kg], spin [rad/s] and angle [rad] with friction, and the quantities that
-    frames have.
+    The `widths` of points are diameters. Colors are indices into a table. Each instance also uses one of 16
+    prototypes, whose colors are means over ranges of that table, because Blender does not read primvars of an
+    instancer. Further primvars hold the mass [kg], the angle [rad] with friction, and the quantities of
+    `COLORINGS`.
     """
 
-    height = 1.0
-    """Extent of a grain of radius 1 m towards the viewer [m]."""
-    _position = "points"
-
-    def __init__(self, scene: Scene, colors: GrainColors, has_contacts: bool) -> None:
-        self._scene = scene
+    def __init__(self, painter: Painter, shape: Shape | None) -> None:
+        scene = self._scene = painter.scene
+        self.height = 1.0 if shape is None else shape.height
+        """Extent of a grain of radius 1 m towards the viewer [m]."""
+        self._shape, self._colors, self._rotates = shape, painter.colors, scene.has_friction
+        self._position = "points" if shape is None else "positions"
         self._diameter = (2.0 * scene.radius).astype(np.float32)
         self._half_width = self._diameter.astype(np.float64) / 2.0
-        self._colors, self._rotates = colors, scene.has_friction
-        found = colorings_of(scene, has_contacts)
+        self._shared = -(-len(self._colors.colors) // _MOST_PROTOTYPES)
+        found = colorings_of(scene, painter.needs_contacts)
         self._changing = {name: own.values for name, own in found.items() if own.changes}
+        if self._rotates:
+            self._changing[ANGLE] = lambda now: now.angle
 
     def define(self, stage: Usd.Stage) -> None:
-        prim = self._define_prim(stage)
+        prim = self._points(stage) if self._shape is None else self._instancer(stage, self._shape)
         set_kind(prim, "subcomponent")
         UsdGeom.Boundable(prim).CreateExtentAttr()
         types = Sdf.ValueTypeNames
@@ -73,7 +75,7 @@ class GrainPoints:
             prim.CreateAttribute(attribute, types.DoubleArray).Set(Vt.DoubleArray.FromNumpy(value))
             shown = Vt.FloatArray.FromNumpy(as_float32(f"the {name} of a grain", value))
             primvars.CreatePrimvar(name, types.FloatArray, vertex).Set(shown)
-        for name in (*self._changing, *([ANGLE] if self._rotates else [])):
+        for name in self._changing:
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
         if self._colors.still is not None:
             for name, index in self._color(self._colors.still).items():
@@ -82,23 +84,26 @@ class GrainPoints:
     def samples(self, now: Snapshot) -> Arrays:
         shown = triples("the position of a grain", now.position)
         found = {name: values(now) for name, values in self._changing.items()}
-        found |= {ANGLE: now.angle} if self._rotates else {}
         values: dict[str, NDArray[Any]] = {
             self._position: shown,
             "extent": covering_extent(shown, self._half_width),
             VELOCITIES: triples("the velocity of a grain", now.velocity),
-            **{
-                f"primvars:{name}": as_float32(f"the {name} of a grain", value)
-                for name, value in found.items()
-            },
+            **{f"primvars:{name}": as_float32(f"the {name} of a grain", own) for name, own in found.items()},
         }
-        if self._rotates:
-            values |= self._orientations(found[ANGLE])
+        if self._rotates and self._shape is not None:
+            values[ORIENTATIONS] = quaternions(now.angle)
         if self._colors.still is None and self._colors.scale is not None:
             values |= self._color(self._colors.scale.levels(found[self._colors.scale.quantity]))
         return {f"{GRAINS}.{name}": value for name, value in values.items()}
 
-    def _define_prim(self, stage: Usd.Stage) -> Usd.Prim:
+    def _color(self, levels: IndexArray) -> Arrays:
+        """Return the attributes that hold the colors, int32, shape (n,)."""
+        index = {COLOR_INDICES: levels} | (
+            {} if self._shape is None else {"protoIndices": levels // self._shared}
+        )
+        return {name: value.astype(np.int32) for name, value in index.items()}
+
+    def _points(self, stage: Usd.Stage) -> Usd.Prim:
         grains = UsdGeom.Points.Define(stage, GRAINS)
         diameter = self._diameter
         all_equal = bool((diameter == diameter[0]).all())
@@ -108,37 +113,13 @@ class GrainPoints:
         bind_material(grains.GetPrim())
         return grains.GetPrim()
 
-    def _orientations(self, angle: FloatArray) -> dict[str, NDArray[np.float32]]:
-        """Return the attributes that turn the drawings of grains by angles [rad]: points have none."""
-        return {}
-
-    def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
-        """Return the attributes that hold the colors, int32, shape (n,)."""
-        return {COLOR_INDICES: levels.astype(np.int32)}
-
-
-class GrainInstances(GrainPoints):
-    """Grains as scaled instances of a shape of radius 1, rotated if there is friction.
-
-    Each grain uses one of 16 prototypes, whose colors are means over ranges of the color table, because
-    Blender does not read primvars of an instancer.
-    """
-
-    _position = "positions"
-
-    def __init__(self, scene: Scene, colors: GrainColors, has_contacts: bool, shape: Shape) -> None:
-        super().__init__(scene, colors, has_contacts)
-        self.height, self._shape = shape.height, shape
-        self._shared = -(-len(colors.colors) // _MOST_PROTOTYPES)
-
-    def _define_prim(self, stage: Usd.Stage) -> Usd.Prim:
+    def _instancer(self, stage: Usd.Stage, shape: Shape) -> Usd.Prim:
         grains = UsdGeom.PointInstancer.Define(stage, GRAINS)
         UsdGeom.Scope(stage.CreateClassPrim(PROTOTYPES)).GetPrim().SetTypeName("Scope")
         colors = self._colors.colors
         for first in range(0, len(colors), self._shared):
             path = PROTOTYPES.AppendChild(f"Color{first // self._shared:02d}")
-            color = colors[first : first + self._shared].mean(axis=0)
-            define_mesh(stage, path, self._shape, color)
+            define_mesh(stage, path, shape, colors[first : first + self._shared].mean(axis=0))
             grains.CreatePrototypesRel().AddTarget(path)
         scales = np.repeat(self._half_width.astype(np.float32)[:, np.newaxis], 3, axis=1)
         grains.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
@@ -147,12 +128,6 @@ class GrainInstances(GrainPoints):
         if self._rotates:
             grains.CreateOrientationsAttr()
         return grains.GetPrim()
-
-    def _orientations(self, angle: FloatArray) -> dict[str, NDArray[np.float32]]:
-        return {ORIENTATIONS: quaternions(angle)}
-
-    def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
-        return super()._color(levels) | {"protoIndices": (levels // self._shared).astype(np.int32)}
 
 
 def position_of(grains: Usd.Prim) -> Usd.Attribute:

@@ -8,21 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 
-from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, chains_of
-from warpgrains.drawing.shapes import WALL_COLOR, drawn_walls, moved_walls, wall_mesh
+from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, all_contacts, chains_of
+from warpgrains.drawing.painter import Painter
+from warpgrains.drawing.shapes import WALL_COLOR, moved_walls, wall_mesh
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.usd.stage import as_float32, bind_material, covering_extent, define_mesh, set_kind, triples
 
 if TYPE_CHECKING:
-    from warpgrains.scene.scene import Scene
+    pass
 
 WALLS = Sdf.Path("/World/Walls")
 PLACES = "warpgrains:places"
 """Attribute of `WALLS` in scenes with driven walls: the coordinates of all walls [m], see `State.driven`."""
 FORCES = Sdf.Path("/World/Forces")
 GRAINS_OF = ("grain", "neighbour")
-"""Primvars of a band: the grains of its contact, see `Chains.pair`."""
+"""Primvars of a band: the grains of its contact, see `all_contacts`."""
 TANGENTIAL = "primvars:tangential_force"
 """The attribute of the tangential forces [N], in recordings with friction."""
 
@@ -32,8 +33,8 @@ _GAP = 0.05  # distance of force chains to the grains behind, in their height
 class Walls:
     """The walls, which lie outside the space of the grains. Frames hold points and extents of mobile ones."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
+    def __init__(self, painter: Painter) -> None:
+        self._painter, self._scene = painter, painter.scene
 
     def define(self, stage: Usd.Stage) -> None:
         """Author the prims, completely if the walls are not mobile."""
@@ -41,7 +42,7 @@ class Walls:
         set_kind(walls, "subcomponent")
         if self._scene.has_driven_walls:
             walls.CreateAttribute(PLACES, Sdf.ValueTypeNames.DoubleArray)
-        for name, wall in drawn_walls(self._scene).items():
+        for name, wall in self._painter.walls.items():
             define_mesh(stage, WALLS.AppendChild(name), wall_mesh(wall), np.array(WALL_COLOR))
 
     def samples(self, now: Snapshot) -> Arrays:
@@ -58,8 +59,8 @@ class Walls:
 class ForceChains:
     """A mesh of bands just in front of grains of `height` [m]. Primvars hold force [N] and grains."""
 
-    def __init__(self, scene: Scene, scale: ChainScale, height: float) -> None:
-        self._scale, self._depth, self._has_friction = scale, (1.0 + _GAP) * height, scene.has_friction
+    def __init__(self, scale: ChainScale, height: float, has_friction: bool) -> None:
+        self._scale, self._depth, self._has_friction = scale, (1.0 + _GAP) * height, has_friction
 
     def define(self, stage: Usd.Stage) -> None:
         bands, types = UsdGeom.Mesh.Define(stage, FORCES), Sdf.ValueTypeNames
@@ -82,18 +83,18 @@ class ForceChains:
         set_kind(bands.GetPrim(), "subcomponent")
 
     def samples(self, now: Snapshot) -> Arrays:
-        chains = chains_of(self._scale, now)
-        shown = triples("a corner of a force chain", chains.corners().reshape(-1, 2))
+        pair, force, tangential = all_contacts(now)
+        shown = triples("a corner of a force chain", chains_of(self._scale, now).corners.reshape(-1, 2))
         shown[:, 2] = self._depth
         extent = covering_extent(shown, np.zeros(len(shown))) if len(shown) else np.zeros((2, 3), np.float32)
         sampled = {
             "points": shown,
-            "faceVertexCounts": np.full(len(chains.force), 4, np.int32),
+            "faceVertexCounts": np.full(len(force), 4, np.int32),
             "faceVertexIndices": np.arange(len(shown), dtype=np.int32),
-            "primvars:force": as_float32("a force", chains.force),
-            **{f"primvars:{name}": grain for name, grain in zip(GRAINS_OF, chains.pair.T, strict=True)},
+            "primvars:force": as_float32("a force", force),
+            **{f"primvars:{name}": grain for name, grain in zip(GRAINS_OF, pair.T, strict=True)},
             "extent": extent,
         }
         if self._has_friction:
-            sampled[TANGENTIAL] = as_float32("a force", chains.tangential_force)
+            sampled[TANGENTIAL] = as_float32("a force", tangential)
         return {f"{FORCES}.{name}": value for name, value in sampled.items()}

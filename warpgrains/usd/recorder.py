@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from pxr import Sdf, Tf
 
 import warpgrains
-from warpgrains.drawing.chains import ChainScale
-from warpgrains.drawing.colors import GrainColors
 from warpgrains.drawing.frames import FrameTimes
-from warpgrains.drawing.kinds import DRAWN_AS, RECORDINGS
-from warpgrains.drawing.shapes import disc, sphere
-from warpgrains.drawing.views import view_of
+from warpgrains.drawing.kinds import RECORDINGS
+from warpgrains.drawing.painter import Painter
+from warpgrains.drawing.shapes import SHAPES
 from warpgrains.errors import InputError
 from warpgrains.files import require_writable_path, suffix_of
 from warpgrains.frame_log import LOG_SUFFIX, FrameLog, is_complete, log_of
@@ -24,7 +22,7 @@ from warpgrains.locks import Lock, lock_own
 from warpgrains.scene import checks
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.scene.toml import parameters_text
-from warpgrains.usd.grains import GrainInstances, GrainPoints
+from warpgrains.usd.grains import Grains
 from warpgrains.usd.meshes import ForceChains, Walls
 from warpgrains.usd.stage import RECORDED_BY, Drawing, refusing_untrusted_content, static_layer, too_coarse
 from warpgrains.usd.writer import identity, reopen_log, write_recording
@@ -48,38 +46,30 @@ class Recorder:
     """
 
     def __init__(
-        self,
-        path: str | Path,
-        scene: Scene,
-        times: FrameTimes,
-        *,
-        color_by: str = "speed",
-        forces: bool = False,
-        draw_as: str = "points",
-        frame: str | None = None,
-        resume_at: int | None = None,
+        self, scene: Scene, options: RunOptions, times: FrameTimes, resume_at: int | None = None
     ) -> None:
         _require_float32(scene)
-        self.path = Path(path)
+        self.path = Path(options.record or "")
         self.log = log_of(self.path)
-        colors = GrainColors(scene, color_by)
-        self.needs_contacts = forces or colors.needs_contacts
-        grains = _grains(draw_as, scene, colors, self.needs_contacts)
-        self._drawings: list[Drawing] = [grains, Walls(scene)]
-        scale = ChainScale.of(scene) if forces else None
-        if scale is not None:
-            self._drawings.append(ForceChains(scene, scale, grains.height * float(scene.radius.max())))
-        scales = {"colors": colors.scale, "forces": scale}
+        painter = Painter(scene, options.color_by, options.forces, options.frame)
+        self.needs_contacts = painter.needs_contacts
+        shape_of = SHAPES[checks.one_of("draw_as", options.draw_as, SHAPES)]
+        grains = Grains(painter, shape_of and shape_of(is_marked=scene.has_friction))
+        self._drawings: list[Drawing] = [grains, Walls(painter)]
+        if painter.chain_scale is not None:
+            height = grains.height * float(scene.radius.max())
+            self._drawings.append(ForceChains(painter.chain_scale, height, scene.has_friction))
+        scales = {"colors": painter.colors.scale, "forces": painter.chain_scale}
         data = {
             "version": warpgrains.__version__,
             "name": scene.name,
             "scene": scene.text,
             "parameters": parameters_text(scene),
-            "draw_as": draw_as,
+            "draw_as": options.draw_as,
             "first_step": times.first_step,
             **{name: own.described() for name, own in scales.items() if own is not None},
         }
-        static = static_layer(scene, times.rate, self._drawings, data, view_of(scene, frame))
+        static = static_layer(scene.text, times.rate, self._drawings, data, painter.view)
         self._frames = FrameLog(self.log, static.ExportToString())
         self._is_needed = resume_at is not None
         self._lock = lock_output(self.path)
@@ -91,13 +81,6 @@ class Recorder:
         except BaseException:
             self._lock.release()
             raise
-
-    @classmethod
-    def of_run(
-        cls, path: Path, scene: Scene, times: FrameTimes, options: RunOptions, resume_at: int | None
-    ) -> Self:
-        looks = {name: getattr(options, name) for name in ("color_by", "forces", "draw_as", "frame")}
-        return cls(path, scene, times, **looks, resume_at=resume_at)
 
     @property
     def frames(self) -> int:
@@ -166,14 +149,6 @@ def _require_float32(scene: Scene) -> None:
     if complaint := too_coarse(scene.position, scene.radius):
         x, y = scene.position[farthest]
         raise InputError(f"grain {farthest} is at ({x:g}, {y:g}) m: {complaint}, too much for a recording")
-
-
-def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool) -> GrainPoints:
-    checks.one_of("draw_as", draw_as, DRAWN_AS)
-    if draw_as == "points":
-        return GrainPoints(scene, colors, has_contacts)
-    shape = disc if draw_as == "discs" else sphere
-    return GrainInstances(scene, colors, has_contacts, shape(is_marked=scene.has_friction))
 
 
 def recover(log: str | Path) -> tuple[Path, int]:

@@ -20,7 +20,6 @@ from warpgrains.frame_log import Arrays
 from warpgrains.scene.box import Box
 
 if TYPE_CHECKING:
-    from warpgrains.scene.scene import Scene
     from warpgrains.scene.snapshot import Snapshot
 
 Values = NDArray[Any]
@@ -50,9 +49,9 @@ class Drawing(Protocol):
 
 
 def static_layer(
-    scene: Scene, rate: float, drawings: Iterable[Drawing], data: Mapping[str, Any], view: Box
+    text: str, rate: float, drawings: Iterable[Drawing], data: Mapping[str, Any], view: Box
 ) -> Sdf.Layer:
-    """Return an anonymous layer with the content of all frames; `rate` is in frames per second [1/s]."""
+    """Return an anonymous layer with the content of all frames of a scene with a text, at a rate [1/s]."""
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
     world = UsdGeom.Xform.Define(stage, "/World").GetPrim()
@@ -63,7 +62,7 @@ def static_layer(
     UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)
-    layer.documentation = f"Recorded by warpgrains {warpgrains.__version__} from the scene:\n\n{scene.text}"
+    layer.documentation = f"Recorded by warpgrains {warpgrains.__version__} from the scene:\n\n{text}"
     layer.customLayerData = {
         RECORDED_BY: data,
         "cameraSettings": {"boundCamera": str(CAMERA)},  # the camera that Omniverse uses

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Tf, UsdUtils, Work
+from pxr import Sdf, Tf, UsdUtils
 
 from warpgrains.errors import InputError
 from warpgrains.files import draft_folder, draft_of, publish, resolve_link, suffix_of
@@ -22,8 +21,6 @@ from warpgrains.usd.stage import RECORDED_BY, refusing_untrusted_content
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
 _PACKED = time.mktime((1980, 1, 1, 0, 0, 0, 0, 1, -1))  # of every package, so that its bytes repeat
 _DEEPEST = 1000  # brackets in brackets of the constants; USD crashes at some 20,000
-_WRITERS = Lock()
-_limits: list[int] = []  # USD's limit of threads before the first writer, for each
 _SAMPLE = 128  # bytes of memory per value in addition to its array
 
 
@@ -34,7 +31,7 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
         constants = _constants(reader)
     with draft_folder(target) as folder:
         binary, draft = folder / f"{target.stem}.usdc", folder / target.name
-        with _reporting_os_errors(target), _freeing_in_this_thread():
+        with _reporting_os_errors(target):
             written = _write_binary(reader, constants, binary, frames)
             if suffix_of(target) == ".usdz":
                 os.utime(binary, (_PACKED, _PACKED))
@@ -153,18 +150,3 @@ def _reporting_os_errors(path: Path) -> Iterator[None]:
         raise OSError(
             f"'{path}' cannot be written and read back: {reasons[0] if reasons else error}"
         ) from error
-
-
-@contextmanager
-def _freeing_in_this_thread() -> Iterator[None]:
-    """Keep USD from freeing saved values in its own threads, which on a busy machine would lag behind."""
-    with _WRITERS:
-        _limits.append(_limits[0] if _limits else Work.GetConcurrencyLimit())
-        Work.SetConcurrencyLimit(1)
-    try:
-        yield
-    finally:
-        with _WRITERS:
-            limit = _limits.pop()
-            if not _limits:
-                Work.SetConcurrencyLimit(limit)

@@ -11,7 +11,7 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import snapshot_of
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.colors import colorings
+from warpgrains.drawing.colorings import colorings_of
 from warpgrains.drawing.painter import Painter
 from warpgrains.errors import SimulationError
 from warpgrains.scene.energy import kinetic_energy
@@ -86,7 +86,7 @@ class Live:
 
     @property
     def colorings(self) -> tuple[str, ...]:
-        return colorings(self.scene)
+        return "palette", *colorings_of(self.scene)
 
     @property
     def steps(self) -> int:

@@ -55,8 +55,8 @@ class Stage:
         elif self._marks is not None:
             self._marks.remove()
             self._marks = None
-        if chains is not None and len(chains.force):
-            corners = chains.corners().reshape(-1, 2)
+        if chains is not None and len(chains.width):
+            corners = chains.corners.reshape(-1, 2)
             raised = np.insert(corners, 2, _CHAIN_HEIGHT * self._reach, axis=1)
             self._add_mesh(_CHAINS, raised, np.arange(len(corners)), CHAIN_COLOR)
             self._has_chains = True
