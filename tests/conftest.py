@@ -19,7 +19,7 @@ from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.state import State
 from warpgrains.solver import tuning
 from warpgrains.solver.advance import OnProgress
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.statistics import Summary
 
 HOLD = """
 import sys
@@ -79,7 +79,7 @@ def stop_at(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     def stop(steps: int) -> None:
         advance = Simulation.advance
 
-        def advance_or_stop(self: Simulation, count: int, on_progress: OnProgress) -> RunStatistics:
+        def advance_or_stop(self: Simulation, count: int, on_progress: OnProgress) -> Summary:
             if self.steps + count <= steps:
                 return advance(self, count, on_progress)
             advance(self, steps - self.steps, on_progress)

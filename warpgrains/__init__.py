@@ -18,7 +18,7 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
 
 if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
-    from warpgrains.batch.batch import Batch, SceneSummary
+    from warpgrains.batch.batch import Batch
     from warpgrains.errors import InputError, NoAreaError, OutputError, SimulationError
     from warpgrains.packings.compress import Packing, compress
     from warpgrains.packings.pack import Rest, pack
@@ -45,7 +45,6 @@ __all__ = [
     "Recording",
     "Rest",
     "Scene",
-    "SceneSummary",
     "Segment",
     "Separation",
     "Simulation",
@@ -65,7 +64,7 @@ _NAMES = {
     "packings.pack": ("Rest", "pack"),
     "packings.separate": ("Separation", "separate"),
     "usd.recording": ("Recording",),
-    "batch.batch": ("Batch", "SceneSummary"),
+    "batch.batch": ("Batch",),
     "errors": ("InputError", "NoAreaError", "OutputError", "SimulationError"),
     "scene.arc": ("Arc",),
     "scene.disc": ("Disc",),

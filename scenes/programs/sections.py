@@ -15,7 +15,7 @@ from warpgrains.drawing.chains import ChainScale
 from warpgrains.drawing.colors import ColorScale
 from warpgrains.drawing.painter import Painter
 from warpgrains.pictures.still import FrameArtists, add_color_bar
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.statistics import Summary
 
 Numbers = dict[str, float]
 Section = tuple[Figure, Numbers]
@@ -82,11 +82,11 @@ def moments(
     scene: wg.Scene, times: Sequence[float], color_by: str = "speed"
 ) -> tuple[Figure, wg.Simulation, wg.Summary]:
     """Draw a scene at some times [s]; return the figure, the simulation at the last time, and a summary."""
-    simulation, done, row = wg.Simulation(scene), RunStatistics(), Row(len(times))
+    simulation, done, row = wg.Simulation(scene), Summary(), Row(len(times))
     for begin, end in pairwise([0, *(scene.steps_in(time) for time in times)]):
         done.add(simulation.advance(end - begin))
         row.show(simulation, color_by)
-    return row.figure, simulation, done.summary(None)
+    return row.figure, simulation, done
 
 
 def draw_sections(

@@ -92,7 +92,7 @@ def test_an_interrupted_run_leaves_every_scene_between_two_steps(
 
 def test_a_batch_whose_extra_is_missing_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """When it is built, not in its first step."""
-    monkeypatch.setitem(sys.modules, "warpgrains.solver.exact", None)
+    monkeypatch.setitem(sys.modules, "warpgrains.solver.exact.convex", None)
     scene = Scene.load("annulus")
     with pytest.raises(InputError, match="method 'exact' needs"):
         Batch([scene, scene.replace(method="exact")])

@@ -86,7 +86,7 @@ def test_the_command_prints_and_saves_the_same(rest: wg.Rest, tmp_path, monkeypa
 
 
 def test_a_missing_extra_is_named_at_once(scene: Scene, monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "warpgrains.solver.exact", None)
+    monkeypatch.setitem(sys.modules, "warpgrains.solver.exact.convex", None)
     with pytest.raises(InputError, match=r"method 'exact' needs"):
         wg.pack(scene, steps=1)
 

@@ -75,7 +75,7 @@ HEADERS = {
     "more steps than the state": ({"statistics": {"steps": 21}}, "steps is 21"),
     "negative": ({"statistics": {"iterations": -1}}, "iterations is -1"),
     "nan": ({"statistics": {"residual": float("nan")}}, "residual is nan"),
-    "seconds as text": ({"statistics": {"step_seconds": "1"}}, "step_seconds is '1'"),
+    "seconds as text": ({"statistics": {"seconds": "1"}}, "seconds is '1'"),
     "truth": ({"statistics": {"restarts": True}}, "restarts is True"),
     "tally as text": ({"statistics": "none"}, "holds an invalid state"),
     "name as number": ({"scene": {"name": 3}}, "name is 3"),

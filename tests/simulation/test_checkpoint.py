@@ -13,9 +13,9 @@ from warpgrains import InputError, Scene, Simulation
 from warpgrains.scene.state import VERLET_NUMBERS, Corrections, State, VerletList, first_state
 from warpgrains.simulation.checkpoint import VERSION, Checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.statistics import Summary
 
-STORED = State, Corrections, VerletList, RunOptions, RunStatistics
+STORED = State, Corrections, VerletList, RunOptions, Summary
 FIELDS = {
     name: names.split()
     for name, names in {
@@ -26,11 +26,11 @@ FIELDS = {
         " frame_shift base_skin frame_skin elapsed lifetime",
         "RunOptions": "steps record fps color_by forces draw_as size frame checkpoint every until"
         " measure series measure_every region mean",
-        "RunStatistics": "steps frames iterations iterations_max unconverged"
-        " residual gap_error overlap rebuilds restarts step_seconds other_seconds held met means",
+        "Summary": "steps iterations iterations_max unconverged residual gap_error overlap rebuilds restarts"
+        " seconds output met error frames held means",
     }.items()
 }
-"""Fields of version 14. Whoever changes them must increase `VERSION`."""
+"""Fields of version 15. Whoever changes them must increase `VERSION`."""
 
 
 @pytest.fixture
@@ -77,7 +77,7 @@ class TestRoundTrip:
             name='"quoted" \u00e9\u4e2d',
             text="line\nline\t\\ \x7f \U0001f40d",
         )
-        kept = Checkpoint(scene, first_state(scene), None, RunStatistics(overlap=third))
+        kept = Checkpoint(scene, first_state(scene), None, Summary(overlap=third))
         write_checkpoint(tmp_path / "kept.npz", kept)
         assert contents(read_checkpoint(tmp_path / "kept.npz")) == contents(kept)
 
@@ -93,7 +93,7 @@ class TestRoundTrip:
 class TestFile:
     def test_layout_of_this_version(self, saved):
         """A file that another version could not read needs another number."""
-        assert VERSION == 14
+        assert VERSION == 15
         assert {kind.__name__: [own.name for own in fields(kind)] for kind in STORED} == FIELDS
         with np.load(saved, allow_pickle=False) as archive:
             header = json.loads(archive["header"].tobytes())
@@ -220,7 +220,7 @@ class TestBadFile:
     def test_array_said_to_be_shorter(self, tmp_path):
         """NumPy would read its first rows and not notice that they are not all."""
         scene, path = Scene.load("pile"), tmp_path / "saved.npz"
-        write_checkpoint(path, Checkpoint(scene, first_state(scene), None, RunStatistics()))
+        write_checkpoint(path, Checkpoint(scene, first_state(scene), None, Summary()))
         path.write_bytes(path.read_bytes().replace(b"(1000,", b"( 500,", 1))
         self.require_refusal(path, "or it is damaged")
 

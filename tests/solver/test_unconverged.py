@@ -12,7 +12,7 @@ from warpgrains.cli.main import main
 from warpgrains.scene.fields import METHODS
 from warpgrains.scene.state import first_state
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from warpgrains.solver.statistics import RunStatistics, named
+from warpgrains.solver.statistics import Summary, named
 
 WEDGE = """
 domain = {radius_in = 0.5, radius_out = 1.0}
@@ -133,7 +133,7 @@ def test_command_line(tmp_path, capfd) -> None:
 
 def test_a_resumed_run_tells_of_all_its_steps(tmp_path) -> None:
     path, scene = tmp_path / "kept.npz", chain(5, 1e-3)
-    statistics = RunStatistics(unconverged=3, residual=1.0 / 3.0, gap_error=0.1)
+    statistics = Summary(unconverged=3, residual=1.0 / 3.0, gap_error=0.1)
     kept = Checkpoint(scene, first_state(scene), None, statistics)
     write_checkpoint(path, kept)
     assert contents(read_checkpoint(path)) == contents(kept)

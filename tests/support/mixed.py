@@ -6,7 +6,7 @@ from sample_scenes import SUDDEN, random_scene
 
 from warpgrains import Scene, Simulation, State, StepReport
 from warpgrains.scene.fields import METHODS, ORDERS
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.statistics import Summary
 
 STEPS = 25
 
@@ -25,13 +25,13 @@ class Alone(NamedTuple):
     """What a scene has come to alone."""
 
     state: State
-    statistics: RunStatistics
+    statistics: Summary
     report: StepReport
 
 
-def of_step(report: StepReport) -> RunStatistics:
+def of_step(report: StepReport) -> Summary:
     """Return the statistics of one step."""
-    return RunStatistics(
+    return Summary(
         steps=1,
         iterations=report.iterations,
         iterations_max=report.iterations,
@@ -45,7 +45,7 @@ def of_step(report: StepReport) -> RunStatistics:
 
 
 def alone(scene: Scene) -> Alone:
-    simulation, statistics = Simulation(scene, threads=1), RunStatistics()
+    simulation, statistics = Simulation(scene, threads=1), Summary()
     for _ in range(STEPS):
         report = simulation.step()
         statistics.add(of_step(report))

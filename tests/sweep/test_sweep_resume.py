@@ -106,7 +106,7 @@ def test_run_that_takes_long_gets_a_folder(tmp_path, brief, monkeypatch, options
 def test_a_run_whose_extra_is_missing_is_left_to_another_machine(tmp_path, monkeypatch, capfd, options):
     sweep = write(tmp_path, SMALL.replace("[axes]", '[axes]\nsolver.method = ["gauss-seidel", "exact"]'))
     with monkeypatch.context() as patch:
-        patch.setitem(sys.modules, "warpgrains.solver.exact", None)
+        patch.setitem(sys.modules, "warpgrains.solver.exact.convex", None)
         assert batch(sweep, "-o", tmp_path / "out", *options) == 1
     said = capfd.readouterr().out
     assert "not finished      4 (continue with --resume), first run 6: method 'exact' needs" in said

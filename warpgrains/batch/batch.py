@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import Any, TypeVar, cast, overload
 
 import numpy as np
@@ -12,7 +11,6 @@ from numpy.typing import ArrayLike
 from warpgrains.arrays import FloatArray
 from warpgrains.batch.loaded_scenes import LoadedScenes, StepsTaken
 from warpgrains.console import progress_bar
-from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
@@ -21,7 +19,7 @@ from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.options import steps_of
 from warpgrains.simulation.until import CountedRun, Question, criterion
 from warpgrains.solver.advance import OnProgress
-from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
+from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.threads import cores
 from warpgrains.turns import NOTHING, READ, ExclusiveUse
 from warpgrains.warp_start import find_device
@@ -58,27 +56,6 @@ class Results(Sequence[T]):
         if len(self) > SHOWN:
             lines.insert(SHOWN // 2, f"... {len(self) - SHOWN} more ...")
         return "[" + ",\n ".join(lines) + "]"
-
-
-@fields_in_help
-@dataclass(frozen=True, repr=False)
-class SceneSummary(Summary):
-    """A `Summary` of the run of one scene of a batch; `seconds` is its share of one core's time.
-
-    Examples
-    --------
-    >>> scene = wg.Scene.load("annulus", ["solver.max_iterations=3"]).replace(on_unconverged="raise")
-    >>> (failed,) = wg.Batch([scene]).run()
-    >>> failed.steps, failed.error
-    (19, 'step 20, from t = 0.19 s: not converged after 3 iterations: ...')
-    """
-
-    error: str | None = None
-    """Reason why the scene stopped early, at its last good state; None if it did not."""
-
-    def summary(self) -> dict[str, str]:
-        """Return the fields of the one-line summary by name."""
-        return super().summary() | ({} if self.error is None else {"error": self.error})
 
 
 class Batch(Shown):
@@ -189,7 +166,7 @@ class Batch(Shown):
         progress: bool = False,
         until: str | Question | None = None,
         gravity: ArrayLike | None = None,
-    ) -> Results[SceneSummary]:
+    ) -> Results[Summary]:
         """Advance every scene by many time steps.
 
         A scene that fails stops at its last good state, and the other scenes continue.
@@ -212,7 +189,7 @@ class Batch(Shown):
 
         Returns
         -------
-        sequence of SceneSummary
+        sequence of Summary
             One summary per scene; `error` is the reason of a failure, and `met` is True if `until` was met.
 
         Raises
@@ -224,14 +201,9 @@ class Batch(Shown):
         runs = None
         if until is not None:
             own = zip(wanted, self.scenes, strict=True)
-            runs = [CountedRun(steps, RunStatistics(), criterion(until, scene)) for steps, scene in own]
+            runs = [CountedRun(steps, Summary(), criterion(until, scene)) for steps, scene in own]
         with progress_bar(sum(wanted), shown=progress) as bar:
-            errors, statistics = self._advance(wanted, gravity, bar.update if progress else None, runs)
-
-        def summary(k: int) -> SceneSummary:
-            error = str(errors[k]) if k in errors else None
-            return SceneSummary(**vars(statistics(k).summary(None)), error=error)
-
+            _, summary = self._advance(wanted, gravity, bar.update if progress else None, runs)
         return Results(len(self), summary)
 
     def _steps_of_each(self, steps: int | Sequence[int] | None, duration: float | None) -> list[int]:
@@ -251,7 +223,7 @@ class Batch(Shown):
         gravity: ArrayLike | None,
         on_progress: OnProgress | None = None,
         runs: list[CountedRun] | None = None,
-    ) -> tuple[dict[int, SimulationError], Callable[[int], RunStatistics]]:
+    ) -> tuple[dict[int, SimulationError], Callable[[int], Summary]]:
         """Advance each scene; return why some stopped early, and the function that returns what each did."""
         given = None if gravity is None else self._checked_gravity(gravity)
         errors: dict[int, SimulationError] = {}
@@ -268,7 +240,11 @@ class Batch(Shown):
             for last in taken:
                 errors |= last.errors
                 self._stepped |= dict.fromkeys(last.stepped, last)
-        return errors, last.statistics if runs is None else lambda k: runs[k].statistics
+        if runs is None:
+            return errors, last.summary
+        for k, error in errors.items():
+            runs[k].statistics.error = str(error)
+        return errors, lambda k: runs[k].statistics
 
     def _checked_gravity(self, gravity: ArrayLike) -> FloatArray:
         one = np.ndim(gravity) == 1

@@ -21,7 +21,7 @@ from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loading import load_state
 from warpgrains.solver.memory import require_memory
 from warpgrains.solver.sizes import Sizes, kind_of
-from warpgrains.solver.statistics import RunStatistics, StepReport
+from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.tuning import paying_threads
 
 
@@ -46,10 +46,10 @@ class StepsTaken(NamedTuple):
         """Numbers of the scenes that took at least one step."""
         return [k for last, numbers in self.engines for k in numbers[last.sums["steps"] > 0].tolist()]
 
-    def statistics(self, k: int) -> RunStatistics:
-        """Return the statistics of the steps of scene k."""
+    def summary(self, k: int) -> Summary:
+        """Return the summary of the steps of scene k."""
         engine, index = self.place[k]
-        return self.engines[engine][0].statistics(index)
+        return self.engines[engine][0].summary(index)
 
     def report(self, k: int) -> StepReport:
         """Return the report of the last step of scene k, if it took one."""
@@ -129,7 +129,7 @@ class LoadedScenes:
             due = [min(left[k], run.steps_to_test) if k in left else 0 for k, run in enumerate(runs)]
             last = self.advance(due, on_progress)
             for k in tuple(left):
-                done = last.statistics(k)
+                done = last.summary(k)
                 runs[k].count(done, self.scenes[k])
                 left[k] -= done.steps
                 if runs[k].has_ended or done.steps < due[k] or left[k] == 0:
@@ -156,5 +156,5 @@ class LoadedScenes:
                     of_shape.setdefault(shape, []).append(index)
             for which in of_shape.values():
                 alike = numbers[which].tolist()
-                statistics = None if runs is None else [runs[k].statistics for k in alike]
-                yield alike, engine.ends(np.array(which), statistics)
+                summaries = None if runs is None else [runs[k].statistics for k in alike]
+                yield alike, engine.ends(np.array(which), summaries)

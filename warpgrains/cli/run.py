@@ -9,7 +9,7 @@ import warnings
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import asdict, replace
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -180,11 +180,11 @@ def _show_warning(message: Warning | str, *where: Any) -> None:
 def results_of(run: OpenRun) -> dict[str, Any]:
     """Return the results of a run by name, as `--json` prints them."""
     scene, options = run.scene, run.options
-    summary, overlaps = run.statistics.summary(options.record), scene.count_overlaps()
+    summary, overlaps = replace(run.statistics, output=options.record), scene.count_overlaps()
     results = {
         "scene": scene.name,
         "grains": scene.n,
-        **asdict(summary),
+        **summary.results(),
         "overlap_in_radii": summary.overlap / scene.smallest_radius,
         "overlaps_at_start": overlaps._asdict(),
     }

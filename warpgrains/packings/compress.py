@@ -1,6 +1,6 @@
 """Jammed packings: grains without gravity in an outer wall under a pressure, until they rest."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,7 @@ class Packing(Shown):
     def results(self) -> dict[str, Any]:
         """Return the numbers by name, as ``warpgrains compress --json`` prints them, None instead of NaN."""
         own = {key: value for key, value in vars(self).items() if key not in ("simulation", "run")}
-        return {key: None if value != value else value for key, value in (own | asdict(self.run)).items()}
+        return {key: None if value != value else value for key, value in (own | self.run.results()).items()}
 
     def summary(self) -> dict[str, str]:
         """Return the lines that describe the packing, by name."""

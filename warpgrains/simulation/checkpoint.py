@@ -4,7 +4,7 @@ The entry `header` is JSON text in UTF-8 with the format, the version, and all n
 written so that the same doubles are read back. Every array is a separate entry `part.field`, named after the
 dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`); `last_scene` is a `Scene`, too.
 
-If a field of these, of `RunOptions` or of `RunStatistics` is added, removed, renamed or changes its meaning,
+If a field of these, of `RunOptions` or of `Summary` is added, removed, renamed or changes its meaning,
 `VERSION` must increase, so that another version of the program says which version it reads. A field that is
 added to `Scene` needs none: earlier files take its default, and earlier programs name it as unknown.
 """
@@ -12,7 +12,7 @@ added to `Scene` needs none: earlier files take its default, and earlier program
 import io
 import json
 import zipfile
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -27,10 +27,10 @@ from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, VerletList, require_state
 from warpgrains.simulation.options import RunOptions
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.statistics import Summary
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 14
+VERSION = 15
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]
@@ -43,7 +43,7 @@ class Checkpoint:
     state: State
     options: RunOptions | None
     """Options of the run that wrote the checkpoint, if a run wrote it."""
-    statistics: RunStatistics
+    statistics: Summary
     """Statistics of the run up to the checkpoint."""
 
     @property
@@ -91,7 +91,7 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
         "version": VERSION,
         "warpgrains": __version__,
         "options": None if options is None else options.stored(path),
-        "statistics": asdict(checkpoint.statistics),
+        "statistics": asdict(replace(checkpoint.statistics, error=None)),  # a resumed run has not failed
     }
     arrays: Arrays = {}
     for part, record in _parts(checkpoint.scene, state).items():
@@ -154,14 +154,14 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
     state = State(corrections=corrections, lists=lists, last_scene=last, **part("state"))
     require_state(state, scene)
     options = None if header["options"] is None else RunOptions.restored(header["options"], path)
-    statistics = RunStatistics(**header["statistics"])
+    statistics = Summary(**header["statistics"])
     _require_statistics(statistics, state, options)
     return Checkpoint(scene, state, options, statistics)
 
 
-def _require_statistics(statistics: RunStatistics, state: State, options: RunOptions | None) -> None:
+def _require_statistics(statistics: Summary, state: State, options: RunOptions | None) -> None:
     """Raise InputError unless a run of these options can have these statistics."""
-    for field in fields(RunStatistics):
+    for field in fields(Summary):
         value = getattr(statistics, field.name)
         if isinstance(field.default, bool):
             checks.boolean(field.name, value)
@@ -170,6 +170,8 @@ def _require_statistics(statistics: RunStatistics, state: State, options: RunOpt
             checks.whole_number(field.name, value, least=0, most=most)
         elif isinstance(field.default, float) and not (isinstance(value, float | int) and value >= 0.0):
             raise InputError(f"{field.name} is {value!r}: it must be a number, 0 or more")
+        elif field.default is None and value is not None:
+            raise InputError(f"{field.name} is {value!r}: a checkpoint has none")
     if not all(isinstance(mean, float | int) for mean in statistics.means):
         raise InputError(f"means is {statistics.means!r}: it must hold numbers")
     if options is not None:

@@ -23,7 +23,7 @@ from warpgrains.scene.region import table_of
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.until import CountedRun, criterion, steps_to
-from warpgrains.solver.statistics import RunStatistics, named
+from warpgrains.solver.statistics import Summary, named
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -64,12 +64,12 @@ class OpenRun(CountedRun):
         self,
         scene: Scene,
         options: RunOptions,
-        statistics: RunStatistics | None = None,
+        statistics: Summary | None = None,
         first_step: int = 0,
         *,
         is_locked: bool = False,
     ) -> None:
-        super().__init__(options.steps, statistics or RunStatistics(), criterion(options.until, scene))
+        super().__init__(options.steps, statistics or Summary(), criterion(options.until, scene))
         self.scene, self.options, self.first_step = scene, options, first_step
         self._is_resumed, self._is_locked = statistics is not None, is_locked
         self.observer: Observer | None = None
@@ -115,7 +115,7 @@ class OpenRun(CountedRun):
                 self.output = held.enter_context(kind.opened(self.scene, options, self.times, resume_at))
             yield
             at_end = perf_counter()
-        self.statistics.other_seconds += perf_counter() - at_end
+        self.statistics.seconds += perf_counter() - at_end
 
     @property
     def missing_frames(self) -> int:
@@ -190,7 +190,7 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
     start = perf_counter() - statistics.seconds
 
     def measure_time() -> None:
-        statistics.other_seconds = perf_counter() - start - statistics.step_seconds
+        statistics.seconds = perf_counter() - start
 
     def write_due() -> None:
         with simulation.observed():

@@ -36,7 +36,7 @@ from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loaded_scene import LoadedScene
 from warpgrains.solver.loading import change_scene, load_state
 from warpgrains.solver.service import infeasible_grains
-from warpgrains.solver.statistics import RunStatistics, StepHistory, StepReport, Summary
+from warpgrains.solver.statistics import StepHistory, StepReport, Summary
 from warpgrains.solver.tuning import threads_for
 from warpgrains.turns import NOTHING, READ, ExclusiveUse
 from warpgrains.warp_start import find_device
@@ -187,7 +187,7 @@ class Simulation(LoadedScene, Shown):
             kept = (array[: report.iterations].copy() for array in whole)
             return replace(report, history=StepHistory(*kept))
 
-    def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
+    def advance(self, steps: int, on_progress: OnProgress | None = None) -> Summary:
         """Advance by many time steps without outputs or callbacks between them.
 
         Parameters
@@ -209,7 +209,7 @@ class Simulation(LoadedScene, Shown):
         if on_progress is not None:
             checks.function("on_progress", on_progress)
         with self._use.held():
-            return self._advance(steps, on_progress).statistics(0)
+            return self._advance(steps, on_progress).summary(0)
 
     def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> LastSteps:
         self._records.keep_history(0, self.scene.max_iterations if history else 0)
@@ -369,7 +369,7 @@ class Simulation(LoadedScene, Shown):
             run.observer = observer
         with self._use.held(), run.opened():
             carry_out(self, run, progress)
-        return run.statistics.summary(options.record)
+        return replace(run.statistics, output=options.record)
 
     def view(self, port: int = 8080) -> Page:
         """Play the simulation from its present state in a page of this machine's browser.
@@ -427,7 +427,7 @@ class Simulation(LoadedScene, Shown):
         """
         path = Path(checks.path("path", path))
         with lock_checkpoint(path):
-            write_checkpoint(path, Checkpoint(self.scene, self.state(), None, RunStatistics()))
+            write_checkpoint(path, Checkpoint(self.scene, self.state(), None, Summary()))
 
     @classmethod
     def load(cls, path: str | Path, device: str = "cpu", threads: int | None = None) -> Self:

@@ -17,7 +17,7 @@ from warpgrains.scene.gravity import TurningGravity
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.loaded_scene import LoadedScene
-    from warpgrains.solver.statistics import RunStatistics
+    from warpgrains.solver.statistics import Summary
 
 TEST_INTERVAL = 10  # steps between two tests
 FROUDE = 1e-3  # largest speed at rest, in sqrt(g d), d the mean diameter
@@ -45,7 +45,7 @@ class CountedRun:
 
     steps: int
     """Planned number of steps. A run whose end criterion is met has ended earlier."""
-    statistics: RunStatistics
+    statistics: Summary
     """Statistics of the steps done."""
     until: EndCriterion | None = None
 
@@ -60,7 +60,7 @@ class CountedRun:
         left = self.steps - self.statistics.steps
         return left if self.until is None else min(left, steps_to(TEST_INTERVAL, self.statistics.steps))
 
-    def count(self, done: RunStatistics, now: LoadedScene) -> None:
+    def count(self, done: Summary, now: LoadedScene) -> None:
         """Count steps, at most `steps_to_test`, and end the run if its end criterion is met after them."""
         statistics = self.statistics
         statistics.add(done)

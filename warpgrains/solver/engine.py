@@ -29,14 +29,14 @@ from warpgrains.kernels.record import (
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import fused_step, step
 from warpgrains.kernels.threads import team_records
-from warpgrains.solver.final_states import FinalStates, counted
+from warpgrains.solver.final_states import FinalStates
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loaded_scene import LoadedScene
 from warpgrains.solver.loading import give_up_step, scene_with_walls
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.service import Service
 from warpgrains.solver.sizes import kind_of
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.statistics import Summary, stacked
 from warpgrains.solver.threads import run_threads
 from warpgrains.turns import BUILDING
 
@@ -126,13 +126,13 @@ class Engine:
         same_kind = kind_of(scene) == kind_of(self.records.scenes[k])
         return scene.method != "exact" and same_kind and self.records.sizes.fits(k, scene)
 
-    def ends(self, which: IndexArray, statistics: Sequence[RunStatistics] | None = None) -> FinalStates:
+    def ends(self, which: IndexArray, summaries: Sequence[Summary] | None = None) -> FinalStates:
         """Return the final states of scenes with equal numbers of grains, on a CPU.
 
-        Statistics are those of the steps since `submit`, unless they are given for each scene.
+        Summaries are those of the steps since `submit`, unless they are given for each scene.
         """
         scenes = [scene_with_walls(self.records, k) for k in which.tolist()]
-        done = self.last_steps.counted(which) if statistics is None else counted(statistics)
+        done = self.last_steps.stacked(which) if summaries is None else stacked(summaries)
         return FinalStates.of(scenes, self.records, which, done)
 
     def submit(self, steps: Sequence[int]) -> None:

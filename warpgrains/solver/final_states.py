@@ -15,25 +15,6 @@ from warpgrains.solver.forces import force_of
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.records import SceneRecords
-    from warpgrains.solver.statistics import RunStatistics
-
-COUNTED = (
-    "steps",
-    "unconverged",
-    "iterations",
-    "rebuilds",
-    "restarts",
-    "iterations_max",
-    "residual",
-    "overlap",
-    "seconds",
-    "met",
-)
-"""Fields of `RunStatistics` in `Counts`: those that the device counts, the wall time, and whether the end
-criterion was met. The names begin with those of `last_steps.SUMS`, which commands that only read results do
-not import: it imports Warp."""
-Counts = Mapping[str, NDArray[Any]]
-"""Statistics of the steps of m scenes, by `COUNTED`, shape (m,) each."""
 
 
 class FinalStates(NamedTuple):
@@ -42,10 +23,17 @@ class FinalStates(NamedTuple):
     grains: Snapshots
     dt: FloatArray
     """[s], shape (m,)."""
-    done: Counts
+    done: Mapping[str, NDArray[Any]]
+    """Summaries of the steps by name, shape (m,) each (`statistics.stacked`, `LastSteps.stacked`)."""
 
     @classmethod
-    def of(cls, scenes: Sequence[Scene], records: SceneRecords, which: IndexArray, done: Counts) -> Self:
+    def of(
+        cls,
+        scenes: Sequence[Scene],
+        records: SceneRecords,
+        which: IndexArray,
+        done: Mapping[str, NDArray[Any]],
+    ) -> Self:
         """Return the final states of scenes, those with the numbers `which` in the records."""
         host = records.host
         dt = host["dt"][which]
@@ -57,8 +45,3 @@ class FinalStates(NamedTuple):
         spins = spin[0] if spin else np.zeros(contact_mass.shape)
         grains = Snapshots.of(scenes, times, position, velocity, spins, wall_force)
         return cls(grains, dt, done)
-
-
-def counted(statistics: Sequence[RunStatistics]) -> Counts:
-    """Return the statistics of runs as arrays."""
-    return {name: np.array([getattr(one, name) for one in statistics]) for name in COUNTED}

@@ -10,8 +10,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.kernels.record import StepState, StepSums
-from warpgrains.solver.final_states import Counts
-from warpgrains.solver.statistics import RunStatistics, StepReport
+from warpgrains.solver.statistics import StepReport, Summary
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -66,17 +65,19 @@ class LastSteps(NamedTuple):
             factorizations=step["factorizations"],
         )
 
-    def statistics(self, k: int) -> RunStatistics:
-        """Return the sums and maxima of scene k."""
+    def summary(self, k: int) -> Summary:
+        """Return the summary of the steps of scene k."""
         sums = dict(zip(SUMS, self.sums[k].tolist(), strict=True))
-        return RunStatistics(
+        error = str(self.errors[k]) if k in self.errors else None
+        return Summary(
             **sums,
             gap_error=self._gap_error(k, sums["residual"]),
-            step_seconds=self.seconds[k].item(),
+            seconds=self.seconds[k].item(),
+            error=error,
         )
 
-    def counted(self, which: IndexArray) -> Counts:
-        """Return the statistics of scenes as arrays, as `final_states.counted` does."""
+    def stacked(self, which: IndexArray) -> dict[str, np.ndarray[Any, Any]]:
+        """Return the sums and maxima of scenes as arrays by name, as `statistics.stacked` does."""
         sums = {name: self.sums[name][which] for name in SUMS}
         return {**sums, "seconds": self.seconds[which], "met": np.zeros(len(which), bool)}
 

@@ -1,14 +1,22 @@
-"""Reports of steps, summaries of runs, and the sums and maxima that they are made of."""
+"""Reports of steps, and their summaries."""
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
-from operator import add, or_
-from typing import Any, NamedTuple, Self
+from operator import add
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
 from warpgrains.described import fields_in_help
 from warpgrains.shown import Shown, number_of
-from warpgrains.tables import Tabular
+from warpgrains.tables import Tabular, library
+
+if TYPE_CHECKING:
+    import pandas
 
 NAMED = 10
 
@@ -38,19 +46,8 @@ class StepHistory(NamedTuple):
     """Residual eta after the iteration [m/s], shape (iterations,)."""
 
 
-class FormerNames:
-    """Former names of fields, kept for one release."""
-
-    restarts: int
-
-    @property
-    def redos(self) -> int:
-        """Former name of `restarts`."""
-        return self.restarts
-
-
 @dataclass(frozen=True)
-class StepReport(Tabular, FormerNames):
+class StepReport(Tabular):
     """Report of one step.
 
     Attributes
@@ -104,9 +101,14 @@ class StepReport(Tabular, FormerNames):
     history: StepHistory | None = field(default=None, repr=False, compare=False, metadata={"tabular": False})
 
 
-@dataclass(frozen=True, repr=False)
-class Summary(Shown, Tabular, FormerNames):
-    """Summary of a run.
+def _added(reduce: Callable[[Any, Any], Any], default: float = 0, shown: bool = True) -> Any:
+    """Return a field of summaries that add up by a function, such as a sum or a maximum."""
+    return field(default=default, metadata={"reduce": reduce, "shown": shown})
+
+
+@dataclass(repr=False)
+class Summary(Shown):
+    """Summary of steps, such as those of a run.
 
     Attributes
     ----------
@@ -114,6 +116,8 @@ class Summary(Shown, Tabular, FormerNames):
         Steps done.
     iterations_mean, iterations_max : float, int
         Iterations a step.
+    iterations : int
+        Iterations of all steps.
     unconverged : int
         Steps that reached `max_iterations` without meeting the tolerance.
     residual, gap_error : float
@@ -123,11 +127,19 @@ class Summary(Shown, Tabular, FormerNames):
     rebuilds, restarts : int
         Rebuilds of the list, and steps solved again because a candidate might have been missing.
     seconds : float
-        Wall time [s].
+        Wall time [s]; of a scene of a `Batch`, its share of one core's time.
     output : str or None
         The recording, if there is one.
     met : bool
         Whether the end criterion `until` ended the run.
+    error : str or None
+        Reason why a scene of a `Batch` stopped early, at its last good state.
+    frames : int
+        Frames recorded.
+    held : int
+        Steps for which the end criterion has held, plus 1; 0 if it does not hold.
+    means : tuple of float
+        Means of the quantities of a series over the steps since its last row.
 
     Examples
     --------
@@ -135,104 +147,76 @@ class Summary(Shown, Tabular, FormerNames):
     (400, 129, 0, 'annulus.usdc')
     >>> f"{summary.overlap:.1e} m, {summary.residual:.1e} m/s"
     '5.3e-05 m, 9.3e-07 m/s'
+    >>> scene = wg.Scene.load("annulus", ["solver.max_iterations=3"]).replace(on_unconverged="raise")
+    >>> (failed,) = wg.Batch([scene]).run()
+    >>> failed.steps, failed.error
+    (19, 'step 20, from t = 0.19 s: not converged after 3 iterations: ...')
     """
 
-    steps: int
-    iterations_mean: float
-    iterations_max: int
-    unconverged: int
-    residual: float
-    gap_error: float
-    overlap: float
-    rebuilds: int
-    restarts: int
-    seconds: float
-    output: str | None
+    steps: int = _added(add)
+    iterations: int = _added(add, shown=False)
+    iterations_max: int = _added(max)
+    unconverged: int = _added(add)
+    residual: float = _added(max, 0.0)
+    gap_error: float = _added(max, 0.0)
+    overlap: float = _added(max, 0.0)
+    rebuilds: int = _added(add)
+    restarts: int = _added(add)
+    seconds: float = _added(add, 0.0)
+    output: str | None = None
     met: bool = False
+    error: str | None = None
+    frames: int = field(default=0, metadata={"shown": False})
+    held: int = field(default=0, metadata={"shown": False})
+    means: tuple[float, ...] = field(default=(), metadata={"shown": False})
+
+    def __post_init__(self) -> None:
+        self.means = tuple(self.means)
+
+    @property
+    def iterations_mean(self) -> float:
+        """Iterations a step, on average."""
+        return self.iterations / max(1, self.steps)
+
+    def add(self, other: Self) -> None:
+        """Add the summary of the next steps of the same run."""
+        for own in fields(self):
+            if "reduce" in own.metadata:
+                total = own.metadata["reduce"](getattr(self, own.name), getattr(other, own.name))
+                setattr(self, own.name, total)
+
+    def results(self) -> dict[str, Any]:
+        """Return the numbers by name, as ``warpgrains run --json`` prints them."""
+        shown = {own.name: getattr(self, own.name) for own in fields(self) if own.metadata.get("shown", True)}
+        if self.error is None:
+            del shown["error"]
+        return {"steps": self.steps, "iterations_mean": self.iterations_mean, **shown}
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the numbers as a DataFrame of one row.
+
+        Raises
+        ------
+        InputError
+            pandas is not installed; the extra ``[data]`` installs it.
+        """
+        return library("pandas", "to_pandas").DataFrame([self.results()])
 
     def summary(self) -> dict[str, str]:
         """Return the fields of the one-line summary by name."""
-        told = {
+        optional = {"output": self.output, "error": self.error}
+        return {
             "steps": f"{self.steps}",
             "iterations": f"{self.iterations_mean:.1f} a step, {self.iterations_max} at most",
             "not converged": number_of(self.unconverged, "step"),
             "residual": f"{self.residual:.2e} m/s",
             "overlap": f"{self.overlap:.2e} m",
             "time": f"{self.seconds:.2f} s",
+            **{name: text for name, text in optional.items() if text is not None},
         }
-        return told if self.output is None else {**told, "output": self.output}
 
 
-def _counted(reduce: Callable[[Any, Any], Any], default: Any = 0) -> Any:
-    """Return a field with the function that combines its values, such as a sum or a maximum."""
-    return field(default=default, metadata={"reduce": reduce})
-
-
-def _first(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
-    return tuple(one or other)
-
-
-@dataclass
-class RunStatistics(FormerNames):
-    """Sums and maxima over the steps of a run.
-
-    Checkpoints store them, so that a resumed run counts all its steps.
-
-    The device accumulates the steps of a launch in the same way (kernels/statistics.py).
-
-    Attributes
-    ----------
-    steps, frames : int
-        Steps done and frames recorded.
-    iterations, iterations_max : int
-        Sum and maximum over the steps.
-    unconverged, residual, gap_error, overlap, rebuilds, restarts
-        As in `Summary`.
-    step_seconds : float
-        Time in which a device or threads advanced the scene [s].
-    other_seconds : float
-        Time beside the steps [s]: all of it in a run by itself, such as that for outputs and checkpoints; in
-        sweeps, that for completing the recording.
-    held : int
-        Number of steps for which the end criterion has held, plus 1; 0 if it does not hold.
-    met : bool
-        As in `Summary`.
-    means : tuple of float
-        Means of the quantities of a series over the steps since its last row.
-    """
-
-    steps: int = _counted(add)
-    frames: int = _counted(add)
-    iterations: int = _counted(add)
-    iterations_max: int = _counted(max)
-    unconverged: int = _counted(add)
-    residual: float = _counted(max, 0.0)
-    gap_error: float = _counted(max, 0.0)
-    overlap: float = _counted(max, 0.0)
-    rebuilds: int = _counted(add)
-    restarts: int = _counted(add)
-    step_seconds: float = _counted(add, 0.0)
-    other_seconds: float = _counted(add, 0.0)
-    held: int = _counted(add)
-    met: bool = _counted(or_, False)
-    means: tuple[float, ...] = _counted(_first, ())
-
-    def __post_init__(self) -> None:
-        self.means = tuple(self.means)
-
-    @property
-    def seconds(self) -> float:
-        """Time of the run [s]; of a run by itself, it is the wall time."""
-        return self.step_seconds + self.other_seconds
-
-    def add(self, other: Self) -> None:
-        """Add the statistics of other steps."""
-        for counted in fields(self):
-            name, reduce = counted.name, counted.metadata["reduce"]
-            setattr(self, name, reduce(getattr(self, name), getattr(other, name)))
-
-    def summary(self, output: str | None) -> Summary:
-        """Return the summary of the steps counted."""
-        alike = {own.name: getattr(self, own.name) for own in fields(Summary) if hasattr(self, own.name)}
-        mean = self.iterations / max(1, self.steps)
-        return Summary(iterations_mean=mean, output=output, **alike)
+def stacked(summaries: Sequence[Summary]) -> dict[str, NDArray[Any]]:
+    """Return the numbers of summaries by name, as arrays of shape (summaries,)."""
+    names = [own.name for own in fields(Summary) if isinstance(own.default, int | float)]
+    return {name: np.array([getattr(one, name) for one in summaries]) for name in names}

@@ -17,7 +17,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.simulation.until import CountedRun
 from warpgrains.solver.memory import OutOfMemoryError
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.statistics import Summary
 from warpgrains.sweep.execution import OnFraction, RunSettings
 from warpgrains.sweep.results import RunResult, failure, results
 from warpgrains.sweep.run_folder import FolderRun
@@ -99,7 +99,7 @@ class Group:
 
         if any(one.counted is not None for one in members):
             for one in members:
-                one.counted = one.counted or CountedRun(one.scene.steps, RunStatistics())
+                one.counted = one.counted or CountedRun(one.scene.steps, Summary())
         self._runs = runs = [one.counted for one in members if one.counted is not None]
         due = self._due()
         while any(due):
@@ -158,8 +158,8 @@ class Group:
                 self.ended[self.members[k].run.number] = self.members[k].labels, values
         return {self.members[k].run.number: reason for k, reason in reasons.items() if reason is not None}
 
-    def statistics(self, k: int) -> RunStatistics:
+    def statistics(self, k: int) -> Summary:
         counted = self.members[k].counted
         if counted is not None:
             return counted.statistics
-        return RunStatistics() if self._last is None else self._last.statistics(k)
+        return Summary() if self._last is None else self._last.summary(k)

@@ -31,7 +31,7 @@ class Column(NamedTuple):
 
 
 def _counted(field: str, meaning: str) -> Column:
-    """Return the column of a count of `RunStatistics`, one of `COUNTED`."""
+    """Return the column of a count of `Summary`."""
     return Column(meaning, lambda ends: ends.done[field].astype(np.int64))
 
 

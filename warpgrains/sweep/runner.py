@@ -25,7 +25,7 @@ from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.until import CountedRun, criterion
 from warpgrains.solver.memory import OutOfMemoryError
 from warpgrains.solver.service import exact_solver
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.statistics import Summary
 from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
 from warpgrains.sweep.group import Group, Member
@@ -127,7 +127,7 @@ class Runner:
                     raise LockedError("another process has it")
                 one = self._member(run)
                 if self._execution.needs_folders or run.number in with_folders:
-                    self._open_folder(one, RunStatistics())
+                    self._open_folder(one, Summary())
                     self._on_progress(one.progress)
                 (self._alone if one.is_alone else group.members).append(one)
             except (LockedError, MissingExtraError, OSError) as error:
@@ -142,7 +142,7 @@ class Runner:
         exact_solver(scene.method)
         until = criterion(settings.until, scene)
         require_quantities(settings.measured, scene, settings.table)
-        counted = None if until is None else CountedRun(scene.steps, RunStatistics(), until)
+        counted = None if until is None else CountedRun(scene.steps, Summary(), until)
         return Member(run, run.labels(), scene, counted, team_size(scene, self._device, self._threads) > 1)
 
     def _scene(self, run: Run) -> Scene:
@@ -165,7 +165,7 @@ class Runner:
         self._cache[run.base, repr(of_grains)] = scene
         return scene
 
-    def _open_folder(self, one: Member, statistics: RunStatistics) -> None:
+    def _open_folder(self, one: Member, statistics: Summary) -> None:
         """Give a run a folder. If that has a checkpoint, the run continues from it."""
         folder = self._folder.of(one.run)
         scene = one.scene.with_settings(text=one.run.text(f"../../{GRAINS}"))
@@ -201,7 +201,7 @@ class Runner:
             (self._alone if one.is_alone else self._begun).appendleft(one)
         on_progress(len(members) - len(left) + sum(members[k].progress for k in left) - reported)
 
-    def _has_folder(self, one: Member, statistics: RunStatistics) -> bool:
+    def _has_folder(self, one: Member, statistics: Summary) -> bool:
         """Give a run that takes long a folder, unless it has one; return False if that is impossible."""
         try:
             if one.folder is None:
