@@ -210,15 +210,6 @@ def test_what_a_library_prints_from_c_goes_to_stderr():
     assert set(done.stderr.split()) == {"python", "c"}
 
 
-def test_interrupted_run_leaves_its_frames(scene, tmp_path, capfd, stop_at):
-    stop_at(7)
-    assert exit_code("run", scene, "-o", tmp_path / "out.usdc") == 130
-    frames = tmp_path / "out.usdc.frames"
-    advice = f"warpgrains: error: interrupted; to recover the frames so far: warpgrains recover {frames}"
-    require_last_line(*capfd.readouterr(), advice)
-    assert set(tmp_path.iterdir()) == {scene, frames}
-
-
 def test_an_interrupt_while_usd_is_loaded_ends_the_command(scene, tmp_path):
     """USD makes a remark of it, and goes on."""
     script = (

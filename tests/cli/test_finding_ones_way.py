@@ -139,6 +139,7 @@ def test_an_interrupt_says_how_to_go_on(tmp_path, capfd, stop_at):
         f"warpgrains: error: interrupted; to continue: warpgrains run --resume '{kept}';"
         f" to recover the frames so far: warpgrains recover {output}.frames"
     )
+    assert sorted(tmp_path.iterdir()) == [kept, output.with_name("run.usdc.frames")]
     assert exit_code("run", "--resume", kept) == 0
 
 

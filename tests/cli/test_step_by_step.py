@@ -70,21 +70,26 @@ class Terminal:
     """The command at a terminal."""
 
     def __init__(self, *options: str) -> None:
-        self.ours, theirs = pty.openpty()
+        self.ours, self.theirs = pty.openpty()
+        self.before = termios.tcgetattr(self.theirs)
         command = ["timeout", "--foreground", "100", *COMMAND, *options]
-        self._process = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, text=True)
+        self._process = subprocess.Popen(command, stdin=self.theirs, stdout=subprocess.PIPE, text=True)
         assert self._process.stdout is not None
         self.printed = self._process.stdout
-        for _ in range(2):
-            self.printed.readline()
+        assert "N: next step" in self.printed.readline()
+        self.printed.readline()
 
     def press(self, keys: str) -> None:
-        os.write(self.ours, keys.encode())
+        os.write(self.ours, keys.encode())  # and no end of a line
+
+    def step(self) -> str:
+        return self.printed.readline().split()[0]
 
     def rest(self) -> list[str]:
-        """Return the other lines that it prints before it ends."""
+        """Return the other lines that it prints before it ends, and leaves the terminal as it was."""
         lines = self.printed.readlines()
         assert self._process.wait(timeout=60) == 0
+        assert termios.tcgetattr(self.theirs) == self.before
         return lines
 
 
@@ -92,11 +97,19 @@ def test_a_run_is_in_real_time_and_can_be_stopped() -> None:
     terminal = Terminal("--set", "time.dt=0.05", "--steps", "1000")
     begin = time.monotonic()
     terminal.press("r")
-    steps = [terminal.printed.readline().split()[0] for _ in range(21)]
-    assert steps == [str(step) for step in range(1, 22)]
+    assert [terminal.step() for _ in range(21)] == [str(step) for step in range(1, 22)]
     assert time.monotonic() - begin >= 20 * 0.05
     terminal.press("sq")
     assert len(terminal.rest()) < 900
+
+
+def test_a_terminal_gives_keys_at_once() -> None:
+    terminal = Terminal()
+    for step in ("1", "2"):
+        terminal.press("n")
+        assert terminal.step() == step
+    terminal.press("q")
+    assert terminal.rest() == []
 
 
 @pytest.mark.parametrize("spacing", [0.05, 0.0])
@@ -111,22 +124,6 @@ def test_steps_of_a_run_are_that_far_apart(spacing: float, monkeypatch: pytest.M
     monkeypatch.setattr(step_by_step, "monotonic", lambda: clock[0])
     begun = [clock[0] for _ in step_by_step._pressed(5, spacing)]
     assert begun == pytest.approx([10.0 + k * spacing for k in range(5)])
-
-
-def test_a_terminal_gives_keys_at_once_and_is_left_as_it_was() -> None:
-    ours, theirs = pty.openpty()
-    before = termios.tcgetattr(theirs)
-    command = ["timeout", "--foreground", "100", *COMMAND]
-    with subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        heads = [process.stdout.readline() for _ in range(2)]
-        assert "N: next step" in heads[0]
-        for step in (1, 2):
-            os.write(ours, b"n")  # and no end of a line
-            assert process.stdout.readline().split()[0] == str(step)
-        os.write(ours, b"q")
-        assert process.wait(timeout=60) == 0
-    assert termios.tcgetattr(theirs) == before
 
 
 def test_history_has_every_iteration_and_is_drawn(

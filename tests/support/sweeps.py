@@ -5,7 +5,10 @@ from pathlib import Path
 
 from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.cli.main import main
+from warpgrains.sweep.execution import RunSettings
 from warpgrains.sweep.group import Group
+from warpgrains.sweep.sweep import Sweep
+from warpgrains.sweep.sweep_folder import SweepFolder
 
 SMALL = """
 scene = "annulus"
@@ -48,6 +51,26 @@ def table(path: Path) -> list[dict[str, str]]:
     """Read a table."""
     with path.open(newline="") as lines:
         return list(csv.DictReader(lines))
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    """Read the table of results in the output of a sweep."""
+    return table(folder / "results.csv")
+
+
+def parts(folder: Path) -> list[list[dict[str, str]]]:
+    """Read the tables of groups of runs."""
+    return [table(part) for part in sorted(folder.glob("parts/[0-9]*.csv"))]
+
+
+def begin(folder: Path, text: str, out: Path | str = "out") -> tuple[SweepFolder, Sweep]:
+    """Write a sweep file and the files of its output that come before the first run."""
+    folder.mkdir(exist_ok=True)
+    sweep = Sweep.load(write(folder, text))
+    output = SweepFolder(folder / out, sweep.axes, RunSettings())
+    output.create_or_check(sweep, sweep.runs, False)
+    output.write_common_files(sweep)
+    return output, sweep
 
 
 def results(folder: Path) -> bytes:

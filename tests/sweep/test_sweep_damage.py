@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from sweeps import SMALL, batch, results, table, write
+from sweeps import SMALL, batch, results, rows, write
 
 from warpgrains.frame_log import FrameLog, LogReader
 from warpgrains.usd.writer import reopen_log
@@ -27,13 +27,13 @@ def resume_damaged(folder, whole, damage, *options):
     shutil.copytree(whole, out)
     damage(out / "runs" / "00001")
     assert batch(write(folder, GOOD), "-o", out, "--resume", *options) == 1
-    rows = table(out / "results.csv")
-    assert [row["run"] for row in rows] == ["0", "1", "2", "3"]
-    assert [bool(row["error"]) for row in rows] == [False, True, False, False]
+    found = rows(out)
+    assert [row["run"] for row in found] == ["0", "1", "2", "3"]
+    assert [bool(row["error"]) for row in found] == [False, True, False, False]
     shutil.rmtree(out / "runs" / "00001")
     assert batch(write(folder, GOOD), "-o", out, "--resume", *options) == 0
     assert results(out) == results(whole)
-    return rows
+    return found
 
 
 def interrupted(damage):
@@ -68,13 +68,20 @@ DAMAGED_FILES = {
     "a frame is damaged": (lambda run: damage_frame(run / "recording.usdc.frames"), "holds 0 of the"),
     "checkpoint": (lambda run: (run / "checkpoint.npz").write_bytes(b"PK"), "is not a checkpoint"),
     "checkpoint is a pipe": (lambda run: piped(run / "checkpoint.npz"), "checkpoint"),
+    "checkpoint of another run": (
+        lambda run: shutil.copy(run.with_name("00003") / "checkpoint.npz", run),
+        "checkpoint.npz' is of another run: delete the folder of the run to repeat it",
+    ),
+    "foreign recording": (
+        lambda run: ((run / "checkpoint.npz").unlink(), (run / "recording.usdc").write_text("foreign")),
+        "recording.usdc': not a recording of warpgrains: delete the folder",
+    ),
 }
 
 
 @pytest.mark.parametrize(("damage", "reason"), DAMAGED_FILES.values(), ids=DAMAGED_FILES.keys())
 def test_damaged_files_of_an_interrupted_run(tmp_path, whole, damage, reason, capfd):
-    rows = resume_damaged(tmp_path, whole, interrupted(damage), "--usd")
-    assert reason in rows[1]["error"]
+    assert reason in resume_damaged(tmp_path, whole, interrupted(damage), "--usd")[1]["error"]
     assert "failed            1, first run 1: " in capfd.readouterr().out
 
 
@@ -90,14 +97,6 @@ def test_log_that_cannot_be_read_is_left_for_repair(tmp_path, whole, capfd, monk
     monkeypatch.setattr(FrameLog, "reopen", fail)
     assert batch(write(tmp_path, GOOD), "-o", out, "--resume", "--usd") == 1
     assert "not finished      1 (continue with --resume), first run 1: " in capfd.readouterr().out
-
-
-def test_checkpoint_of_another_run_is_not_continued(tmp_path, whole):
-    def swap(run):
-        shutil.copy(run.with_name("00003") / "checkpoint.npz", run / "checkpoint.npz")
-
-    rows = resume_damaged(tmp_path, whole, interrupted(swap), "--usd")
-    assert "checkpoint.npz' is of another run" in rows[1]["error"]
 
 
 @pytest.mark.parametrize("damage", [lambda path: path.write_bytes(b"1"), piped], ids=["cut", "pipe"])
@@ -136,17 +135,27 @@ def test_part_that_another_process_renames(tmp_path, monkeypatch, is_read):
     assert results(out) == before
 
 
-def test_file_in_the_place_of_a_run(tmp_path, capfd):
-    (tmp_path / "out" / "runs").mkdir(parents=True)
-    (tmp_path / "out" / "runs" / "00001").touch()
-    assert batch(write(tmp_path, GOOD), "-o", tmp_path / "out") == 1
-    assert "not finished      1 (continue with --resume), first run 1: " in capfd.readouterr().out
-    assert len(table(tmp_path / "out" / "results.csv")) == 3
-
-
-def test_table_that_is_not_written_is_not_named(tmp_path, capfd):
+def test_file_in_the_place_of_the_only_run(tmp_path, capfd):
     (tmp_path / "out" / "runs").mkdir(parents=True)
     (tmp_path / "out" / "runs" / "00000").touch()
     assert batch(write(tmp_path, 'scene = "annulus"'), "-o", tmp_path / "out") == 1
     assert not (tmp_path / "out" / "results.csv").exists()
-    assert "results" not in capfd.readouterr().out
+    printed = capfd.readouterr().out
+    assert "not finished      1 (continue with --resume), first run 0: " in printed
+    assert "results" not in printed
+
+
+def test_a_damaged_copy_of_grains_is_refused(tmp_path, capfd):
+    (tmp_path / "grains.csv").write_text("x,y,radius,mass\n0.5,0.0,0.1,0.1\n-0.5,0.0,0.1,0.1\n")
+    (tmp_path / "scene.toml").write_text('domain.radius_out = 1.0\ngrains.file = "grains.csv"\n')
+    axes = "[axes]\nphysics.drag = [0.1, 0.5]\n[set]\ntime.duration = 0.1\n"
+    sweep, out = write(tmp_path, f'scene = "scene.toml"\n{axes}'), tmp_path / "out"
+    assert batch(sweep, "-o", out, "--index", 0, "--count", 2) == 0
+    (copy,) = (out / "grains").iterdir()
+    whole = copy.read_bytes()
+    copy.write_bytes(whole.replace(b"-0.5", b"-0.7"))
+    assert batch(sweep, "-o", out, "--resume") == 2
+    assert f"{copy.name}' is damaged: delete it to have it copied" in capfd.readouterr().err
+    copy.unlink()
+    assert batch(sweep, "-o", out, "--resume") == 0
+    assert copy.read_bytes() == whole

@@ -5,7 +5,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from warpgrains import InputError, Scene
+from warpgrains import Scene
 from warpgrains.scene.toml import toml_text
 from warpgrains.sweep.axes import axis_values
 from warpgrains.sweep.sweep import Sweep
@@ -162,7 +162,3 @@ class TestText:
             "empty": {},
         }
         assert tomllib.loads(toml_text(document)) == document
-
-    def test_what_no_scene_holds(self):
-        with pytest.raises(InputError, match="is a date: a scene file cannot hold it"):
-            toml_text(tomllib.loads("[a]\nb = 2024-01-01"))

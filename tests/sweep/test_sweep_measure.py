@@ -1,14 +1,11 @@
 """`warpgrains batch --measure`: columns of results and series of runs are what is measured by hand."""
 
-import shutil
-
 import pytest
 from command import exit_code
 from matplotlib.axes import Axes
 from sweeps import batch, results, table, write
 
 from warpgrains import Scene, Simulation, analysis
-from warpgrains.analysis.quantities import names_of
 from warpgrains.sweep.plot import SweepPlot
 
 MEASURED = ("--measure", "energy,coordination,largest_force")
@@ -103,18 +100,6 @@ def test_run_that_cannot_have_a_quantity_has_failed(tmp_path, options):
         assert (good["error"], good["steps"], bad["steps"]) == ("", "800", "")
         assert bad["error"] == "contact_power cannot be computed where a pressure or a force drives a wall"
     assert not (out / "runs" / "00001").exists()
-
-
-def test_what_measures_otherwise_is_refused(tmp_path, measured, followed, capfd):
-    for name, done in (("short", measured), ("kept", followed)):
-        out = tmp_path / name
-        shutil.copytree(done, out)
-        assert batch(write(tmp_path), "-o", out, "--resume") == 2
-        names = ",".join(names_of(MEASURED[1].split(",")))
-        assert f"is of a sweep with --measure {names}: choose another -o" in capfd.readouterr().err
-        assert results(out) == results(done)
-        assert batch(write(tmp_path), "-o", out, "--resume", *MEASURED) == 1
-        assert results(out) == results(done)
 
 
 def test_drawn_with_its_unit(measured, monkeypatch):

@@ -7,16 +7,16 @@ import sys
 import time
 
 import pytest
-from sweeps import LONG, SMALL, batch, results, table, write
+from sweeps import LONG, SMALL, batch, parts, results, rows, table, write
 from trimmed import trimmed
 
 from warpgrains import Scene
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.sweep import run_folder, sweep_folder
 from warpgrains.sweep.run_folder import FolderRun
-from warpgrains.sweep.sweep import Sweep
 from warpgrains.sweep.sweep_folder import SweepFolder
 
+LONGER = LONG.replace("[axes]", "time.duration = 40.0\n[axes]")
 DRIVER = """
 import sys
 from warpgrains.cli.main import main
@@ -38,10 +38,6 @@ physics.drag = {range = [0.1, 0.9], count = 600}
 
 def steps_kept(out):
     return sum(read_checkpoint(path).statistics.steps for path in out.glob("runs/*/checkpoint.npz"))
-
-
-def shards(out):
-    return list(out.glob("parts/[0-9]*.csv"))
 
 
 def kill_and_resume(folder, text, driver, options, moments, how_far):
@@ -79,22 +75,24 @@ def test_killed(tmp_path, options, moments):
 def test_killed_while_shards_are_written(tmp_path, moments):
     """No run that is in one is done again."""
     driver = DRIVER.format(limit=20.0, width=32)
-    out = kill_and_resume(tmp_path, MANY, driver, [], moments, lambda out: len(shards(out)))
-    runs = [row["run"] for shard in shards(out) for row in table(shard)]
+    out = kill_and_resume(
+        tmp_path, MANY, driver, [], moments, lambda out: len(list(out.glob("parts/[0-9]*.csv")))
+    )
+    runs = [row["run"] for part in parts(out) for row in part]
     assert sorted(map(int, runs)) == list(range(600))
 
 
 @pytest.mark.parametrize("options", [[], ["--until", "rest,speed=0.05,time=0.35"]])
 def test_run_that_takes_long_gets_a_folder(tmp_path, brief, monkeypatch, options):
     """It goes on from where it is when the time is over, even if the process is killed then."""
-    sweep, out = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]")), tmp_path / "out"
+    sweep, out = write(tmp_path, LONGER), tmp_path / "out"
     brief.is_killed = True
     assert batch(sweep, "-o", out, *options) == 130
     first = steps_kept(out)
     brief.is_killed = False
     assert batch(sweep, "-o", out, *options, "--resume") == 0
     kept = read_checkpoint(out / "runs" / "00000" / "checkpoint.npz")
-    assert str(kept.statistics.steps) == table(out / "results.csv")[0]["steps"]
+    assert str(kept.statistics.steps) == rows(out)[0]["steps"]
     assert 0 < first < steps_kept(out)
     monkeypatch.undo()
     assert batch(sweep, "-o", tmp_path / "short", *options) == 0
@@ -110,18 +108,9 @@ def test_a_run_whose_extra_is_missing_is_left_to_another_machine(tmp_path, monke
         assert batch(sweep, "-o", tmp_path / "out", *options) == 1
     said = capfd.readouterr().out
     assert "not finished      4 (continue with --resume), first run 6: method 'exact' needs" in said
-    assert len(table(tmp_path / "out" / "results.csv")) == 8
+    assert len(rows(tmp_path / "out")) == 8
     assert batch(sweep, "-o", tmp_path / "out", "--resume", *options) == 1  # two have too much drag
-    assert len(table(tmp_path / "out" / "results.csv")) == 12
-
-
-def test_a_folder_of_the_name_of_a_shipped_scene_is_no_scene(tmp_path, monkeypatch):
-    """Such as the sweep's own output, when it is resumed."""
-    monkeypatch.chdir(tmp_path)
-    sweep = write(tmp_path)
-    assert batch(sweep, "-o", "annulus", "--index", 0, "--count", 2) in (0, 1)
-    assert batch(sweep, "-o", "annulus", "--resume") == 1
-    assert len(table(tmp_path / "annulus" / "results.csv")) == 6
+    assert len(rows(tmp_path / "out")) == 12
 
 
 def test_results_next_to_scenes_are_no_scenes(tmp_path):
@@ -130,18 +119,11 @@ def test_results_next_to_scenes_are_no_scenes(tmp_path):
         (tmp_path / f"{name}.toml").write_text(Scene.load("annulus", ["time.duration=0.1"]).text)
     for again in ([], ["--resume"]):
         assert batch(tmp_path, "-o", tmp_path, *again) == 0
-        assert [row["scene"] for row in table(tmp_path / "results.csv")] == ["a", "b"]
-
-
-def test_results_in_a_folder_of_the_name_of_a_shipped_sweep(tmp_path, done, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    shipped = len(Sweep.load("iterations").runs)
-    shutil.copytree(done, tmp_path / "iterations")
-    assert len(Sweep.load("iterations").runs) == shipped
+        assert [row["scene"] for row in rows(tmp_path)] == ["a", "b"]
 
 
 def test_a_folder_that_cannot_be_used_leaves_its_run_alone(tmp_path, brief, monkeypatch, capfd):
-    sweep, out = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]")), tmp_path / "out"
+    sweep, out = write(tmp_path, LONGER), tmp_path / "out"
     open_folder = FolderRun.open
 
     def open_others(folder, *given):
@@ -153,12 +135,12 @@ def test_a_folder_that_cannot_be_used_leaves_its_run_alone(tmp_path, brief, monk
     assert batch(sweep, "-o", out) == 1
     said = "not finished      1 (continue with --resume), first run 0: permission denied\n"
     assert said in capfd.readouterr().out
-    assert [row["run"] for row in table(out / "results.csv")] == [str(k) for k in range(1, 12)]
+    assert [row["run"] for row in rows(out)] == [str(k) for k in range(1, 12)]
 
 
 def test_a_folder_that_another_process_has_begun_is_left(tmp_path, brief, monkeypatch, capfd):
     """On a file system without locks, after this process has begun the run without a folder."""
-    sweep, out = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]")), tmp_path / "out"
+    sweep, out = write(tmp_path, LONGER), tmp_path / "out"
     brief.is_killed = True
     assert batch(sweep, "-o", out) == 130
     brief.is_killed = False
@@ -207,7 +189,7 @@ def test_longer_sweep_goes_on(tmp_path, done):
     longer = write(tmp_path, SMALL.replace("0.5]", "0.5, 0.6]"))
     assert batch(longer, "-o", tmp_path / "out", "--resume") == 1
     assert results(tmp_path / "out").startswith(results(done))
-    assert len(table(tmp_path / "out" / "results.csv")) == 8
+    assert len(rows(tmp_path / "out")) == 8
 
 
 def test_shares_make_the_whole(tmp_path, done):
@@ -220,7 +202,7 @@ def test_shares_make_the_whole(tmp_path, done):
 def test_late_results_are_not_lost(tmp_path, done, monkeypatch):
     """Runs that finish while the tables are written: who writes last has them all."""
     shutil.copytree(done, tmp_path / "out")
-    (shard,) = shards(tmp_path / "out")
+    (shard,) = (tmp_path / "out").glob("parts/[0-9]*.csv")
     late, write_atomically = shard.rename(tmp_path / "late.csv"), sweep_folder.write_atomically
 
     def write_as_another_run_finishes(*arguments):
@@ -260,35 +242,3 @@ def test_a_run_whose_frame_cannot_be_recorded_is_resumed_to_the_same_failure(tmp
     assert batch(sweep, *options, "--resume") == 1
     assert results(out) == first
     assert not list(out.rglob("*.frames"))
-
-
-def test_a_damaged_copy_of_grains_is_refused(tmp_path, capfd):
-    (tmp_path / "grains.csv").write_text("x,y,radius,mass\n0.5,0.0,0.1,0.1\n-0.5,0.0,0.1,0.1\n")
-    (tmp_path / "scene.toml").write_text('domain.radius_out = 1.0\ngrains.file = "grains.csv"\n')
-    axes = "[axes]\nphysics.drag = [0.1, 0.5]\n[set]\ntime.duration = 0.1\n"
-    sweep, out = write(tmp_path, f'scene = "scene.toml"\n{axes}'), tmp_path / "out"
-    assert batch(sweep, "-o", out, "--index", 0, "--count", 2) == 0
-    (copy,) = (out / "grains").iterdir()
-    whole = copy.read_bytes()
-    copy.write_bytes(whole.replace(b"-0.5", b"-0.7"))
-    assert batch(sweep, "-o", out, "--resume") == 2
-    assert f"{copy.name}' is damaged: delete it to have it copied" in capfd.readouterr().err
-    copy.unlink()
-    assert batch(sweep, "-o", out, "--resume") == 0
-    assert copy.read_bytes() == whole
-
-
-@pytest.mark.parametrize("name", ["series.csv", "recording.usdc"])
-def test_a_run_with_a_foreign_output_fails(tmp_path, name):
-    sweep, out = write(tmp_path, LONG.replace("[axes]", "time.duration = 0.2\n[axes]")), tmp_path / "out"
-    options = ("-o", out, "--usd", "--measure", "coordination", "--every", 10)
-    assert batch(sweep, *options) == 0
-    run = out / "runs" / "00000"
-    for lost in (run / "checkpoint.npz", *shards(out)):
-        lost.unlink()
-    (run / name).write_text("foreign")
-    assert batch(sweep, *options, "--resume") == 1
-    error = table(out / "results.csv")[0]["error"]
-    assert error.startswith(f"refusing to overwrite '{run / name}': not a ")
-    assert error.endswith("delete the folder of the run to repeat it")
-    assert (run / name).read_text() == "foreign"

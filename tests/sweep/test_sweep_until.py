@@ -5,7 +5,7 @@ import shutil
 import warnings
 
 import pytest
-from sweeps import batch, results, table, write
+from sweeps import batch, table, write
 
 from warpgrains import Scene, Simulation
 from warpgrains.sweep.execution import RunSettings
@@ -58,13 +58,6 @@ def test_summary_counts_runs_that_move_still(tmp_path, ended, capfd):
     unmet = sum(row["met"] == "0" for row in table(ended / "results.csv"))
     assert f"not at rest       {unmet} runs\n" in capfd.readouterr().out
     assert unmet > 0
-
-
-def test_another_end_is_refused(tmp_path, ended, capfd):
-    shutil.copytree(ended, tmp_path / "out")
-    assert batch(write(tmp_path, SWEEP), "-o", tmp_path / "out", "--resume") == 2
-    assert f"is of a sweep with --until {UNTIL[1]}: choose another -o" in capfd.readouterr().err
-    assert results(tmp_path / "out") == results(ended)
 
 
 def test_a_scene_that_the_criterion_does_not_fit_fails(tmp_path):
