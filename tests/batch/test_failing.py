@@ -1,5 +1,6 @@
 """Scenes of a batch that fail, batches that are interrupted or refused: the other scenes go on."""
 
+import copy
 import sys
 from dataclasses import replace
 
@@ -112,3 +113,12 @@ def test_scenes_that_do_not_fit_in_memory_are_refused(
     annulus = Scene.load("annulus")
     with pytest.raises(SimulationError, match=message):
         Batch([annulus] if free < 10_000.0 else [annulus, annulus.replace(method="accelerated")] * 2)
+
+
+def test_overlaps_at_the_start_are_reported_once() -> None:
+    """Of the worst scene, and not again by a copy."""
+    annulus = Scene.load("annulus")
+    narrow = [annulus.replace(position=factor * annulus.position, radius_in=0.0) for factor in (0.7, 0.6)]
+    with pytest.warns(UserWarning, match=r"^scene 2: grains overlap by up to .* m at the start") as said:
+        copy.deepcopy(Batch([annulus, *narrow]))
+    assert len(said) == 1

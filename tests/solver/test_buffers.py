@@ -9,7 +9,7 @@ from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.types import DriveOf, MotionOf
 from warpgrains.scene.motion import Motion
 from warpgrains.scene.obstacle import Drive
-from warpgrains.solver.buffers import ALIGNMENT, Layout, bytes_needed, fields
+from warpgrains.solver.buffers import ALIGNMENT, BlockLayout, array_fields, bytes_needed
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.sizes import Sizes
 
@@ -41,8 +41,8 @@ def sizes(request: pytest.FixtureRequest) -> Sizes:
 
 
 def test_arrays_do_not_overlap(sizes: Sizes) -> None:
-    layout = Layout.of(sizes)
-    item = np.array([field.bytes for field in fields()])[:, None]
+    layout = BlockLayout.of(sizes)
+    item = np.array([field.bytes for field in array_fields()])[:, None]
     end = layout.offset + item * layout.length
     assert (layout.offset % ALIGNMENT == 0).all()
     assert (end[:-1] <= layout.offset[1:]).all()
@@ -52,7 +52,7 @@ def test_arrays_do_not_overlap(sizes: Sizes) -> None:
 
 def test_every_array_has_a_length(sizes: Sizes) -> None:
     """Those that a scene does not need are empty."""
-    length = dict(zip((field.name for field in fields()), Layout.of(sizes).length, strict=True))
+    length = dict(zip((field.name for field in array_fields()), BlockLayout.of(sizes).length, strict=True))
     assert (length["grains.radius"] == GRAINS).all()
     assert (length["grains.position"] == GRAINS + np.array([0, 0, 2, 0])).all()
     assert (length["walls.drive"] == [0, 0, 2, 0]).all()

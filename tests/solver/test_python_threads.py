@@ -73,7 +73,7 @@ def test_a_batch_is_driven_by_one_thread() -> None:
     batch = Batch([Scene.load("annulus")])
     state = batch.state(0)
     calls = [batch.step, lambda: batch.run(steps=1), lambda: batch.restore(0, state), lambda: batch.state(0)]
-    found = errors_amid(lambda callback: batch._advance([10], callback, None, None), calls)
+    found = errors_amid(lambda callback: batch._advance([10], None, callback), calls)
     assert found == messages("batch")
     batch.step()
     assert batch.state(0).steps == 11

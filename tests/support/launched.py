@@ -47,7 +47,7 @@ def launched_state(scene: Scene, steps: int) -> State:
         if outcome == WITHOUT_ROOM:
             records.reserve_contacts(0, int(records.array(0, "neighbors.total")[0]))
         elif outcome == SLOW:
-            engine._service.solve_exactly(0)
+            engine._exact[0].solve()
         else:
             steps -= 1
     return engine.scenes[0].state()

@@ -13,6 +13,7 @@ from warpgrains.batch.loaded_scenes import LoadedScenes, StepsTaken
 from warpgrains.console import progress_bar
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
+from warpgrains.scene.compatibility import warn_of_overlaps
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
 from warpgrains.shown import Shown, number_of
@@ -81,6 +82,11 @@ class Batch(Shown):
     SimulationError
         The scenes do not fit in memory; the message says how many do.
 
+    Warns
+    -----
+    UserWarning
+        Grains of a scene overlap at the start; the message is about the worst scene.
+
     Attributes
     ----------
     scenes : tuple of Scene
@@ -110,6 +116,10 @@ class Batch(Shown):
             raise InputError("a batch needs at least one scene")
         if threads is not None:
             checks.thread_count("threads", threads)
+        self._begin(device, threads)
+        warn_of_overlaps(self.scenes)
+
+    def _begin(self, device: str, threads: int | None) -> None:
         self._device, self._threads_wanted = find_device(device), threads
         self._loaded = LoadedScenes(self.scenes, self._device, cores() if threads is None else threads)
         self._stepped: dict[int, StepsTaken] = {}  # in which scenes took their last steps
@@ -122,8 +132,8 @@ class Batch(Shown):
         return self.scenes, self._device.alias, self._threads_wanted, states, list(self.reports)
 
     def __setstate__(self, kept: tuple[Any, ...]) -> None:
-        *given, states, reports = kept
-        Batch.__init__(self, *given)
+        self.scenes, *given, states, reports = kept
+        self._begin(*given)
         for k, state in enumerate(states):
             self.restore(k, state)
         self._restored = dict(enumerate(reports))

@@ -16,12 +16,11 @@ from warpgrains.simulation.until import CountedRun
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
-from warpgrains.solver.final_states import FinalStates
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loading import load_state
 from warpgrains.solver.memory import require_memory
 from warpgrains.solver.sizes import Sizes, kind_of
-from warpgrains.solver.statistics import StepReport, Summary
+from warpgrains.solver.statistics import FinalStates, StepReport, Summary
 from warpgrains.solver.tuning import paying_threads
 
 

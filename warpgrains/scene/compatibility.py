@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import isfinite, pi
-from typing import TYPE_CHECKING
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.energy import TOLERANCES
 from warpgrains.scene.geometry import require_distinct
 from warpgrains.scene.walls import INNER, INSIDE, OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
+LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody is warned
 MOST_STEPS = 1e12  # start time, in steps
 MOST_RADII = 1e12  # radius of the outer wall, in smallest grain radii; beyond it doubles cannot resolve a gap
 
@@ -143,3 +147,24 @@ def _of_methods(scene: Scene) -> Iterator[str]:
         yield f"exact_time is {scene.exact_time}: it is for method 'exact' with friction"
     if scene.method == "exact" and scene.stops_on != "residual":
         yield f"stop is {scene.stop!r}: method 'exact' stops on the residual"
+
+
+def warn_of_overlaps(scenes: Sequence[Scene]) -> None:
+    """Warn if grains of scenes overlap at the start; of several scenes, name the worst."""
+    start = attrgetter("radius_in", "radius_out", "time")
+    of_start: dict[Any, float] = {}  # many scenes of a batch start alike
+    overlap = []
+    for scene in scenes:
+        key = *start(scene), id(scene.walls), scene.position.tobytes(), scene.radius.tobytes()
+        if key not in of_start:
+            of_start[key] = scene.count_overlaps().largest
+        overlap.append(of_start[key])
+    limit = [max(TOLERANCES * one.tolerance * one.dt, LEAST_WARNED * one.smallest_radius) for one in scenes]
+    k = int(np.argmax(np.divide(overlap, limit)))
+    if overlap[k] > limit[k]:
+        where = f"scene {k}: " if len(scenes) > 1 else ""
+        warn(
+            f"{where}grains overlap by up to {overlap[k]:.1e} m at the start, which the first step turns into"
+            f" {overlap[k] / scenes[k].dt:.1e} m/s: warpgrains.separate, or run --separate, moves them apart",
+            stacklevel=3,
+        )

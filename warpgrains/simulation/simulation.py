@@ -6,7 +6,6 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack, cast
-from warnings import warn
 
 from warpgrains.analysis.snapshot import snapshot_of
 from warpgrains.arrays import FloatArray
@@ -15,7 +14,7 @@ from warpgrains.drawing.kinds import require_drawing, size_of
 from warpgrains.drawing.painter import Painter
 from warpgrains.errors import InputError, SimulationError, requiring
 from warpgrains.scene import checks
-from warpgrains.scene.energy import TOLERANCES
+from warpgrains.scene.compatibility import warn_of_overlaps
 from warpgrains.scene.fields import SceneChanges
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, first_state, require_state
@@ -44,8 +43,6 @@ from warpgrains.warp_start import find_device
 if TYPE_CHECKING:
     from warpgrains.pictures.still import Picture
     from warpgrains.view.page import Page
-
-LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody is warned
 
 
 @fields_in_help
@@ -135,7 +132,7 @@ class Simulation(LoadedScene, Shown):
         self._use = ExclusiveUse("simulation")
         self._begin(scene, first_state(scene) if state is None else state)
         if state is None:
-            _warn_of_overlaps(scene)
+            warn_of_overlaps([scene])
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.scene, self._device.alias, self._threads_wanted, self.state())
@@ -447,13 +444,3 @@ class Simulation(LoadedScene, Shown):
         """
         kept = read_checkpoint(Path(checks.path("path", path)))
         return cls(kept.scene, device, threads, kept.state)
-
-
-def _warn_of_overlaps(scene: Scene) -> None:
-    overlap = scene.count_overlaps().largest
-    if overlap > max(TOLERANCES * scene.tolerance * scene.dt, LEAST_WARNED * scene.smallest_radius):
-        warn(
-            f"grains overlap by up to {overlap:.1e} m at the start, which the first step turns into"
-            f" {overlap / scene.dt:.1e} m/s: warpgrains.separate, or run --separate, moves them apart",
-            stacklevel=3,
-        )

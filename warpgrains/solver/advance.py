@@ -19,16 +19,9 @@ OnProgress = Callable[[int], object]
 def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | None = None) -> None:
     """Do the submitted steps; a scene that fails stops, and the other scenes continue.
 
-    The calling thread polls the others, so that an interrupt can cancel them. In short work it takes part,
-    and it does the shortest alone, but for scenes that a team shares.
-
-    Parameters
-    ----------
-    engines : sequence of Engine
-    threads : int
-        Largest number of CPU threads for scenes that no team shares; teams choose their own (`Engine.tasks`).
-    on_progress : callable, optional
-        Called occasionally and at the end, with the number of steps done since its last call.
+    At most `threads` CPU threads advance scenes that no team shares; teams choose their own (`Engine.tasks`).
+    The calling thread polls them, so that an interrupt can cancel them. In short work it takes part, and it
+    does the shortest alone, but for scenes that a team shares. `on_progress` is called at the end, too.
     """
     left = 0 if on_progress is None else _left(engines)
 

@@ -29,14 +29,15 @@ from warpgrains.kernels.record import (
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import fused_step, step
 from warpgrains.kernels.threads import team_records
-from warpgrains.solver.final_states import FinalStates
+from warpgrains.scene.snapshot import Snapshots
+from warpgrains.solver.forces import force_of
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loaded_scene import LoadedScene
 from warpgrains.solver.loading import give_up_step, scene_with_walls
 from warpgrains.solver.records import SceneRecords
-from warpgrains.solver.service import Service
+from warpgrains.solver.service import exact_solver, failure
 from warpgrains.solver.sizes import kind_of
-from warpgrains.solver.statistics import Summary, stacked
+from warpgrains.solver.statistics import FinalStates, Summary, stacked
 from warpgrains.solver.threads import run_threads
 from warpgrains.turns import BUILDING
 
@@ -52,38 +53,29 @@ FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, WITHOUT_ROOM)
 class Engine:
     """Scenes of one kind in memory, their queue, and the launches that process it.
 
-    Parameters
-    ----------
-    scenes : sequence of Scene
-        Scenes of one kind (`kind_of`).
-    device : wp.Device
-    team : int
-        Threads that share a scene on a CPU.
-
-    Raises
-    ------
-    SimulationError
-        The scenes do not fit in memory.
+    Raises SimulationError if the scenes do not fit in memory.
 
     Attributes
     ----------
+    team : int
+        Threads that share a scene on a CPU.
     records : SceneRecords
     scenes : list of LoadedScene
     left, seconds : ndarray
         Remaining steps, and total time of the steps [s], of every scene.
     last_steps : LastSteps
         The steps since `submit`; the next steps change it.
-    team : int
     is_brief : bool
         Whether the submitted steps end before a user could want to interrupt them.
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, team: int = 1):
+        count = len(scenes)
         self._device, self.team = device, team
         self.records = SceneRecords(scenes, team, device)
-        self.scenes = [LoadedScene(self.records, k) for k in range(len(scenes))]
-        self._service = Service(self.records)
-        count = len(scenes)
+        self.scenes = [LoadedScene(self.records, k) for k in range(count)]
+        solver = exact_solver(scenes[0].method)
+        self._exact = [] if solver is None else [solver(self.records, k) for k in range(count)]
         self._queue = advance_kernel.Queue()
         self._queue.cursor = wp.zeros(1, dtype=wp.int64, device="cpu")
         for name in ("taken", "left", "outcome"):
@@ -92,12 +84,13 @@ class Engine:
         self._queue.cancel = wp.zeros(1, dtype=wp.int32, device="cpu")
         self.left, self._outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self.seconds, self._cancel = self._queue.seconds.numpy(), self._queue.cancel.numpy()
-        self._grains = np.array([scene.n for scene in scenes])
+        self._grains = self.records.sizes.grains
         self.is_brief = True
         self._tasks: list[Callable[[], None]] = []
-        host, service = self.records.host, self._service
-        arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds, host["steps"]
-        self.last_steps = LastSteps(self.records.scenes, *arrays, service.errors)
+        self._errors: dict[int, SimulationError] = {}
+        host = self.records.host
+        arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds
+        self.last_steps = LastSteps(self.records.scenes, *arrays, self._errors)
         self._sums = host["statistics"].view(np.void)  # filled ten times as fast as by fields
         self._no_steps = np.zeros((), self._sums.dtype)
         self._graphs: dict[int, wp.Graph] = {}
@@ -131,9 +124,17 @@ class Engine:
 
         Summaries are those of the steps since `submit`, unless they are given for each scene.
         """
-        scenes = [scene_with_walls(self.records, k) for k in which.tolist()]
+        records, scenes = self.records, [scene_with_walls(self.records, k) for k in which.tolist()]
+        dt = records.host["dt"][which]
+        names = ("position", "velocity", "contact_mass", *(("spin",) if records.sizes.friction else ()))
+        position, velocity, contact_mass, *spin = (records.stacked(f"grains.{name}", which) for name in names)
+        corrections = records.wall_corrections(which)
+        wall_force = force_of(contact_mass[..., None], corrections, dt[:, None, None])
+        times = (records.host["start_time"][which] + records.host["steps"][which] * dt).tolist()
+        spins = spin[0] if spin else np.zeros(contact_mass.shape)
+        grains = Snapshots.of(scenes, times, position, velocity, spins, wall_force)
         done = self.last_steps.stacked(which) if summaries is None else stacked(summaries)
-        return FinalStates.of(scenes, self.records, which, done)
+        return FinalStates(grains, dt, done)
 
     def submit(self, steps: Sequence[int]) -> None:
         """Set the number of steps to do for each scene, and reset the statistics."""
@@ -143,7 +144,7 @@ class Engine:
         self._outcome[:] = SOLVED
         self.seconds[:] = 0.0
         self._sums.fill(self._no_steps)
-        self._service.errors.clear()
+        self._errors.clear()
 
     def work(self) -> float:
         """Return the grains times iterations left to do, if each step takes those of the last one."""
@@ -218,7 +219,7 @@ class Engine:
         slow = np.flatnonzero(self._outcome == SLOW).tolist()
         for k in slow:
             start = perf_counter()
-            self._service.solve_exactly(k)
+            self._exact[k].solve()
             self.seconds[k] += perf_counter() - start
         waiting = self._grow() + slow
         self._outcome[waiting] = SOLVED
@@ -226,8 +227,13 @@ class Engine:
 
     def _grow(self) -> list[int]:
         """Enlarge the lists that are full; return the scenes for which there was enough memory."""
-        waiting = np.flatnonzero(self._outcome == WITHOUT_ROOM).tolist()
-        return [k for k in waiting if self._service.reserve_contacts(k)]
+        full = set(np.flatnonzero(self._outcome == WITHOUT_ROOM).tolist()) - self._errors.keys()
+        for k in full:
+            try:
+                self.records.reserve_contacts(k, int(self.records.array(k, "neighbors.total")[0]))
+            except SimulationError as error:
+                self._errors[k] = error
+        return sorted(full - self._errors.keys())
 
     def finish_open_steps(self) -> None:
         """Finish or undo all open steps, and keep the reasons of failures."""
@@ -243,7 +249,7 @@ class Engine:
         if np.count_nonzero(self._outcome):  # not all are solved
             self._solve_open_steps()
             for k in np.flatnonzero(np.isin(self._outcome, FAILURES)).tolist():
-                self._service.explain(k, self._outcome[k])
+                self._errors[k] = failure(self.records, k, self._outcome[k], self._errors.get(k))
             for k in np.flatnonzero(np.isin(self._outcome, (*FAILURES, CANCELLED, SLOW))).tolist():
                 give_up_step(self.records, k)
 

@@ -17,52 +17,38 @@ if TYPE_CHECKING:
 
 STEP = tuple(StepState.vars)  # names of its fields
 SUMS = tuple(StepSums.vars)
+REPORTED = ("iterations", "zeta", "residual", "overlap", "rebuilds", "restarts", "factorizations")
 
 
 class LastSteps(NamedTuple):
-    """The last steps of the scenes of an engine."""
+    """The last steps of the scenes of an engine. Every array has shape (scenes,)."""
 
     scenes: Sequence[Scene]
     step: np.ndarray[Any, Any]
-    """Records of their last steps (kernels/record.py), shape (scenes,)."""
+    """Records of their last steps (kernels/record.py)."""
     sums: np.ndarray[Any, Any]
-    """Sums and maxima over the steps, shape (scenes,)."""
+    """Sums and maxima over the steps."""
     listed: np.ndarray[Any, Any]
-    """Numbers of listed contacts, shape (scenes,)."""
+    """Numbers of listed contacts."""
     seconds: FloatArray
-    """Time that the steps took [s], shape (scenes,)."""
-    steps: IndexArray
-    """Steps since the start, shape (scenes,)."""
+    """Time that the steps took [s]."""
     errors: dict[int, SimulationError]
     """Reasons why scenes stopped early."""
 
     def copy(self) -> Self:
         """Return a copy that later steps do not change."""
-        return self._replace(
-            step=self.step.copy(),
-            sums=self.sums.copy(),
-            listed=self.listed.copy(),
-            seconds=self.seconds.copy(),
-            steps=self.steps.copy(),
-            errors=self.errors.copy(),
-        )
+        changing: dict[str, Any] = {name: getattr(self, name).copy() for name in self._fields[1:]}
+        return self._replace(**changing)
 
     def report(self, k: int) -> StepReport:
         """Return the report of the last step of scene k."""
         step = dict(zip(STEP, self.step[k].tolist(), strict=True))
-        count = self.listed[k]
         return StepReport(
-            iterations=step["iterations"],
-            zeta=step["zeta"],
-            residual=step["residual"],
+            **{name: step[name] for name in REPORTED},
             gap_error=self._gap_error(k, step["residual"]),
             converged=bool(step["converged"]),
             contacts=step["active"],
-            candidates=int(count["pairs"] + count["walls"]),
-            overlap=step["overlap"],
-            rebuilds=step["rebuilds"],
-            restarts=step["restarts"],
-            factorizations=step["factorizations"],
+            candidates=int(self.listed[k]["pairs"] + self.listed[k]["walls"]),
         )
 
     def summary(self, k: int) -> Summary:

@@ -18,24 +18,16 @@ from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
 from warpgrains.kernels.stopping import StopOn
 from warpgrains.solver import tuning
-from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
+from warpgrains.solver.buffers import Block, BlockLayout, array_fields, bytes_needed
 from warpgrains.solver.memory import require_memory
-from warpgrains.solver.sizes import Counts, Sizes, grid_width
+from warpgrains.solver.sizes import Sizes, grid_width
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 
 class SceneRecords:
-    """Records of scenes on a device, each with one memory block for all its arrays.
-
-    Parameters
-    ----------
-    scenes : sequence of Scene
-        Scenes of one kind (`kind_of`).
-    team : int
-        Threads that share a scene.
-    device : wp.Device
+    """Records of scenes of one kind on a device, each with one memory block for all its arrays.
 
     Attributes
     ----------
@@ -55,25 +47,25 @@ class SceneRecords:
         self.last_scenes: list[Scene | None] = [None] * len(scenes)
         self.sizes = Sizes.first(scenes, team, device)
         require_memory(bytes_needed(self.sizes), int(self.sizes.grains.sum()), device)
-        self._number = {field.name: number for number, field in enumerate(fields())}
+        self._number = {field.name: number for number, field in enumerate(array_fields())}
         self.device = wp.zeros(len(scenes), dtype=SceneRecord, device=device)
         self.host = self.device.numpy()
-        self._blocks: list[Block | None] = [None] * len(scenes)
+        self._blocks: list[Any] = [None] * len(scenes)
         self._memory: NDArray[np.uint8] | None = None
-        self._length = np.zeros((len(fields()), len(scenes)), np.int64)
+        self._length = np.zeros((len(array_fields()), len(scenes)), np.int64)
         self._offset = self._length.copy()
         self._place(np.arange(len(scenes)), self.sizes)
         if device.is_cpu:
-            self._memory = self._block(0).host.base
+            self._memory = self._blocks[0].host.base
         self._write_grains()
         self.write_parameters()
 
-    def _place(self, which: Counts, sizes: Sizes) -> None:
+    def _place(self, which: IndexArray, sizes: Sizes) -> None:
         """Allocate memory blocks for scenes, and write the addresses of their arrays to the records."""
-        layout = Layout.of(sizes)
+        layout = BlockLayout.of(sizes)
         blocks = Block.several(layout.size, self._device)
         base = np.array([block.pointer for block in blocks], np.uint64)
-        for number, field in enumerate(fields()):
+        for number, field in enumerate(array_fields()):
             arrays = field.of(self.host)
             arrays["data"][which] = base + layout.offset[number].astype(np.uint64)
             arrays["shape"][which, 0] = layout.length[number]
@@ -98,7 +90,7 @@ class SceneRecords:
             return None
         names = [
             field.name
-            for number, field in enumerate(fields())
+            for number, field in enumerate(array_fields())
             if field.of(self.host)["data"][k] == found["array"] and self._length[number, k] == found["length"]
         ]
         stage = STAGE_NAMES.get(int(found["stage"]), "a stage")
@@ -176,14 +168,14 @@ class SceneRecords:
     def array(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return an array of scene k, a view that is valid until its list grows."""
         number = self._number[name]
-        field = fields()[number]
+        field = array_fields()[number]
         shape = (self._length[number, k].item(), *field.shape)
-        return np.ndarray(shape, field.dtype, self._block(k).host, self._offset[number, k].item())
+        return np.ndarray(shape, field.dtype, self._blocks[k].host, self._offset[number, k].item())
 
     def together(self, name: str) -> np.ndarray[Any, Any] | None:
         """Return an array of all scenes as a view (scenes, ...); None if their layouts differ."""
         number = self._number[name]
-        field, length = fields()[number], self._length[number]
+        field, length = array_fields()[number], self._length[number]
         start, memory = field.of(self.host)["data"].astype(np.int64), self._memory
         step = np.diff(start)
         if memory is None or (length != length[0]).any() or (step != step[:1]).any():
@@ -223,18 +215,10 @@ class SceneRecords:
         carried[row, contact["i"][row, place] // 2, wall] = correction
         return carried
 
-    def _block(self, k: int) -> Block:
-        block = self._blocks[k]
-        assert block is not None
-        return block
-
     def reserve_contacts(self, k: int, contacts: int) -> None:
         """Move scene k to a memory block that holds a list of `contacts` contacts.
 
-        Raises
-        ------
-        SimulationError
-            There is not so much memory, or the search has found too many contacts.
+        Raises SimulationError if there is not so much memory, or the search has found too many contacts.
         """
         if contacts > MOST_CONTACTS:
             scene = self.scenes[k]
@@ -249,14 +233,9 @@ class SceneRecords:
         self._resize(k, replace(self.sizes, contacts=grown))
 
     def keep_history(self, k: int, iterations: int) -> None:
-        """Reserve memory for zeta and residual of the first `iterations` iterations of each step of scene k.
+        """Reserve memory for zeta and residual of that many iterations of each step of scene k.
 
-        With 0, no history is kept.
-
-        Raises
-        ------
-        SimulationError
-            There is not so much memory.
+        Raises SimulationError if there is not so much.
         """
         if iterations != self.sizes.history[k]:
             history = self.sizes.history.copy()
@@ -266,10 +245,11 @@ class SceneRecords:
     def _resize(self, k: int, sizes: Sizes) -> None:
         """Move scene k to a memory block for other sizes."""
         require_memory(bytes_needed(sizes.of(k)), self.scenes[k].n, self._device)
-        kept = {field.name: self.array(k, field.name) for field in fields()}
+        names = [field.name for field in array_fields()]
+        kept = [self.array(k, name) for name in names]
         self.sizes, self._memory = sizes, None
         self._place(np.array([k]), sizes.of(k))
-        for name, array in kept.items():
+        for name, array in zip(names, kept, strict=True):
             moved = self.array(k, name)
             moved[: len(array)] = array[: len(moved)]
 
@@ -282,10 +262,10 @@ class SceneRecords:
         """Copy the record and block of scene k from the device."""
         self.pull_records()
         if not self._device.is_cpu:
-            self._block(k).pull()
+            self._blocks[k].pull()
 
     def push(self, k: int) -> None:
         """Copy the record and block of scene k to the device."""
         if not self._device.is_cpu:
             self.device.assign(self.host)
-            self._block(k).push()
+            self._blocks[k].push()

@@ -1,4 +1,4 @@
-"""Requests of scenes to the host: memory for a list, the exact solution of a step, and errors."""
+"""The host's solver of a method, and the reasons why steps fail."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from warpgrains.errors import SimulationError, requiring
 from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE
-from warpgrains.solver.infeasible import (
-    InfeasibilityProof,
-    find_infeasibility_proof,
-)
+from warpgrains.solver.infeasible import InfeasibilityProof, find_infeasibility_proof
 from warpgrains.solver.loading import corrections_of
 from warpgrains.solver.statistics import named
 
@@ -23,10 +20,7 @@ if TYPE_CHECKING:
 def exact_solver(method: str) -> Callable[[SceneRecords, int], Any] | None:
     """Return the function that makes the solver of a scene on the host; None if the method needs none.
 
-    Raises
-    ------
-    MissingExtraError
-        The method is "exact" and qdldl, which the extra ``[exact]`` installs, is missing.
+    Raises MissingExtraError if the method is "exact" and its extra is not installed.
     """
     if method != "exact":
         return None
@@ -40,40 +34,13 @@ def exact_solver(method: str) -> Callable[[SceneRecords, int], Any] | None:
     return solver_of
 
 
-class Service:
-    """Server for the requests of scenes of one method during a step; it keeps the errors.
-
-    Attributes
-    ----------
-    errors : dict of int to SimulationError
-        Reasons why scenes stopped early, by scene.
-    """
-
-    def __init__(self, records: SceneRecords):
-        self._records, solver = records, exact_solver(records.scenes[0].method)
-        self._exact = [] if solver is None else [solver(records, k) for k in range(len(records.scenes))]
-        self.errors: dict[int, SimulationError] = {}
-
-    def reserve_contacts(self, k: int) -> bool:
-        """Reserve memory for the list of scene k; return True if there is, and has always been, enough."""
-        if k in self.errors:
-            return False
-        try:
-            self._records.reserve_contacts(k, int(self._records.array(k, "neighbors.total")[0]))
-        except SimulationError as error:
-            self.errors[k] = error
-            return False
-        return True
-
-    def solve_exactly(self, k: int) -> None:
-        """Solve the step of scene k, in which sweeps converge too slowly."""
-        self._exact[k].solve()
-
-    def explain(self, k: int, outcome: int) -> None:
-        """Store the reason why the open step of scene k failed."""
-        scene, done = self._records.scenes[k], int(self._records.host["steps"][k])
-        why = self.errors.get(k) or SimulationError(_reason(self._records, k, outcome))
-        self.errors[k] = type(why)(f"step {done + 1}, from t = {scene.time_after(done)} s: {why}")
+def failure(
+    records: SceneRecords, k: int, outcome: int, why: SimulationError | None = None
+) -> SimulationError:
+    """Return the error of the open step of scene k, which failed with this outcome, or for a known reason."""
+    scene, done = records.scenes[k], int(records.host["steps"][k])
+    error = why or SimulationError(_reason(records, k, outcome))
+    return type(error)(f"step {done + 1}, from t = {scene.time_after(done)} s: {error}")
 
 
 def infeasible_grains(records: SceneRecords, k: int) -> tuple[int, ...]:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
+from warpgrains.arrays import IndexArray
 from warpgrains.kernels.cells import AT_ONCE
 from warpgrains.kernels.contacts import CHUNK
 from warpgrains.kernels.pair_sweep import KEPT
@@ -22,97 +22,76 @@ from warpgrains.kernels.threads import GPU_PARTIALS
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
-Counts = NDArray[np.int64]
 MANY_WALLS = 8  # number of walls above which a list begins with a capacity for fewer contacts a grain
 FEW = 40  # number of grains up to which all pairs are tested, without a grid
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes that determine the lengths of a scene's arrays.
+    """Sizes that determine the lengths of a scene's arrays, of shape (scenes,) or one number for all."""
 
-    Every entry has shape (scenes,) or is one number for all.
-
-    Attributes
-    ----------
-    grains, contacts : ndarray
-        Number of grains, and capacity of the list of contacts.
-    walls : ndarray
-        Number of wall bodies (kernels/walls.py).
-    joined : ndarray
-        Number of walls at joints (`joined`).
-    mobile : ndarray
-        1 if a wall inside the annulus moves as given in advance, or a force drives one, else 0.
-    driven : ndarray
-        1 if a force drives a wall, else 0.
-    limited : ndarray
-        1 if walls have limits, see `has_limits`, else 0.
-    weighted : ndarray
-        0 if grains take equal shares of corrections (`has_equal_shares`), else 1.
-    history : ndarray
-        Iterations of a step of which zeta and residual are kept.
-    accelerated, friction : int
-        1 if sweeps are accelerated, or if there is friction, else 0.
-    team : int
-        CPU threads that share a scene.
-    partials : int
-        Number of partial maxima and sums, one per thread.
-    """
-
-    grains: Counts
-    contacts: Counts
-    walls: Counts
-    joined: Counts
-    mobile: Counts
-    driven: Counts
-    limited: Counts
-    weighted: Counts
-    history: Counts
-    accelerated: int
-    friction: int
-    team: int
-    partials: int
+    grains: IndexArray
+    contacts: IndexArray  # capacity of the list
+    walls: IndexArray  # wall bodies (kernels/walls.py)
+    joined: IndexArray  # walls at all joints, each as often as it is one of the others there
+    mobile: IndexArray  # 1 if a wall inside the annulus moves as given in advance, or a force drives one
+    driven: IndexArray  # 1 if a force drives a wall
+    limited: IndexArray  # 1 if a wall has another side, or is round within a step (eq. 18)
+    weighted: IndexArray  # 0 if grains take equal shares of every correction, and K_t = 3 in eq. 22
+    history: IndexArray  # iterations of a step of which zeta and residual are kept
+    accelerated: int  # 1 if sweeps are accelerated
+    friction: int  # 1 if there is friction
+    team: int  # CPU threads that share a scene
+    partials: int  # partial maxima and sums, one per thread
 
     @classmethod
     def first(cls, scenes: Sequence[Scene], team: int, device: wp.Device) -> Sizes:
         """Return the initial sizes of scenes of one kind."""
         n = np.array([scene.n for scene in scenes])
-        partials = team if device.is_cpu else GPU_PARTIALS
-        weighted = np.array([not has_equal_shares(scene) for scene in scenes], np.int64)
-        walls = np.array([len(scene.bodies) for scene in scenes])
+        of_walls = np.array([_of_walls(scene) for scene in scenes], np.int64).T
+        walls, joined, mobile, driven, limited, weighted = of_walls
         return cls(
             n,
             first_pairs(n) + n * np.minimum(walls, MANY_WALLS),
             walls,
-            np.array([joined(scene) for scene in scenes], np.int64),
-            np.array([any(wall.is_mobile for wall in scene.walls) for scene in scenes], np.int64),
-            np.array([scene.has_driven_walls for scene in scenes], np.int64),
-            np.array([has_limits(scene) for scene in scenes], np.int64),
+            joined,
+            mobile,
+            driven,
+            limited,
             weighted,
             np.zeros_like(n),
             int(scenes[0].method != "gauss-seidel"),
             int(scenes[0].has_friction),
             team,
-            partials,
+            team if device.is_cpu else GPU_PARTIALS,
         )
 
     def fits(self, k: int, scene: Scene) -> bool:
-        """Return whether the arrays of scene k fit another scene of its grains and kind."""
-        return bool(
-            self.walls[k] == len(scene.bodies)
-            and self.joined[k] == joined(scene)
-            and self.mobile[k] >= any(wall.is_mobile for wall in scene.walls)
-            and self.driven[k] == scene.has_driven_walls
-            and self.limited[k] == has_limits(scene)
-            and self.weighted[k] != has_equal_shares(scene)
-        )
+        """Return True if the arrays of scene k fit another scene of its grains and kind."""
+        own = self.walls[k], self.joined[k], self.mobile[k], self.driven[k], self.limited[k], self.weighted[k]
+        walls, joined, mobile, *others = _of_walls(scene)
+        return bool(own[2] >= mobile) and own == (walls, joined, own[2], *others)
 
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
-        one = slice(k, k + 1)
-        own = ("grains", "contacts", "walls", "joined", "mobile", "driven", "limited", "weighted", "history")
-        one_of = {name: getattr(self, name)[one] for name in own}
-        return replace(self, **one_of)
+        arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        own: dict[str, Any] = {name: array[k : k + 1] for name, array in arrays.items()}
+        return replace(self, **own)
+
+
+def _of_walls(scene: Scene) -> tuple[int, ...]:
+    """Return `walls`, `joined`, `mobile`, `driven`, `limited` and `weighted` of `Sizes` for one scene."""
+    has_equal_shares = scene.has_equal_masses and not scene.has_driven_walls
+    if scene.has_friction:
+        has_equal_shares = has_equal_shares and bool((scene.contact_mass == scene.rim_mass).all())
+    return (
+        len(scene.bodies),
+        sum(map(len, scene.joints.others)),
+        any(wall.is_mobile for wall in scene.walls),
+        scene.has_driven_walls,
+        scene.bodies.annulus.radius_in > 0.0 or scene.wall == "round",
+        not has_equal_shares,
+    )
 
 
 def kind_of(scene: Scene) -> Kind:
@@ -120,24 +99,7 @@ def kind_of(scene: Scene) -> Kind:
     return Kind(scene.method, scene.has_friction)
 
 
-def has_equal_shares(scene: Scene) -> bool:
-    """Return whether grains take equal shares of every correction, and K_t = 3 in eq. 22."""
-    if scene.has_driven_walls or not scene.has_equal_masses:
-        return False
-    return not scene.has_friction or bool((scene.contact_mass == scene.rim_mass).all())
-
-
-def joined(scene: Scene) -> int:
-    """Return the number of walls at all joints, each as often as it is one of the others there."""
-    return sum(map(len, scene.joints.others))
-
-
-def has_limits(scene: Scene) -> bool:
-    """Return whether a wall has another side, or is round within a step (eq. 18)."""
-    return scene.bodies.annulus.radius_in > 0.0 or scene.wall == "round"
-
-
-def first_pairs(n: Counts) -> Counts:
+def first_pairs(n: IndexArray) -> IndexArray:
     """Return the initial capacity for pairs: more than most lists need, but at most all pairs."""
     return np.minimum(n * (n - 1) // 2, 5 * n)
 

@@ -18,6 +18,8 @@ from warpgrains.tables import Tabular, library
 if TYPE_CHECKING:
     import pandas
 
+    from warpgrains.scene.snapshot import Snapshots
+
 NAMED = 10
 
 
@@ -220,3 +222,13 @@ def stacked(summaries: Sequence[Summary]) -> dict[str, NDArray[Any]]:
     """Return the numbers of summaries by name, as arrays of shape (summaries,)."""
     names = [own.name for own in fields(Summary) if isinstance(own.default, int | float)]
     return {name: np.array([getattr(one, name) for one in summaries]) for name in names}
+
+
+class FinalStates(NamedTuple):
+    """Final states of m scenes with equal numbers of grains, for sweeps in which thousands end at once."""
+
+    grains: Snapshots
+    dt: FloatArray
+    """[s], shape (m,)."""
+    done: dict[str, NDArray[Any]]
+    """Summaries of the steps by name, shape (m,) each."""

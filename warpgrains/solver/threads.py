@@ -71,17 +71,10 @@ def run_threads(
 ) -> None:
     """Execute each task on a separate thread.
 
-    Without polling, tasks are short and share their work: this thread does the first, and drops those that no
-    thread has begun when it is done.
-
-    Parameters
-    ----------
-    tasks : sequence of callable
-    poll : callable, optional
-        Called every `GLANCE` seconds and at the end.
-    cancel : callable, optional
-        Called with False if this thread is interrupted: the tasks are to end soon. Called with True if they
-        have not ended after `GRACE` seconds: they are to give up what they do. They are waited for.
+    `poll` is called every `GLANCE` seconds and at the end. Without it, tasks are short and share their work:
+    this thread does the first, and drops those that no thread has begun when it is done. If this thread is
+    interrupted, `cancel` is called: with False, so that the tasks end soon, and with True if they have not
+    ended after `GRACE` seconds, so that they abandon their work. They are waited for.
     """
     if len(tasks) == 1 and poll is None:
         return tasks[0]()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES, quantities, takes_region
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.snapshot import Snapshot, Snapshots
-from warpgrains.solver.final_states import FinalStates
+from warpgrains.solver.statistics import FinalStates
 from warpgrains.sweep.execution import RunSettings
 
 
