@@ -10,9 +10,7 @@ from sample_scenes import chain
 from warpgrains import Scene, Simulation, SimulationError
 from warpgrains.cli.main import main
 from warpgrains.scene.fields import METHODS
-from warpgrains.scene.state import first_state
-from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from warpgrains.solver.statistics import Summary, named
+from warpgrains.solver.statistics import named
 
 WEDGE = """
 domain = {radius_in = 0.5, radius_out = 1.0}
@@ -129,14 +127,6 @@ def test_command_line(tmp_path, capfd) -> None:
     assert "step 1, from t = 0.0 s: not converged after 300 iterations" in capfd.readouterr().err
     assert main(["run", str(scene), "--set", "solver.on_unconverged=shout"]) == 2
     assert "unknown on_unconverged 'shout'" in capfd.readouterr().err
-
-
-def test_a_resumed_run_tells_of_all_its_steps(tmp_path) -> None:
-    path, scene = tmp_path / "kept.npz", chain(5, 1e-3)
-    statistics = Summary(unconverged=3, residual=1.0 / 3.0, gap_error=0.1)
-    kept = Checkpoint(scene, first_state(scene), None, statistics)
-    write_checkpoint(path, kept)
-    assert contents(read_checkpoint(path)) == contents(kept)
 
 
 def test_many_grains_are_named_by_the_first() -> None:

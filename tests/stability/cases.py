@@ -17,7 +17,7 @@ from hard_scenes import (
     random_masses,
     stack,
 )
-from sample_scenes import bullet, chain, crowd, explosion, falling_cloud, ring, squeezed_light_grains
+from sample_scenes import bullet, explosion, falling_cloud, squeezed_light_grains
 
 from warpgrains import Scene, Simulation
 
@@ -51,15 +51,6 @@ class Case:
     outcome: Callable[[Simulation], None] = lambda simulation: None
     refused: bool = False
     then: dict[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Crowded:
-    """A scene whose grains cannot fit, and at least how many of them must be named."""
-
-    name: str
-    scene: Callable[[], Scene]
-    named: int
 
 
 def rests_upright(simulation: Simulation) -> None:
@@ -131,12 +122,4 @@ CASES = (
         Case(f"dt {dt:g}", partial(heap, 60, spacing=2.0, dt=dt), 100, 400, "a lattice gives way")
         for dt in (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
     ),
-)
-
-CROWDED = (
-    Crowded("chain of 5 in a gap too narrow", partial(chain, 5, 1e-3), 5),
-    Crowded("chain of 5 in a gap too narrow by 1 um", partial(chain, 5, 1e-6), 5),
-    Crowded("ring of 20 too long for its gap", partial(ring, 20, 1.02), 20),
-    Crowded("area of 105 %", partial(crowd, 100, 1.05), 50),
-    Crowded("area of 120 %", partial(crowd, 100, 1.2), 50),
 )
