@@ -59,13 +59,6 @@ def test_an_unknown_key_is_answered_with_those_that_there_are(press: Press, keys
     assert "unknown key; N: next step   R: run   S: stop   Q: quit" in complaint
 
 
-def test_keys_come_through_standard_input() -> None:
-    done = subprocess.run([*COMMAND, "--steps", "25"], input="nNxn", capture_output=True, text=True)
-    assert done.returncode == 0
-    assert steps_of(done.stdout) == [1, 2, 3]
-    assert "unknown key" in done.stderr
-
-
 class Terminal:
     """The command at a terminal."""
 

@@ -10,7 +10,7 @@ import time
 
 import pytest
 from distributed import LocalCluster
-from sweeps import SMALL, batch, table, write
+from sweeps import SMALL, batch, parts, results, rows, write
 
 from warpgrains.sweep import cluster
 from warpgrains.sweep.sweep import Run
@@ -31,10 +31,6 @@ def workers():
         yield workers
 
 
-def results(folder):
-    return (folder / "results.csv").read_bytes()
-
-
 def test_same_results_as_here(tmp_path, workers):
     sweep = write(tmp_path)
     assert batch(sweep, "-o", tmp_path / "here") == 1
@@ -47,7 +43,7 @@ def test_killed_worker_loses_no_run(tmp_path, workers):
     killed = []
 
     def kill_a_worker():
-        while len(list(out.glob("parts/[0-9]*.csv"))) < 3:
+        while len(parts(out)) < 3:
             time.sleep(0.01)
         killed.append(next(iter(workers.workers.values())).pid)
         os.kill(killed[0], signal.SIGKILL)
@@ -73,9 +69,9 @@ def test_run_that_kills_its_workers_is_named(tmp_path, workers, monkeypatch, cap
     printed = capfd.readouterr()
     assert "run 2 is not finished: Attempted to run task" in printed.err
     assert "not finished      1 (continue with --resume)" in printed.out
-    assert [row["run"] for row in table(out / "results.csv")] == ["0", "1", "3"]
+    assert [row["run"] for row in rows(out)] == ["0", "1", "3"]
     assert batch(sweep, "-o", out, "--resume", "--scheduler", workers.scheduler_address) == 0
-    assert [row["run"] for row in table(out / "results.csv")] == ["0", "1", "2", "3"]
+    assert [row["run"] for row in rows(out)] == ["0", "1", "2", "3"]
 
 
 def finish_bundle_or_die(
@@ -114,4 +110,4 @@ def test_slurm(tmp_path):
     assert "6, 0 of them finished before" in done.stdout, done.stderr
     assert done.returncode == 1
     assert "#SBATCH" in (tmp_path / "job.sh").read_text()
-    assert [bool(row["error"]) for row in table(tmp_path / "out" / "results.csv")] == [0, 0, 1, 1, 0, 0]
+    assert [bool(row["error"]) for row in rows(tmp_path / "out")] == [0, 0, 1, 1, 0, 0]

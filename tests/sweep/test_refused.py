@@ -33,19 +33,12 @@ def test_slurm_leaves_interrupts_as_they_are(tmp_path, monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
-OTHER_AXIS = ("[5, 15]", "[5, 14]")
-
-
 @pytest.mark.parametrize(
     ("output", "change", "options", "complaint"),
     [
         ("done", (), "", "use --resume to continue the sweep"),
         ("kept", (), "", "use --resume to continue the sweep"),
-        ("done", ("= 30", "= 31"), "--resume", "annulus.toml' is of a sweep with another scene"),
-        ("done", OTHER_AXIS, "--resume", "settings.json' is of a sweep with other runs: choose another -o"),
-        ("done", (), "--resume --until rest", "settings.json' is of a sweep with --until none: choose"),
-        ("done", (), "--resume --measure stress", "settings.json' is of a sweep with --measure none: choose"),
-        ("kept", (), "--resume --measure stress", "settings.json' is of a sweep with --measure none: choose"),
+        ("done", ("[5, 15]", "[5, 14]"), "--resume", "settings.json' is of a sweep with other runs: choose"),
         ("done", (), "--resume --measure stress --until rest", "with --measure none and --until none: "),
         ("done", ("physics.drag =", "contact.friction ="), "--resume", "of a sweep with other runs: choose"),
     ],
