@@ -9,7 +9,6 @@ series.csv         quantities over time, if requested
 """
 
 from contextlib import ExitStack, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -106,10 +105,7 @@ def run_options(folder: Path, steps: int, settings: RunSettings, execution: Exec
 
 
 def _kept(folder: Path, start: Checkpoint) -> Checkpoint | None:
-    """Return the checkpoint in a folder; None if its run has failed, and its recording is complete.
-
-    File names in the checkpoint are ignored, because the folder may have been moved.
-    """
+    """Return the checkpoint in a folder; None if its run has failed, and its recording is complete."""
     kept = read_checkpoint(folder / CHECKPOINT)
     options, wanted = kept.options, start.options
     assert wanted is not None
@@ -117,10 +113,5 @@ def _kept(folder: Path, start: Checkpoint) -> Checkpoint | None:
     if options is None or (kept.scene.text, options.until, options.steps) != own:
         raise InputError(f"checkpoint '{folder / CHECKPOINT}' is of another run")
     has_ended = kept.statistics.met or kept.statistics.steps == options.steps
-    if options.record is not None and not has_ended and is_complete(folder / RECORDING):
-        return None
-    files = {"record": RECORDING, "series": SERIES, "checkpoint": CHECKPOINT}
-    own_files: dict[str, Any] = {
-        name: str(folder / file) for name, file in files.items() if getattr(options, name) is not None
-    }
-    return replace(kept, options=replace(options, **own_files))
+    is_over = options.record is not None and is_complete(folder / RECORDING)
+    return None if is_over and not has_ended else kept
