@@ -13,6 +13,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.usd.recorder import Recorder
 
 GRAINS = "/World/Grains"
+FORMS = ("points", "discs", "spheres")
 RADIUS = np.array([0.1, 0.07, 0.031, 0.1, 0.2])
 
 
@@ -35,12 +36,20 @@ def make_frames(count, grains=5, seed=0):
     return np.random.default_rng(seed).uniform(-1.5, 1.5, (count, 2, grains, 2))
 
 
-def make_contacts(seed=0):
+def make_contacts(seed=0, friction=0.0):
     """Contacts of five grains, as fields of a snapshot: three between them, and one at each wall."""
-    force = np.random.default_rng(seed).uniform(1.0, 20.0, 6)
+    random = np.random.default_rng(seed)
+    force = random.uniform(1.0, 20.0, 6)
     pair, wall = np.array([(0, 1), (1, 2), (0, 4)], np.int32), np.array([(0, 0), (3, 1)], np.int32)
-    tangential = {"tangential_force": np.zeros(3), "wall_tangential_force": np.zeros(2)}
-    return {"pair": pair, "force": force[:3], "wall": wall, "wall_force": force[4:], **tangential}
+    share = friction * random.uniform(-1.0, 1.0, 6)
+    return {
+        "pair": pair,
+        "wall": wall,
+        "force": force[:3],
+        "wall_force": force[4:],
+        "tangential_force": (share * force)[:3],
+        "wall_tangential_force": (share * force)[4:],
+    }
 
 
 def moment(position, velocity, scene=None, **fields):
@@ -56,13 +65,22 @@ def recorder_of(path, scene=None, resume_at=None, first_step=0, fps=50, **option
     return Recorder(scene, options, FrameTimes(scene.dt, fps, first_step), resume_at)
 
 
-def record(path, frames, scene=None, **options):
-    """Record frames, each with contacts of its own, and return the path; by default as points."""
+def moments(frames, scene=None):
+    """Snapshots of frames, each with contacts of its own, and in a scene with friction with rotation."""
     scene = make_scene() if scene is None else scene
+    for seed, frame in enumerate(frames):
+        fields = make_contacts(seed, scene.friction) if scene.n == len(RADIUS) else {}
+        if scene.has_friction:
+            spin = np.random.default_rng(seed).uniform(-20.0, 20.0, scene.n)
+            fields |= {"spin": spin, "angle": 0.3 * seed - spin / 10.0}
+        yield moment(*frame, scene, **fields)
+
+
+def record(path, frames, scene=None, **options):
+    """Record the `moments` of frames, and return the path; by default as points."""
     with recorder_of(path, scene, **options) as recorder:
-        for seed, frame in enumerate(frames):
-            contacts = make_contacts(seed) if recorder.needs_contacts else {}
-            recorder.record(moment(*frame, scene, **contacts))
+        for now in moments(frames, scene):
+            recorder.record(now)
     return path
 
 

@@ -1,19 +1,42 @@
-"""What a recording shows: colors and raw values of grains, force chains, material, light and camera."""
+"""What a recording shows: colors and numbers of grains, force chains, material, light and camera."""
 
 import matplotlib
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils
-from recordings import GRAINS, RADIUS, bands_of, make_contacts, make_frames, make_scene, moment, record
+from recordings import FORMS, GRAINS, RADIUS, bands_of, make_frames, make_scene, moment, moments, record
 
 from warpgrains import Disc, Scene, Segment, Simulation
-from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
-from warpgrains.drawing.colorings import COLORINGS, pressure, pressure_scale, speed_scale, spin_scale
-from warpgrains.drawing.colors import LEVELS, PALETTE, GrainColors, colormap, encoded, linear
+from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, all_contacts
+from warpgrains.drawing.colorings import (
+    COLORINGS,
+    colorings_of,
+    mobilized,
+    pressure,
+    pressure_scale,
+    speed_scale,
+    spin_scale,
+)
+from warpgrains.drawing.colors import LEVELS, PALETTE, GrainColors, colormap, encoded, linear, mark_color
+from warpgrains.drawing.shapes import disc, mark, sphere
 from warpgrains.usd.recording import Recording, painter_of
 
 FORCES = "/World/Forces"
 HALF_STEP = 0.5 / (LEVELS - 1)  # of a scale
+FLOAT32 = 1e-6  # of coordinates up to 2 m
+ROTATION = {"primvars:spin", "primvars:angle", "orientations", "primvars:tangential_force"}
+
+
+@pytest.fixture
+def stage_of(tmp_path):
+    """Return a function that records frames, and opens the file."""
+
+    def opened(frames=1, scene=None, **options):
+        frames = make_frames(frames, 5 if scene is None else scene.n)
+        return Usd.Stage.Open(str(record(tmp_path / "run.usdc", frames, scene, **options)))
+
+    return opened
 
 
 @pytest.mark.parametrize("name", sorted(own.colormap for own in COLORINGS.values()))
@@ -95,77 +118,137 @@ def test_a_scene_without_a_scale_has_the_lowest_color():
         assert GrainColors(scene, color_by).levels(now).tolist() == [0] * 5
 
 
-@pytest.mark.parametrize("draw_as", ["discs", "spheres", "points"])
+def test_spin_is_colored_by_its_sign():
+    scene = make_scene(friction=0.3, gravity=(0.0, -10.0))
+    largest = 0.5 * np.sqrt(2.0 * 10.0 * 2.0) / 0.1  # half as fast as what falls across; the median radius
+    assert spin_scale(scene) == pytest.approx(largest)
+    assert spin_scale(scene.replace(spin=-1000.0)) == 1000.0
+    assert spin_scale(scene.replace(angular_velocity_out=-1000.0)) == pytest.approx(0.5 * 1000.0 * 2.0 / 0.1)
+    spin = largest * np.array([-7.0, -1.0, 1.0 / 63.0, 1.0 / 3.0, 1.0])
+    now = moment(scene.position, scene.velocity, scene, spin=spin)
+    assert GrainColors(scene, "spin").levels(now).tolist() == [0, 0, 32, 42, 63]
+
+
+def test_mobilized_friction_is_the_largest_of_a_grain():
+    scene = make_scene(friction=0.5, wall_friction=0.1)
+    contacts = {
+        "pair": np.array([[0, 1], [1, 2]], np.int32),
+        "force": np.array([2.0, 4.0]),
+        "tangential_force": np.array([-1.0, 0.5]),
+        "wall": np.array([[2, 0], [3, 1]], np.int32),
+        "wall_force": np.ones(2),
+        "wall_tangential_force": np.array([0.04, -0.07]),
+    }
+    where = scene.position, scene.velocity
+    assert_allclose(mobilized(moment(*where, scene, **contacts)), [1.0, 1.0, 0.4, 0.7, 0.0])
+    smooth = scene.replace(wall_friction=0.0)
+    assert_allclose(mobilized(moment(*where, smooth, **contacts)), [1.0, 1.0, 0.25, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("shape", [disc, sphere])
+def test_a_mark_changes_no_shape(shape):
+    plain, marked = shape(), shape(is_marked=True)
+    assert plain.marked is None
+    assert marked.marked is not None
+    assert area(marked).sum(axis=0) == pytest.approx(area(plain).sum(axis=0), abs=1e-12)
+    assert np.hypot(*area(marked).T[:2]).sum() == pytest.approx(np.hypot(*area(plain).T[:2]).sum())
+    first = np.cumsum(marked.counts) - marked.counts
+    middle = np.add.reduceat(marked.points[marked.corners], first) / marked.counts[:, np.newaxis]
+    inside = np.abs(np.arctan2(middle[:, 1], middle[:, 0])) < np.pi / 8
+    assert np.array_equal(marked.marked, inside)
+    assert np.abs(np.arctan2(*mark()[1:].T[::-1])).max() == pytest.approx(np.pi / 8)
+
+
+def area(shape):
+    """Return the area vector of each polygon, shape (p, 3)."""
+    found = []
+    for corners in np.split(shape.corners, np.cumsum(shape.counts)[:-1]):
+        points = shape.points[corners]
+        found.append(0.5 * np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0))
+        assert (np.cross(points[1] - points[0], points[2] - points[0]) @ found[-1]) > 0.0
+    return np.array(found)
+
+
+@pytest.mark.parametrize("draw_as", FORMS)
 @pytest.mark.parametrize(
-    ("color_by", "codes"), [("palette", 0), ("radius", 0), ("speed", 3), ("pressure", 3)]
+    ("color_by", "codes"),
+    [("palette", 0), ("radius", 0), ("speed", 3), ("pressure", 3), ("spin", 3), ("mobilized", 3)],
 )
-def test_grains_have_their_colors_and_only_what_changes_is_written_each_frame(
-    tmp_path, color_by, codes, draw_as
-):
-    frames = make_frames(3)
-    path = record(tmp_path / "run.usdc", frames, color_by=color_by, draw_as=draw_as)
-    stage = Usd.Stage.Open(str(path))
+def test_colors_and_numbers_are_those_of_the_snapshots(stage_of, tmp_path, color_by, codes, draw_as):
+    """And only what changes is written each frame."""
+    scene = make_scene(friction=0.3 if color_by in ("spin", "mobilized") else 0.0)
+    has_forces = color_by in ("radius", "spin")
+    stage = stage_of(3, scene, color_by=color_by, draw_as=draw_as, forces=has_forces)
     grains = stage.GetPrimAtPath(GRAINS)
     indices = ["primvars:displayColor:indices"] + ["protoIndices"] * (draw_as != "points")
     assert [grains.GetAttribute(name).GetNumTimeSamples() for name in indices] == [codes] * len(indices)
     assert grains.GetAttribute("primvars:displayColor").GetNumTimeSamples() == 0
-    recording, colors = Recording(path), GrainColors(make_scene(), color_by)
+    recording, colors = Recording(tmp_path / "run.usdc"), GrainColors(scene, color_by)
     assert recording.scale == colors.scale
-    table = UsdGeom.PrimvarsAPI(grains).GetPrimvar("displayColor")
-    for number, state in enumerate(frames):
-        expected = colors.of(moment(*state, **make_contacts(number)))
-        shown = encoded(np.array(table.ComputeFlattened(number)))
-        assert np.allclose(shown, expected, atol=1e-6)  # float32, linear and back
-        assert np.array_equal(painter_of(recording).color(recording.frame(number, contacts=False)), expected)
+    primvars, bands = UsdGeom.PrimvarsAPI(grains), UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(FORCES))
+    for number, now in enumerate(moments(make_frames(3), scene)):
+        shown = encoded(np.array(primvars.GetPrimvar("displayColor").ComputeFlattened(number)))
+        assert_allclose(shown, colors.of(now), atol=1e-6)  # float32, linear and back
+        frame = recording.frame(number, contacts=has_forces)
+        assert np.array_equal(painter_of(recording).color(frame), colors.of(now))
+        numbers = {"angle": now.angle} if scene.has_friction else {}
+        found = colorings_of(scene, has_forces or colors.needs_contacts)
+        for name, values in (numbers | {name: own.values(now) for name, own in found.items()}).items():
+            assert np.array_equal(primvars.GetPrimvar(name).Get(number), values.astype(np.float32))
+        if has_forces:
+            for name, values in zip(("force", "tangential_force"), all_contacts(now)[1:], strict=True):
+                if bands.HasPrimvar(name):
+                    assert np.array_equal(bands.GetPrimvar(name).Get(number), values.astype(np.float32))
 
 
-@pytest.mark.parametrize("draw_as", ["discs", "spheres", "points"])
-def test_raw_values_stand_beside_the_colors(tmp_path, draw_as):
-    frames = make_frames(2)
-    path = record(tmp_path / "run.usdc", frames, color_by="radius", forces=True, draw_as=draw_as)
-    stage = Usd.Stage.Open(str(path))
-    grains = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(GRAINS))
-    assert np.array_equal(grains.GetPrimvar("radius").Get(), RADIUS.astype(np.float32))
-    for number, (position, velocity) in enumerate(frames):
-        contacts = make_contacts(number)
-        now = moment(position, velocity, **contacts)
-        speed, raw_pressure = (grains.GetPrimvar(name).Get(number) for name in ("speed", "pressure"))
-        assert np.array_equal(speed, np.hypot(*velocity.T).astype(np.float32))
-        assert np.array_equal(raw_pressure, pressure(now).astype(np.float32))
-        force = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(FORCES)).GetPrimvar("force").Get(number)
-        expected = np.concatenate([contacts["force"], contacts["wall_force"]])
-        assert np.array_equal(force, expected.astype(np.float32))
+@pytest.mark.parametrize("draw_as", FORMS)
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_grains_turn_only_with_friction(stage_of, draw_as, friction):
+    scene = make_scene(friction=friction)
+    stage = stage_of(2, scene, forces=True, draw_as=draw_as)
+    names = {name for prim in stage.TraverseAll() for name in prim.GetAuthoredPropertyNames()}
+    lacking = {"orientations"} if draw_as == "points" else set()
+    assert names & ROTATION == (ROTATION - lacking if friction else set())
+    if friction and draw_as != "points":
+        turned = UsdGeom.PointInstancer(stage.GetPrimAtPath(GRAINS)).ComputeInstanceTransformsAtTime(1, 1)
+        right = np.array([matrix.TransformDir((1.0, 0.0, 0.0)) for matrix in turned])
+        angle = [*moments(make_frames(2), scene)][1].angle
+        expected = RADIUS * np.array([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
+        assert_allclose(right, expected.T, rtol=0.0, atol=2e-3 * RADIUS.max())  # half precision
 
 
 @pytest.mark.parametrize("draw_as", ["discs", "spheres"])
-@pytest.mark.parametrize("color_by", ["speed", "radius", "palette"])
-def test_prototypes_have_about_the_colors_of_their_grains(tmp_path, draw_as, color_by):
-    frames = make_frames(1)
-    stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", frames, color_by=color_by, draw_as=draw_as)))
+@pytest.mark.parametrize(
+    ("color_by", "friction"), [("speed", 0.0), ("radius", 0.0), ("palette", 0.0), ("speed", 0.3)]
+)
+def test_prototypes_have_about_the_colors_of_their_grains_and_marks(stage_of, draw_as, color_by, friction):
+    scene = make_scene(friction=friction)
+    stage = stage_of(1, scene, color_by=color_by, draw_as=draw_as)
     instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath(GRAINS))
-    shapes = [stage.GetPrimAtPath(path) for path in instancer.GetPrototypesRel().GetTargets()]
+    shapes = [UsdGeom.Mesh.Get(stage, path) for path in instancer.GetPrototypesRel().GetTargets()]
     assert len(shapes) == (len(PALETTE) if color_by == "palette" else 16)
-    color = np.array([UsdGeom.Mesh(shape).GetDisplayColorPrimvar().Get()[0] for shape in shapes])
-    shown = encoded(color[np.array(instancer.GetProtoIndicesAttr().Get(0))])
-    exact = GrainColors(make_scene(), color_by).of(moment(*frames[0]))
-    assert np.allclose(shown, exact, atol=1e-6 if color_by == "palette" else 0.06)
+    primvars = [shape.GetDisplayColorPrimvar() for shape in shapes]
+    color = encoded(np.array([primvar.Get()[0] for primvar in primvars], np.float64))
+    exact = GrainColors(scene, color_by).of(next(moments(make_frames(1), scene)))
+    shown = color[np.array(instancer.GetProtoIndicesAttr().Get(0))]
+    assert_allclose(shown, exact, rtol=0.0, atol=1e-6 if color_by == "palette" else 0.06)
+    for own, primvar, shape in zip(color, primvars, shapes, strict=True):
+        assert primvar.GetInterpolation() == ("uniform" if friction else "constant")
+        if friction:
+            assert_allclose(mark_color(own), encoded(np.array(primvar.Get()[1], np.float64)), atol=1e-6)
+            assert len(primvar.GetIndices()) == len(shape.GetFaceVertexCountsAttr().Get())
 
 
-@pytest.mark.parametrize("draw_as", ["points", "discs", "spheres"])
-def test_few_prims_stand_for_any_number_of_grains(tmp_path, draw_as):
-    scene = make_scene(np.full(300, 0.01))
-    path = record(tmp_path / "run.usdc", make_frames(1, 300), scene, draw_as=draw_as)
-    stage = Usd.Stage.Open(str(path))
+@pytest.mark.parametrize("draw_as", FORMS)
+def test_few_prims_stand_for_any_number_of_grains(stage_of, draw_as):
+    stage = stage_of(1, make_scene(np.full(300, 0.01)), draw_as=draw_as)
     prims = list(stage.Traverse())
     assert len(prims) <= 12
     points = [str(prim.GetPath()) for prim in prims if prim.IsA(UsdGeom.Points)]
     assert points == ([GRAINS] if draw_as == "points" else [])
     kinds = {prim.GetName(): Usd.ModelAPI(prim).GetKind() for prim in prims}
-    assert {name: kind for name, kind in kinds.items() if kind} == {
-        "World": "component",
-        "Grains": "subcomponent",
-        "Walls": "subcomponent",
-    }
+    found = {name: kind for name, kind in kinds.items() if kind}
+    assert found == {"World": "component", "Grains": "subcomponent", "Walls": "subcomponent"}
 
 
 def test_the_file_says_what_its_colors_and_chains_mean(tmp_path):
@@ -177,9 +260,9 @@ def test_the_file_says_what_its_colors_and_chains_mean(tmp_path):
     assert told["forces"] == {"unit": "N", "force": ChainScale.of(make_scene()).force, "width": RADIUS.min()}
 
 
-@pytest.mark.parametrize("draw_as", ["discs", "spheres", "points"])
-def test_everything_has_a_material_that_reads_its_color(tmp_path, draw_as):
-    stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(1), forces=True, draw_as=draw_as)))
+@pytest.mark.parametrize("draw_as", FORMS)
+def test_everything_has_a_material_that_reads_its_color(stage_of, draw_as):
+    stage = stage_of(forces=True, draw_as=draw_as)
     drawn = [prim for prim in stage.TraverseAll() if prim.IsA(UsdGeom.Gprim)]
     assert len(drawn) == 3 + (1 if draw_as == "points" else 16)
     for prim in drawn:
@@ -191,8 +274,8 @@ def test_everything_has_a_material_that_reads_its_color(tmp_path, draw_as):
     assert any(prim.IsA(UsdLux.DistantLight) for prim in stage.Traverse())
 
 
-def test_viewers_find_the_camera(tmp_path):
-    stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(1))))
+def test_viewers_find_the_camera(stage_of):
+    stage = stage_of()
     camera = stage.GetPrimAtPath(f"/World/{UsdUtils.GetPrimaryCameraName()}")
     assert camera.IsA(UsdGeom.Camera)
     assert stage.GetRootLayer().customLayerData["cameraSettings"] == {"boundCamera": str(camera.GetPath())}
@@ -211,38 +294,42 @@ def test_the_camera_shows_the_extent_or_the_frame(tmp_path, frame, center, half)
     assert distance * camera.verticalAperture / camera.focalLength / 2.0 == pytest.approx(half, rel=1e-5)
 
 
-class TestForceChains:
-    @pytest.fixture
-    def recording(self, tmp_path):
-        self.frames = make_frames(3)
-        return record(tmp_path / "run.usdc", self.frames, forces=True)
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_force_chains_join_centers_and_walls_along_forces(tmp_path, friction):
+    """They go through the contact points, and are as wide as the forces, up to the smallest radius."""
+    frames, scene = make_frames(3), make_scene(friction=friction)
+    path = record(tmp_path / "run.usdc", frames, scene, forces=True)
+    for code, now in enumerate(moments(frames, scene)):
+        (ends, width), x = bands_of(path, code), now.position
+        (pair, force, tangential), scale = all_contacts(now), ChainScale.of(scene)
+        share = np.minimum(np.hypot(force, tangential) / scale.force, 1.0)
+        assert_allclose(width, share * RADIUS.min(), rtol=0.0, atol=FLOAT32)
+        (i, j), at_wall = pair.T, pair[:, 1] < 0
+        side = np.where(j == -2, -1.0, 1.0)[:, np.newaxis]
+        normal = np.where(at_wall[:, np.newaxis], side * x[i], x[np.maximum(j, 0)] - x[i])
+        normal /= np.hypot(*normal.T)[:, np.newaxis]
+        along = ends[:, 1] - ends[:, 0]
+        direction = along / np.hypot(*along.T)[:, np.newaxis]
+        cross = normal[:, 0] * direction[:, 1] - normal[:, 1] * direction[:, 0]
+        assert_allclose(cross / (normal * direction).sum(axis=1), tangential / force, atol=1e-4)
+        radius = RADIUS[i, np.newaxis]
+        contact = x[i] + radius * normal
+        assert_allclose(ends[:, 0], contact - radius * direction, atol=1e-5)
+        assert_allclose(ends[at_wall, 1], contact[at_wall], atol=1e-5)
+        if not friction:
+            assert_allclose(ends[~at_wall, 1], x[j[~at_wall]], atol=FLOAT32)
 
-    def test_join_centres_and_walls(self, recording):
-        for code in range(3):
-            (ends, _), position = bands_of(recording, code), self.frames[code, 0]
-            pairs = [position[[0, 1]], position[[1, 2]], position[[0, 4]]]
-            assert np.allclose(ends[:3], pairs, atol=1e-6)  # float32
-            for grain, side, (centre, foot) in zip((0, 3), (1, -1), ends[3:], strict=True):
-                outwards = position[grain] / np.linalg.norm(position[grain])
-                assert np.allclose(centre, position[grain], atol=1e-6)
-                assert np.allclose(foot, position[grain] + side * RADIUS[grain] * outwards, atol=1e-6)
 
-    def test_are_as_wide_as_their_forces_up_to_half_the_smallest_grain(self, recording):
-        contacts = make_contacts(seed=1)
-        force = np.concatenate([contacts["force"], contacts["wall_force"]])
-        expected = np.minimum(force / ChainScale.of(make_scene()).force, 1.0) * RADIUS.min()
-        assert np.allclose(bands_of(recording, 1)[1], expected, atol=1e-6)  # float32
+@pytest.mark.parametrize(("draw_as", "height"), [("discs", 0.24), ("spheres", 1.0), ("points", 1.0)])
+def test_force_chains_are_in_front_of_the_grains(stage_of, draw_as, height):
+    stage = stage_of(forces=True, draw_as=draw_as)
+    bands = UsdGeom.Mesh.Get(stage, FORCES)
+    depth = np.array(bands.GetPointsAttr().Get(0))[:, 2]
+    assert np.allclose(depth, 1.05 * height * RADIUS.max())
+    assert np.allclose(bands.GetDisplayColorPrimvar().Get()[0], linear(np.array(CHAIN_COLOR)))
 
-    @pytest.mark.parametrize(("draw_as", "height"), [("discs", 0.24), ("spheres", 1.0), ("points", 1.0)])
-    def test_are_in_front_of_the_grains(self, tmp_path, draw_as, height):
-        path = record(tmp_path / "run.usdc", make_frames(1), forces=True, draw_as=draw_as)
-        stage = Usd.Stage.Open(str(path))
-        bands = UsdGeom.Mesh(stage.GetPrimAtPath(FORCES))
-        depth = np.array(bands.GetPointsAttr().Get(0))[:, 2]
-        assert np.allclose(depth, 1.05 * height * RADIUS.max())
-        assert np.allclose(bands.GetDisplayColorPrimvar().Get()[0], linear(np.array(CHAIN_COLOR)))
 
-    def test_may_be_none(self, tmp_path):
-        Simulation(Scene.load("annulus")).run(steps=1, record=tmp_path / "run.usdc", forces=True)
-        assert bands_of(tmp_path / "run.usdc", 0)[0].shape == (0, 2, 2)
-        assert Recording(tmp_path / "run.usdc").frame(0).force.shape == (0,)
+def test_there_may_be_no_force_chain(tmp_path):
+    Simulation(Scene.load("annulus")).run(steps=1, record=tmp_path / "run.usdc", forces=True)
+    assert bands_of(tmp_path / "run.usdc", 0)[0].shape == (0, 2, 2)
+    assert Recording(tmp_path / "run.usdc").frame(0).force.shape == (0,)

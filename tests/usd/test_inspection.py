@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
-from recordings import GRAINS, grains_of, make_frames, record
+from recordings import GRAINS, grains_of, make_frames, make_scene, record
 
 from warpgrains.errors import InputError
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recording import Recording
 
-COLOR = "primvars:displayColor:indices"
+COLOR, ORIENTATIONS = "primvars:displayColor:indices", "orientations"
 
 
 @pytest.fixture
@@ -99,6 +99,12 @@ OF_AN_ATTRIBUTE = [
     ("Forces.extent", put(Vt.Vec3fArray(2), 1), f"{OUTSIDE} (frame 1)"),
     ("Walls/Outer.points", edit((0, 0), np.inf, 0), f"Outer.points {OTHER_CODES}"),
 ]
+OF_ROTATION = [
+    ("primvars:angle", put([0.1], 1), "primvars:angle hold 1 values, not 5 for 5 grains (frame 1)"),
+    (ORIENTATIONS, drop(1), f"Grains.{ORIENTATIONS} {OTHER_CODES}"),
+    (ORIENTATIONS, put(Vt.QuathArray(2), 1), f"{ORIENTATIONS} hold 2 values, not 5 for 5 grains (frame 1)"),
+    (ORIENTATIONS, put(Vt.QuathArray(5), 1), f"{ORIENTATIONS} are not those of the angles (frame 1)"),
+]
 
 
 def leave_a_gap_in_time(stage):
@@ -133,16 +139,26 @@ def within(place, damage):
     return lambda stage: damage(stage.GetAttributeAtPath(f"/World/{place}"))
 
 
+def damaged(path, damage):
+    stage = Usd.Stage.Open(str(path))
+    damage(stage)
+    stage.Save()
+    return path
+
+
 @pytest.mark.parametrize(
     ("damage", "problem"),
     [*((within(place, damage), problem) for place, damage, problem in OF_AN_ATTRIBUTE), *OF_THE_STAGE],
     ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_names_what_is_broken(recording, damage, problem):
-    stage = Usd.Stage.Open(str(recording))
-    damage(stage)
-    stage.Save()
-    assert problem in inspect_recording(recording)
+    assert problem in inspect_recording(damaged(recording, damage))
+
+
+@pytest.mark.parametrize(("name", "damage", "problem"), OF_ROTATION)
+def test_names_what_is_broken_of_rotation(tmp_path, name, damage, problem):
+    recording = record(tmp_path / "run.usdc", make_frames(3), make_scene(friction=0.3), draw_as="discs")
+    assert problem in inspect_recording(damaged(recording, within(f"Grains.{name}", damage)))
 
 
 @pytest.mark.parametrize(
@@ -156,11 +172,8 @@ def test_names_what_is_broken(recording, damage, problem):
     ids=["a gap", "a later start", "endless frames", "no rate"],
 )
 def test_times_that_no_recording_has_are_refused(recording, damage, complaint):
-    stage = Usd.Stage.Open(str(recording))
-    damage(stage)
-    stage.Save()
     with pytest.raises(InputError, match=complaint):
-        Recording(recording)
+        Recording(damaged(recording, damage))
 
 
 def test_spheres_are_inspected_too(tmp_path):

@@ -8,7 +8,7 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 from pxr import Sdf, Usd
-from recordings import RADIUS, grains_of, make_frames, make_scene, moment, record, recorder_of
+from recordings import FORMS, RADIUS, grains_of, make_frames, make_scene, moment, moments, record, recorder_of
 
 import warpgrains
 from warpgrains import files
@@ -19,8 +19,14 @@ from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import log_of, recover
 from warpgrains.usd.writer import reopen_log
 
+FILES = [
+    *((suffix, "points", 0.0) for suffix in RECORDINGS),
+    *((".usdc", draw_as, 0.3) for draw_as in FORMS),
+]
+"""Endings, forms of grains, and frictions."""
 
-def cut_short(path, frames, error=KeyboardInterrupt, **options):
+
+def cut_short(path, frames, scene=None, error=KeyboardInterrupt, **options):
     """Record frames and leave the block by an error; return the log."""
 
     def frames_until_the_error():
@@ -28,7 +34,7 @@ def cut_short(path, frames, error=KeyboardInterrupt, **options):
         raise error
 
     with pytest.raises(error):
-        record(path, frames_until_the_error(), **options)
+        record(path, frames_until_the_error(), scene, **options)
     return log_of(path)
 
 
@@ -210,17 +216,18 @@ class TestNothingIsLost:
     @pytest.mark.parametrize("suffix", RECORDINGS)
     def test_a_block_left_by_an_error_keeps_its_frames_apart(self, tmp_path, error, suffix):
         frames = make_frames(6)
-        log = cut_short(tmp_path / f"run{suffix}", frames, error)
+        log = cut_short(tmp_path / f"run{suffix}", frames, error=error)
         assert list(tmp_path.iterdir()) == [log]
         assert recover(log) == (tmp_path / f"run{suffix}", 6)
         require_frames(tmp_path / f"run{suffix}", frames)
 
-    @pytest.mark.parametrize("suffix", RECORDINGS)
-    def test_recovered_file_has_the_bytes_of_a_finished_one(self, tmp_path, suffix):
-        frames = make_frames(6)
-        recovered, _ = recover(cut_short(tmp_path / f"run{suffix}", frames, forces=True))
+    @pytest.mark.parametrize(("suffix", "draw_as", "friction"), FILES)
+    def test_recovered_file_has_the_bytes_of_a_finished_one(self, tmp_path, suffix, draw_as, friction):
+        run = make_frames(6), make_scene(friction=friction)
+        shown = {"draw_as": draw_as, "forces": True}
+        recovered, _ = recover(cut_short(tmp_path / f"run{suffix}", *run, **shown))
         (tmp_path / "whole").mkdir()
-        whole = record(tmp_path / "whole" / f"run{suffix}", frames, forces=True)
+        whole = record(tmp_path / "whole" / f"run{suffix}", *run, **shown)
         assert recovered.read_bytes() == whole.read_bytes()
 
     @pytest.mark.parametrize("count", [0, 1])
@@ -231,7 +238,7 @@ class TestNothingIsLost:
     def test_an_earlier_file_stays_until_the_new_one_is_whole(self, tmp_path):
         path = record(tmp_path / "run.usdc", make_frames(4))
         before = path.read_bytes()
-        cut_short(path, make_frames(5), ValueError)
+        cut_short(path, make_frames(5), error=ValueError)
         assert path.read_bytes() == before
 
     def test_a_whole_file_replaces_an_earlier_one_and_stands_alone(self, tmp_path):
@@ -299,7 +306,7 @@ class TestResume:
         for frame in frames[:10]:
             killed.record(moment(*frame))
         del killed  # and with it its lock
-        with recorder_of(path, make_scene(), resume_at=6) as recorder:
+        with recorder_of(path, resume_at=6) as recorder:
             assert recorder.frames == 6
             for frame in frames[6:]:
                 recorder.record(moment(*frame))
@@ -315,16 +322,16 @@ class TestResume:
         assert synced[-2:] == [tmp_path / ".draft.run.usdc.frames", tmp_path]
         assert set(tmp_path.iterdir()) == {path, log_of(path)}
 
-    @pytest.mark.parametrize("suffix", RECORDINGS)
-    def test_continues_a_finished_file(self, tmp_path, suffix):
-        frames = make_frames(11)
+    @pytest.mark.parametrize(("suffix", "draw_as", "friction"), FILES)
+    def test_continues_a_finished_file(self, tmp_path, suffix, draw_as, friction):
+        frames, scene = make_frames(11), make_scene(friction=friction)
         (tmp_path / "whole").mkdir()
-        whole = record(tmp_path / "whole" / f"run{suffix}", frames)
-        path = record(tmp_path / f"run{suffix}", frames[:8])
-        with recorder_of(path, make_scene(), resume_at=6) as recorder:
-            for frame in frames[6:]:
-                recorder.record(moment(*frame))
-        require_frames(path, frames)
+        whole = record(tmp_path / "whole" / f"run{suffix}", frames, scene, draw_as=draw_as)
+        path = record(tmp_path / f"run{suffix}", frames[:8], scene, draw_as=draw_as)
+        with recorder_of(path, scene, resume_at=6, draw_as=draw_as) as recorder:
+            for now in [*moments(frames, scene)][6:]:
+                recorder.record(now)
+        assert inspect_recording(path) == []
         assert path.read_bytes() == whole.read_bytes()
 
     def test_package_holds_no_time_of_day(self, tmp_path):
@@ -347,7 +354,7 @@ class TestResume:
                 record(path, frames[:6], draw_as="discs")
             else:
                 cut_short(path, frames[:6], draw_as="discs")
-        with recorder_of(path, make_scene(), draw_as="discs", resume_at=5) as recorder:
+        with recorder_of(path, draw_as="discs", resume_at=5) as recorder:
             for frame in frames[5:]:
                 recorder.record(moment(*frame))
         assert inspect_recording(path) == []

@@ -1,8 +1,10 @@
 import re
+from dataclasses import replace
 
 import lightusd
 import numpy as np
 import pytest
+from command import exit_code, require_refusal
 from pxr import Gf, Usd, UsdGeom, UsdValidation
 from recordings import (
     GRAINS,
@@ -12,6 +14,7 @@ from recordings import (
     make_frames,
     make_scene,
     moment,
+    moments,
     record,
     recorder_of,
 )
@@ -22,16 +25,20 @@ from warpgrains.analysis.snapshot import snapshot_of
 from warpgrains.drawing.colorings import speed_scale
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import RECORDINGS
-from warpgrains.errors import InputError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.scene.toml import read_parameters
 from warpgrains.usd.check import inspect_recording
+from warpgrains.usd.recorder import log_of, recover
 
+FRICTION = make_scene(friction=0.3)
 DRAWINGS = {
-    "points": {},
-    "discs": {"draw_as": "discs", "color_by": "radius"},
-    "spheres": {"draw_as": "spheres"},
-    "forces": {"draw_as": "discs", "color_by": "pressure", "forces": True},
+    "points": (None, {}),
+    "discs": (None, {"draw_as": "discs", "color_by": "radius"}),
+    "spheres": (None, {"draw_as": "spheres"}),
+    "forces": (None, {"draw_as": "discs", "color_by": "pressure", "forces": True}),
+    "rotation": (FRICTION, {"draw_as": "discs", "color_by": "spin", "forces": True}),
 }
+drawn = pytest.mark.parametrize(("scene", "options"), DRAWINGS.values(), ids=list(DRAWINGS))
 
 
 class TestTimes:
@@ -95,10 +102,10 @@ class TestTimes:
 
 @pytest.mark.parametrize("suffix", RECORDINGS)
 class TestIndependentReader:
-    @pytest.mark.parametrize("options", DRAWINGS.values(), ids=list(DRAWINGS))
-    def test_every_frame_equals_the_float32_state(self, tmp_path, suffix, options):
+    @drawn
+    def test_every_frame_equals_the_float32_state(self, tmp_path, suffix, scene, options):
         frames = make_frames(7)
-        path = record(tmp_path / f"run{suffix}", frames, **options)
+        path = record(tmp_path / f"run{suffix}", frames, scene, **options)
         grains = lightusd.load(str(path)).prim_at(GRAINS)
         places = "positions" if options.get("draw_as") in ("discs", "spheres") else "points"
         for name, state in ((places, frames[:, 0]), ("velocities", frames[:, 1])):
@@ -132,9 +139,9 @@ class TestIndependentReader:
 
 
 @pytest.mark.parametrize("suffix", RECORDINGS)
-@pytest.mark.parametrize("options", DRAWINGS.values(), ids=list(DRAWINGS))
-def test_passes_both_checkers(tmp_path, suffix, options):
-    recording = record(tmp_path / f"run{suffix}", make_frames(4), **options)
+@drawn
+def test_passes_both_checkers(tmp_path, suffix, scene, options):
+    recording = record(tmp_path / f"run{suffix}", make_frames(4), scene, **options)
     assert inspect_recording(recording) == []
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(str(recording)))
@@ -150,10 +157,10 @@ class TestStage:
         assert list(points.GetWidthsAttr().Get()) == [np.float32(0.2)]
         assert inspect_recording(path) == []
 
-    @pytest.mark.parametrize("options", DRAWINGS.values(), ids=list(DRAWINGS))
-    def test_no_primvar_is_a_double(self, tmp_path, options):
+    @drawn
+    def test_no_primvar_is_a_double(self, tmp_path, scene, options):
         """Blender reads no primvar after the first one. Other attributes hold the bits of the scene."""
-        scene = make_scene(mass=RADIUS / 3.0)
+        scene = (scene or make_scene()).replace(mass=RADIUS / 3.0)
         stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(1), scene, **options)))
         primvars = [own for prim in stage.TraverseAll() for own in UsdGeom.PrimvarsAPI(prim).GetPrimvars()]
         assert not [own.GetName() for own in primvars if str(own.GetTypeName()).startswith("double")]
@@ -199,30 +206,91 @@ class TestStage:
         assert not frustum.Intersects(Gf.Vec3d(0, 2.3, 0))
 
 
-class TestRecord:
-    def test_the_arrays_handed_in_may_be_reused(self, tmp_path):
-        frames = make_frames(3)
-        buffer = np.empty_like(frames[0])
-        with recorder_of(tmp_path / "run.usdc", draw_as="points") as recorder:
-            for frame in frames:
-                buffer[:] = frame
-                recorder.record(moment(*buffer))
-        stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
-        written = np.array([grains_of(stage).GetPointsAttr().Get(code) for code in range(3)])
-        assert np.array_equal(written[:, :, :2], frames[:, 0].astype(np.float32))
+def test_the_arrays_handed_in_may_be_reused(tmp_path):
+    frames = make_frames(3)
+    buffer = np.empty_like(frames[0])
+    with recorder_of(tmp_path / "run.usdc") as recorder:
+        for frame in frames:
+            buffer[:] = frame
+            recorder.record(moment(*buffer))
+    stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
+    written = np.array([grains_of(stage).GetPointsAttr().Get(code) for code in range(3)])
+    assert np.array_equal(written[:, :, :2], frames[:, 0].astype(np.float32))
 
-    def test_a_run_without_frames_leaves_nothing(self, tmp_path):
-        recorder = recorder_of(tmp_path / "run.usdc")
-        with pytest.raises(ValueError, match="no frame was recorded"), recorder:
-            pass
-        assert list(tmp_path.iterdir()) == []
+
+def test_a_run_without_frames_leaves_nothing(tmp_path):
+    with pytest.raises(ValueError, match="no frame was recorded"), recorder_of(tmp_path / "run.usdc"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+REFUSED = [
+    ("run.obj", {}, f"must end in {', '.join(RECORDINGS)}"),
+    ("run", {}, f"must end in {', '.join(RECORDINGS)}"),
+    ("run.usdx", {}, f"must end in {', '.join(RECORDINGS)}"),
+    ("absent/run.usdc", {}, "absent' cannot be written: No such file"),
+    ("file/run.usdc", {}, "file' cannot be written: Not a directory"),
+    ("folder.usdc", {}, "is a folder"),
+    ("/proc/run.usdc", {}, "'/proc' cannot be written"),
+    ("run.usdc", {"color_by": "mood"}, "unknown color_by 'mood': known: palette, pressure, radius, speed"),
+    ("run.usdc", {"draw_as": "cubes"}, "unknown draw_as 'cubes': known: discs, points, spheres"),
+]
+FAR, UNIT = np.full((5, 2), 1e39), np.full(5, -1e39)
+LARGE = {name: 1e37 * make_contacts()[name] for name in ("force", "wall_force")}
+LARGER = {name: 10.0 * force for name, force in LARGE.items()}
+TOO_LARGE = [
+    ({"velocity": FAR}, {}, None, "the velocity of a grain is 1e+39"),
+    ({"spin": UNIT}, {}, FRICTION, "the spin of a grain is 1e+39"),
+    ({"angle": UNIT}, {}, FRICTION, "the angle of a grain is 1e+39"),
+    (LARGE, {"forces": True}, None, "the pressure of a grain is 4.99e+38"),
+    (LARGE, {"color_by": "pressure"}, None, "the pressure of a grain is 4.99e+38"),
+    (LARGER, {"forces": True}, None, "a force is 1.83e+39"),  # not the pressure that follows from it
+]
+"""Fields of a snapshot, options, a scene, and the complaint."""
 
 
 class TestOutput:
-    @pytest.mark.parametrize("name", ["run.obj", "run", "run.usdx"])
-    def test_unknown_suffix(self, tmp_path, name):
-        with pytest.raises(InputError, match=re.escape(f"must end in {', '.join(RECORDINGS)}")):
-            recorder_of(tmp_path / name)
+    @pytest.mark.parametrize(("name", "options", "complaint"), REFUSED)
+    def test_what_is_refused_leaves_nothing(self, tmp_path, name, options, complaint):
+        (tmp_path / "file").touch()
+        (tmp_path / "folder.usdc").mkdir()
+        with pytest.raises(InputError, match=re.escape(complaint)):
+            recorder_of(tmp_path / name, **options)
+        assert {path.name for path in tmp_path.iterdir()} == {"file", "folder.usdc"}
+
+    @pytest.mark.parametrize(("fields", "options", "scene", "complaint"), TOO_LARGE)
+    def test_numbers_that_float32_cannot_hold(self, tmp_path, fields, options, scene, complaint):
+        recorder = recorder_of(tmp_path / "run.usdc", scene, **options)
+        with pytest.raises(InputError, match=re.escape(f"{complaint}: a recording holds at most")), recorder:
+            recorder.record(replace(next(moments(make_frames(1), scene)), **fields))
+
+    @pytest.mark.parametrize("suffix", RECORDINGS)
+    def test_what_is_no_recording_is_not_replaced(self, tmp_path, suffix, capfd):
+        path = tmp_path / f"run{suffix}"
+        for content in (b"", b"old", b"PXR-USDC" + bytes(200), b"#usda 1.0\n", b"PK\x03\x04"):
+            path.write_bytes(content)
+            assert exit_code("run", "annulus", "--steps", 1, "-o", path) == 2
+            require_refusal(capfd, "not a recording of warpgrains")
+            assert path.read_bytes() == content
+        assert list(tmp_path.iterdir()) == [path]
+
+    def test_the_stage_of_someone_else_is_not_replaced(self, tmp_path):
+        stage = Usd.Stage.CreateNew(str(tmp_path / "run.usdc"))
+        stage.DefinePrim("/House", "Xform")
+        stage.Save()
+        before = (tmp_path / "run.usdc").read_bytes()
+        log_of(tmp_path / "run.usdc").touch()
+        for write in (recorder_of, lambda path: recover(log_of(path))):
+            with pytest.raises(OutputError, match="refusing to overwrite"):
+                write(tmp_path / "run.usdc")
+        assert (tmp_path / "run.usdc").read_bytes() == before
+
+    @pytest.mark.parametrize("suffix", [*RECORDINGS, ".USDC", ".Usdz"])
+    def test_recording_is_replaced(self, tmp_path, suffix):
+        path = record(tmp_path / f"run{suffix}", make_frames(2))
+        before = path.read_bytes()
+        record(path, make_frames(3))
+        assert path.read_bytes() != before
 
     @pytest.mark.parametrize("unit", [1e-45, 1e45])
     def test_lengths_that_float32_cannot_hold(self, tmp_path, unit):
@@ -253,67 +321,9 @@ class TestOutput:
         with pytest.raises(InputError, match=rf"{what} is .*: a recording holds at most"):
             simulation.run(duration=3.0, record=tmp_path / "run.usdc", forces=True)
 
-    def test_velocities_that_float32_cannot_hold(self, tmp_path):
-        recorder = recorder_of(tmp_path / "run.usdc")
-        with pytest.raises(InputError, match=r"the velocity of a grain is 1e\+39: a recording"), recorder:
-            recorder.record(moment(np.zeros((5, 2)), np.full((5, 2), 1e39)))
-
-    @pytest.mark.parametrize(
-        ("options", "force", "complaint"),
-        [
-            ({"forces": True}, 1e37, "the pressure of a grain is 4.99e+38"),
-            ({"color_by": "pressure"}, 1e37, "the pressure of a grain is 4.99e+38"),
-            ({"forces": True}, 1e38, "a force is 1.83e+39"),  # not the pressure that follows from it
-        ],
-    )
-    def test_pressures_that_float32_cannot_hold(self, tmp_path, options, force, complaint):
-        contacts = make_contacts()
-        contacts |= {name: force * contacts[name] for name in ("force", "wall_force")}
-        recorder = recorder_of(tmp_path / "run.usdc", **options)
-        with pytest.raises(InputError, match=re.escape(f"{complaint}: a recording holds at most")), recorder:
-            recorder.record(moment(*make_frames(1)[0], **contacts))
-
-    @pytest.mark.parametrize("name", ["spin", "angle"])
-    def test_rotation_that_float32_cannot_hold(self, tmp_path, name):
-        rotation = {"spin": np.zeros(5), "angle": np.zeros(5), name: np.full(5, -1e39)}
-        scene = make_scene(friction=0.3)
-        recorder = recorder_of(tmp_path / "run.usdc", scene)
-        with pytest.raises(InputError, match=rf"the {name} of a grain is 1e\+39: a recording"), recorder:
-            recorder.record(moment(*make_frames(1)[0], scene, **rotation))
-
     def test_walls_that_move_where_float32_ends(self, tmp_path):
         wall = Segment((-1e38, -5e37), (1e38, -5e37), velocity=(9e36, 0.0))
         size = {"radius": 1e37, "radius_out": 1.5e38}
         scene = Scene(position=[(0.0, 5e37)], mass=1.0, gravity=(0.0, 0.0), walls=[wall], dt=1.0, **size)
         with pytest.raises(InputError, match=r"a point of a wall is .*: a recording holds at most"):
             Simulation(scene).run(steps=40, record=tmp_path / "run.usdc", fps=1)
-
-    def test_unknown_coloring(self, tmp_path):
-        with pytest.raises(
-            InputError, match="unknown color_by 'mood': known: palette, pressure, radius, speed"
-        ):
-            recorder_of(tmp_path / "run.usdc", color_by="mood")
-        assert list(tmp_path.iterdir()) == []
-
-    def test_unknown_way_to_draw(self, tmp_path):
-        with pytest.raises(InputError, match="unknown draw_as 'cubes': known: discs, points, spheres"):
-            recorder_of(tmp_path / "run.usdc", draw_as="cubes")
-        assert list(tmp_path.iterdir()) == []
-
-    def test_folder_that_does_not_exist(self, tmp_path):
-        with pytest.raises(InputError, match="absent' cannot be written: No such file"):
-            recorder_of(tmp_path / "absent" / "run.usdc")
-
-    def test_folder_that_is_a_file(self, tmp_path):
-        (tmp_path / "file").touch()
-        with pytest.raises(InputError, match="file' cannot be written: Not a directory"):
-            recorder_of(tmp_path / "file" / "run.usdc")
-
-    def test_folder_that_refuses_files(self):
-        with pytest.raises(InputError, match="'/proc' cannot be written"):
-            recorder_of("/proc/run.usdc")
-
-    def test_output_that_is_a_folder(self, tmp_path):
-        (tmp_path / "run.usdc").mkdir()
-        with pytest.raises(InputError, match="is a folder"):
-            recorder_of(tmp_path / "run.usdc")
