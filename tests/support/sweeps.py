@@ -93,7 +93,7 @@ class Slices:
             if self.left == 0:
                 raise Interrupted
             self.left -= 1
-            self.has_folders = any(member.folder is not None for member in group.members)
+            self.has_folders = any(one.folder is not None for one in group.members)
             advance(group, -1.0 if self.has_folders else seconds, on_progress)
 
         def advance_four(loaded, runs, steps, poll):

@@ -27,7 +27,7 @@ WRITERS = 16
 
 
 @dataclass(eq=False, slots=True)
-class Member:
+class GroupedRun:
     """A run in a group."""
 
     run: Run
@@ -71,7 +71,7 @@ class Group:
     `ended` has the labels and results of those that have ended or failed, by number of the run.
     """
 
-    def __init__(self, members: list[Member]):
+    def __init__(self, members: list[GroupedRun]):
         self.members = members
         self.ended: dict[int, tuple[Row, RunResult]] = {}
         self._loaded: LoadedScenes | None = None

@@ -28,7 +28,7 @@ from warpgrains.solver.service import exact_solver
 from warpgrains.solver.statistics import Summary
 from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
-from warpgrains.sweep.group import Group, Member
+from warpgrains.sweep.group import Group, GroupedRun
 from warpgrains.sweep.results import failure
 from warpgrains.sweep.run_folder import FolderRun, run_options
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
@@ -84,7 +84,7 @@ class Runner:
     ):
         self.held = ExitStack()
         self.reasons: dict[int, str] = {}
-        self._waiting, self._begun, self._alone = deque(runs), deque[Member](), deque[Member]()
+        self._waiting, self._begun, self._alone = deque(runs), deque[GroupedRun](), deque[GroupedRun]()
         self._folder, self._execution, self._on_progress = folder, execution, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self.narrowest = max(LEAST_WIDTH, self._threads)
@@ -94,7 +94,7 @@ class Runner:
         self._locks = RunLocks(folder.shards.path / ".claims")
         self.held.callback(self._locks.close)
 
-    def choose(self, width: int) -> Sequence[Run | Member]:
+    def choose(self, width: int) -> Sequence[Run | GroupedRun]:
         """Return the runs of the next group: those that are begun, if they suffice, or new ones."""
         if self._alone:
             return [self._alone.popleft()]
@@ -102,9 +102,9 @@ class Runner:
         source: deque[Any] = self._begun if is_enough else self._waiting
         return [source.popleft() for _ in range(min(width, len(source)))]
 
-    def prepare(self, chosen: Sequence[Run | Member]) -> Group:
+    def prepare(self, chosen: Sequence[Run | GroupedRun]) -> Group:
         """Load runs into memory. Another thread calls it while the group before is advanced."""
-        group = Group([one for one in chosen if isinstance(one, Member)])
+        group = Group([one for one in chosen if isinstance(one, GroupedRun)])
         self._begin([one for one in chosen if isinstance(one, Run)], group)
         if group.members and not group.members[0].is_alone:
             try:
@@ -137,13 +137,15 @@ class Runner:
                 group.ended[run.number] = run.labels(), failure(str(error), self._folder.settings)
                 self._on_progress(1.0)
 
-    def _member(self, run: Run) -> Member:
+    def _member(self, run: Run) -> GroupedRun:
         scene, settings = self._scene(run), self._folder.settings
         exact_solver(scene.method)
         until = criterion(settings.until, scene)
         require_quantities(settings.measured, scene, settings.table)
         counted = None if until is None else CountedRun(scene.steps, Summary(), until)
-        return Member(run, run.labels(), scene, counted, team_size(scene, self._device, self._threads) > 1)
+        return GroupedRun(
+            run, run.labels(), scene, counted, team_size(scene, self._device, self._threads) > 1
+        )
 
     def _scene(self, run: Run) -> Scene:
         """Return the scene of a run, derived from a cached one with the same grains and walls, if any."""
@@ -165,7 +167,7 @@ class Runner:
         self._cache[run.base, repr(of_grains)] = scene
         return scene
 
-    def _open_folder(self, one: Member, statistics: Summary) -> None:
+    def _open_folder(self, one: GroupedRun, statistics: Summary) -> None:
         """Give a run a folder. If that has a checkpoint, the run continues from it."""
         folder = self._folder.of(one.run)
         scene = one.scene.with_settings(text=one.run.text(f"../../{GRAINS}"))
@@ -201,7 +203,7 @@ class Runner:
             (self._alone if one.is_alone else self._begun).appendleft(one)
         on_progress(len(members) - len(left) + sum(members[k].progress for k in left) - reported)
 
-    def _has_folder(self, one: Member, statistics: Summary) -> bool:
+    def _has_folder(self, one: GroupedRun, statistics: Summary) -> bool:
         """Give a run that takes long a folder, unless it has one; return False if that is impossible."""
         try:
             if one.folder is None:
