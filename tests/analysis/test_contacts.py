@@ -5,24 +5,16 @@ from dataclasses import replace
 import networkx
 import numpy as np
 import pytest
+from moments import EPS
 from same_bits import by_grain
 from schemes import SCHEMES, contact_mass, without_contacts
 
-from warpgrains import Disc, InputError, Scene, Simulation, analysis
+from warpgrains import Disc, Scene, Simulation, analysis
 from warpgrains.scene.layouts import random
 from warpgrains.scene.scheme import free_spin
 from warpgrains.scene.walls import Annulus
 
-EPS = np.finfo(np.float64).eps
 G = 9.81
-
-
-@pytest.fixture(scope="module")
-def settled():
-    """A pile of grains of several sizes, almost at rest."""
-    simulation = Simulation(Scene.load("polydisperse"), method="accelerated", tolerance=1e-8)
-    simulation.run(duration=3.0)
-    return simulation
 
 
 @pytest.fixture(scope="module")
@@ -368,18 +360,6 @@ def test_granular_temperature():
     assert analysis.granular_temperature(simulation) == 0.5
     assert analysis.mean_speed(simulation) == (np.sqrt(10.0) + np.sqrt(2.0)) / 2.0
     assert analysis.largest_speed(simulation) == np.sqrt(10.0)
-
-
-@pytest.mark.parametrize("name", ["energi", ""])
-def test_unknown_quantity_is_named(name):
-    simulation = Simulation(Scene.load("annulus"))
-    with pytest.raises(InputError, match="unknown quantity"):
-        analysis.quantities(simulation, [name])
-    assert list(analysis.quantities(simulation)) == list(analysis.QUANTITIES)
-    assert list(analysis.quantities(simulation, ["walls", "inner_wall_force"])) == [
-        "outer_wall_force",
-        "inner_wall_force",
-    ]
 
 
 def test_at_rest_and_in_flight_nothing_is_dissipated():

@@ -8,20 +8,13 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 import pytest
 from command import exit_code, require_refusal
+from moments import EPS, moment_of
 
-from warpgrains import Arc, Disc, InputError, Scene, Segment, Simulation, analysis, compress
+from warpgrains import Arc, Disc, InputError, Scene, Segment, Simulation, analysis
 from warpgrains.scene.outline import Part
-from warpgrains.scene.state import first_state
 from warpgrains.scene.walls import Annulus
 
-EPS = np.finfo(np.float64).eps
 TURN = np.array([[cos(0.4), sin(0.4)], [-sin(0.4), cos(0.4)]])
-
-
-def of(position, walls, radius=0.02, **fields):
-    fields = {"radius_out": 1.0, "mass": 1.0, **fields}
-    scene = Scene(position=np.array(position), radius=radius, walls=walls, **fields)
-    return analysis.snapshot(scene, first_state(scene))
 
 
 def chain(*corners):
@@ -58,7 +51,8 @@ CAP = pi / 3.0 - sqrt(3.0) / 4.0  # of a disc of radius 1, beyond a line at a di
 def test_container_is_found_from_the_ends_of_segments(walls, area, mouth):
     turned = mouth is None
     turn, area, mouth = (TURN, 0.48, 0.4) if turned else (np.eye(2), area, mouth)
-    found = of(np.array(CORNER) @ turn, walls, gravity=np.array([0.0, -1.0]) @ turn).container
+    gravity = np.array([0.0, -1.0]) @ turn
+    found = moment_of(np.array(CORNER) @ turn, walls=walls, gravity=gravity).container
     if mouth == "unknown":
         assert not found.is_known
         with pytest.raises(InputError, match="do not form a convex polygon around the grains: give region"):
@@ -70,25 +64,22 @@ def test_container_is_found_from_the_ends_of_segments(walls, area, mouth):
     assert found.region.contains(np.array(CORNER) @ turn).all()
 
 
+@pytest.mark.parametrize("changes", [{"gravity": (0.0, 0.0)}, {"position": [*CORNER, (0.5, 0.0)]}])
+def test_an_open_container_without_gravity_or_without_a_grain_is_unknown(changes):
+    assert not moment_of(**{"position": CORNER, "walls": chain(*U), **changes}).container.is_known
+
+
 def test_a_ring_about_the_grains_is_their_container():
     """Its area, its lowest point, and the cell of the only grain."""
-    now = of([(0.2, 0.1)], [Disc((0.2, 0.1), 0.3, inside=True)], radius=0.1)
+    now = moment_of([(0.2, 0.1)], 0.1, walls=[Disc((0.2, 0.1), 0.3, inside=True)])
     assert analysis.packing_fraction(now) == pytest.approx(1.0 / 9.0, rel=64 * EPS)
     assert analysis.pile_height(now) == pytest.approx(0.4, rel=64 * EPS)
     assert analysis.cell_areas(now) == pytest.approx(pi * 0.09, rel=1e-9)
 
 
-def test_an_open_container_without_gravity_is_unknown():
-    assert not of(CORNER, chain(*U), gravity=(0.0, 0.0)).container.is_known
-
-
-def test_a_grain_that_has_left_makes_it_unknown():
-    assert not of([*CORNER, (0.5, 0.0)], chain(*U)).container.is_known
-
-
 def test_walls_are_where_they_are_at_the_time():
     lid = Segment((-0.3, 0.4), (0.3, 0.4), velocity=(0.0, -0.1))
-    moving = of(CORNER, [*chain(*U), lid])
+    moving = moment_of(CORNER, walls=[*chain(*U), lid])
     areas = [replace(moving, time=time).container.closed().area for time in (0.0, 2.0)]
     assert areas == pytest.approx([0.48, 0.36], rel=64 * EPS)
 
@@ -98,10 +89,11 @@ BOX = [(-0.2, 0.12), (-0.2, -0.12), (0.2, -0.12), (0.2, 0.12)]
 LATTICE = np.array([(0.04 * i - 0.18, 0.04 * j - 0.1) for i in range(10) for j in range(6)])
 
 
-def crate(closed, turn, **fields):
+def crate(closed, turn):
     """A square lattice that fills a box, in which each row carries a force of 3 N from wall to wall."""
     corners = np.array([*BOX, *BOX[: int(closed)]]) @ turn
-    now = of(LATTICE @ turn, chain(*corners), RADIUS, gravity=np.array([0.0, -9.81]) @ turn, **fields)
+    gravity = np.array([0.0, -9.81]) @ turn
+    now = moment_of(LATTICE @ turn, RADIUS, walls=chain(*corners), gravity=gravity)
     row = np.array([(6 * i + j, 6 * i + j + 6) for i in range(9) for j in range(6)], np.int32)
     ends = np.array([(j, 2) for j in range(6)] + [(54 + j, 4) for j in range(6)], np.int32)
     forces = {"force": np.full(54, 3.0), "tangential_force": np.zeros(54)}
@@ -150,7 +142,7 @@ def test_below_the_surface_ends_at_the_floor_of_the_box():
 
 
 def test_where_the_container_is_unknown_a_region_must_be_bounded():
-    stub = of(LATTICE, [Segment((0.5, -0.1), (0.6, -0.1))], RADIUS)
+    stub = moment_of(LATTICE, RADIUS, walls=[Segment((0.5, -0.1), (0.6, -0.1))])
     for region in (None, {}, {"below": "surface"}, {"x": (-0.2, 0.2)}, {"angle": (0.0, 1.0)}):
         with pytest.raises(InputError, match="do not form a convex polygon"):
             analysis.packing_fraction(stub, region)
@@ -172,7 +164,7 @@ def test_where_the_container_is_unknown_a_region_must_be_bounded():
 @pytest.mark.parametrize("fraction", [0.1, 0.2, 0.5, 0.9])
 def test_grains_are_cut_at_the_border_of_a_region(fraction):
     """Of a lattice in a window that ends anywhere within its grains, against the strip that each loses."""
-    now = of(LATTICE, [], RADIUS)
+    now = moment_of(LATTICE, RADIUS)
     reach = 0.16 + 0.04 * fraction  # the outermost columns have their centers at 0.18
     d = reach - 0.18
     cut = RADIUS**2 * np.arccos(-d / RADIUS) + d * sqrt(RADIUS**2 - d**2)  # of a disc, before the border
@@ -219,41 +211,6 @@ def test_areas_of_discs_that_touch():
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     for distance in (0.6, 0.9):
         assert ring.areas(distance * along, np.full(16, 0.1)) == pytest.approx(pi * 0.01, rel=1e-12)
-
-
-def test_g_of_points_at_random_in_a_box_is_one():
-    rng = np.random.default_rng(4)
-    position = rng.uniform((-0.2989, -0.3989), (0.2989, 0.3), (4000, 2))
-    found = analysis.radial_distribution(of(position, chain(*U), 0.001), 20, 0.4)
-    deviation = 1.0 / np.sqrt(found.pairs) + 1.0 / np.sqrt(2000)
-    assert (np.abs(found.g - 1.0) < 3.0 * deviation).all()
-    with pytest.raises(InputError, match="open above"):
-        analysis.radial_distribution(of(position, chain(*U), 0.001), region={})
-
-
-@pytest.mark.parametrize(
-    ("measure", "options", "complaint"),
-    [
-        (analysis.height_profile, {"bins": 0}, "bins is 0"),
-        (analysis.radial_profile, {"bins": 2.5}, "bins is 2.5"),
-        (analysis.radial_distribution, {"bins": -1}, "bins is -1"),
-        (analysis.radial_distribution, {"reach": 0.0}, "reach is 0.0"),
-        (analysis.radial_distribution, {"reach": np.nan}, "reach is nan"),
-        (analysis.force_distribution, {"bins": 0}, "bins is 0"),
-        (analysis.force_distribution, {"most": -1.0}, "most is -1.0"),
-        (analysis.contact_directions, {"bins": "4"}, "bins is '4'"),
-        (analysis.packing_fraction, {"region": {"polygon": U[:2]}}, "must have at least 3, and be convex"),
-        (analysis.packing_fraction, {"region": {"polygon": [*U, (0.0, 0.0)]}}, "5 corners: it must"),
-    ],
-)
-def test_bins_reach_and_polygons_are_checked(measure, options, complaint):
-    with pytest.raises(InputError, match=complaint):
-        measure(of(LATTICE, [], RADIUS), **options)
-
-
-def test_compress_refuses_walls_that_the_circle_would_shrink_through():
-    with pytest.raises(InputError, match="the scene has a segment: the outer wall would shrink through it"):
-        compress(Scene(position=CORNER, radius=0.02, mass=1.0, radius_out=1.0, walls=chain(*U)), pressure=1.0)
 
 
 SILO = """

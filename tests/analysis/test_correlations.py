@@ -1,25 +1,56 @@
 """Correlations of centers by kinds: a twin over all pairs, a lattice, sums over kinds."""
 
+from itertools import pairwise
+
 import freud
 import numpy as np
 import pytest
+from moments import moment_of
 from scipy.special import j0
 
-from warpgrains import InputError, Scene, analysis
+from warpgrains import Disc, Segment, analysis
 from warpgrains.scene.layouts import random
-from warpgrains.scene.state import first_state
 from warpgrains.scene.walls import Annulus
-
-
-def of(position, radius, **fields):
-    scene = Scene(position=position, radius=radius, mass=1.0, **{"radius_out": 1.0, **fields})
-    return analysis.snapshot(scene, first_state(scene))
 
 
 @pytest.fixture(scope="module")
 def mixture():
     """Grains of many radii anywhere between the walls."""
-    return of(*random(Annulus(0.3, 1.0), count=900, radius=[0.005, 0.02], seed=2), radius_in=0.3)
+    return moment_of(*random(Annulus(0.3, 1.0), count=900, radius=[0.005, 0.02], seed=2), radius_in=0.3)
+
+
+BOX = [(-0.3, 0.4), (-0.3, -0.4), (0.3, -0.4), (0.3, 0.5)]
+IN_BOX = {"walls": [Segment(*ends) for ends in pairwise(BOX)]}
+RING = {"radius_in": 0.3}
+ON_DISC = RING | {"walls": [Disc((0.0, -0.6), 0.15), Disc((0.1, 0.1), 0.88, inside=True)]}
+KITE = [(-0.9, -0.8), (0.9, -0.7), (0.8, 0.9), (-0.7, 0.6)]
+LOWER = {"x": (-0.9, 0.9), "y": (-0.95, 0.0), "distance": (0.35, 0.97)}
+
+
+@pytest.mark.parametrize(
+    ("fields", "count", "reach", "region", "left_out"),
+    [
+        *((RING | {"gravity": g}, 4000, 1.2, None, 1) for g in ((0.0, -9.81), (6.0, 3.0), (0.0, 0.0))),
+        *((RING, 4000, 1.2, one, 1) for one in ({}, LOWER, {"x": (-0.5, 0.1)}, {"distance": (0.5, 0.8)})),
+        *(
+            (ON_DISC, 6000, 0.8, one, 4)
+            for one in ({"polygon": KITE}, {"angle": (-2.0, 2.0)}, {"angle": (0.0, 1.0), "below": 0.5})
+        ),
+        (IN_BOX, 34_000, 0.4, None, 2),
+    ],
+)
+def test_points_at_random_have_g_of_one(fields, count, reach, region, left_out):
+    """Up to the walls and beyond; k pairs of n grains deviate by about sqrt(k) and k / sqrt(n).
+
+    Of some regions only 1 / `left_out` of the grains counts.
+    """
+    points = np.random.default_rng(4).uniform(-1.0, 1.0, (count, 2))
+    space = moment_of([(0.0, 0.35)], **fields).container.region
+    points = points[space.clearance(points) > 1e-3]
+    found = analysis.radial_distribution(moment_of(points, 0.001, **fields), 20, reach, region)
+    deviation = 1.0 / np.sqrt(np.maximum(found.pairs, 1)) + 1.0 / np.sqrt(len(points) / left_out)
+    assert (np.abs(found.g - 1.0) < 3.0 * deviation)[found.pairs > 0].all()
+    assert (found.pairs > 0).sum() >= 15
 
 
 LABELS = np.random.default_rng(5).integers(-1, 2, 900)
@@ -81,7 +112,7 @@ def test_kinds_of_a_chessboard():
     """Neighbors on a square lattice have the other color; those along diagonals the same one."""
     pitch, side = 0.04, np.arange(-17, 18)
     i, j = (index.ravel() for index in np.meshgrid(side, side))
-    board = of(pitch * np.stack([i, j], axis=1) + 1e-3, 0.02, gravity=(0.0, 0.0))
+    board = moment_of(pitch * np.stack([i, j], axis=1) + 1e-3, 0.02, gravity=(0.0, 0.0))
     window = pitch * 15.5 + 1e-3
     square = {"x": (-window, window), "y": (-window, window)}
     found = analysis.partial_radial_distributions(board, (i + j) % 2, 33, 0.099, square)
@@ -101,23 +132,14 @@ def test_classes_of_radii(mixture):
     assert np.bincount(found).tolist() == [225] * 4
     assert all(radius[found == k].max() < radius[found == k + 1].min() for k in range(3))
     position, count = mixture.position, np.array([600, 200, 100])
-    three = of(position, np.repeat([0.003, 0.001, 0.002], count), radius_in=0.3)
+    three = moment_of(position, np.repeat([0.003, 0.001, 0.002], count), radius_in=0.3)
     assert np.bincount(analysis.radius_classes(three, 3)).tolist() == [200, 100, 600]
     assert analysis.radius_classes(three, 1).tolist() == [0] * 900
 
 
-@pytest.mark.parametrize(
-    ("kinds", "complaint"),
-    [([0, 1], "must be 900 integers"), (np.linspace(0, 1, 900), "type float64"), (0, "count is 0")],
-)
-def test_bad_kinds_are_refused(mixture, kinds, complaint):
-    with pytest.raises(InputError, match=complaint):
-        analysis.partial_radial_distributions(mixture, kinds)
-
-
 @pytest.fixture(scope="module")
 def dense():
-    return of(*random(Annulus(0.0, 1.0), count=160, radius=0.04, seed=2))
+    return moment_of(*random(Annulus(0.0, 1.0), count=160, radius=0.04, seed=2))
 
 
 def test_structure_factor_is_the_sum_over_pairs(dense):
@@ -154,7 +176,7 @@ def test_bragg_peaks_of_a_lattice(count):
     pitch, side = 0.05, np.arange(-12, 12)
     i, j = (index.ravel() for index in np.meshgrid(side, side))
     height = pitch * np.sqrt(3.0) / 2.0
-    crystal = of(np.stack([pitch * (i + 0.5 * (j % 2)), height * j], axis=1) + 1e-3, 0.02)
+    crystal = moment_of(np.stack([pitch * (i + 0.5 * (j % 2)), height * j], axis=1) + 1e-3, 0.02)
     k = np.array([4.0 * np.pi / pitch, 4.0 * np.pi / pitch * (1.0 + 0.5 / 24)])
     found = analysis.structure_factor(crystal, k, directions=count, region={})
     assert found.s[0] == pytest.approx(crystal.n * (1.0 if count == 1 else found.s[0] / crystal.n), rel=1e-9)
@@ -163,14 +185,8 @@ def test_bragg_peaks_of_a_lattice(count):
 
 def test_structure_factor_of_points_at_random_is_one():
     points = np.random.default_rng(3).uniform(-0.7, 0.7, (2000, 2))
-    found = analysis.structure_factor(of(points, 1e-3), np.linspace(60.0, 300.0, 200), region={})
+    found = analysis.structure_factor(moment_of(points, 1e-3), np.linspace(60.0, 300.0, 200), region={})
     assert found.s.mean() == pytest.approx(1.0, abs=0.06)  # of values with a deviation of 1
-
-
-@pytest.mark.parametrize("k", [3.0, [[1.0]], [1.0, np.nan]])
-def test_bad_wave_numbers_are_refused(dense, k):
-    with pytest.raises(InputError, match="list of finite wave numbers"):
-        analysis.structure_factor(dense, k)
 
 
 def test_without_grains_there_is_no_structure_factor(dense):

@@ -5,15 +5,15 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
+from moments import EPS
 
 from warpgrains import Disc, Scene, Simulation
 from warpgrains.analysis import height_profile, quantities, snapshot
-from warpgrains.analysis.quantities import SWEEP_QUANTITIES
+from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES
 from warpgrains.scene.geometry import area_below
 from warpgrains.scene.snapshot import Snapshots
 from warpgrains.scene.walls import Annulus
 
-EPS = np.finfo(np.float64).eps
 G = 9.81
 
 
@@ -151,3 +151,9 @@ def test_height_is_against_gravity():
     weightless = of(scene(places, gravity=(0.0, 0.0)))
     assert weightless["pile_height"] == upright["pile_height"] == 0.4 + 0.1 + 1.0
     assert weightless["potential_energy"] == 0.0
+
+
+def test_names_and_groups_in_order():
+    now = snapshot(Simulation("annulus"))
+    assert list(quantities(now)) == list(QUANTITIES)
+    assert list(quantities(now, ["walls", "inner_wall_force"])) == ["outer_wall_force", "inner_wall_force"]

@@ -1,0 +1,17 @@
+"""Snapshots of scenes at their start, and regions about which tests of analysis agree."""
+
+from typing import Any
+
+import numpy as np
+
+from warpgrains import Scene
+from warpgrains.analysis import Snapshot, snapshot
+from warpgrains.scene.state import first_state
+
+EPS = float(np.finfo(np.float64).eps)
+
+
+def moment_of(position: Any, radius: Any = 0.02, **fields: Any) -> Snapshot:
+    """Return the start of a scene of grains in a circle of 1 m, unless it is said otherwise."""
+    scene = Scene(position=np.array(position), radius=radius, **{"radius_out": 1.0, "mass": 1.0, **fields})
+    return snapshot(scene, first_state(scene))
