@@ -61,7 +61,10 @@ class Grader:
                 function: [child.ask(probe.call) for probe in asked]
                 for function, asked in self.probes.items()
             }
-            fewer = [_with_one_fewer(probe) for probe in self.probes[UPDATE]]
+            fewer = [
+                probe._replace(call=probe.call._replace(max_iterations=probe.call.max_iterations - 1.0))
+                for probe in self.probes[UPDATE]
+            ]
             self._counting_0 = fewer, [child.ask(probe.call) for probe in fewer]
         self.model = Model(self._compiler, folder)
         self._lock = Lock()
@@ -225,10 +228,6 @@ def _warnings(child: Child) -> tuple[Words, ...]:
     """Return warnings about forbidden features of a homework that do not change its grade."""
     found = {_MAIN: child.has_main, _UNGUARDED: child.is_unguarded}
     return tuple(Words(warning) for warning, holds in found.items() if holds)
-
-
-def _with_one_fewer(probe: Probe) -> Probe:
-    return probe._replace(call=probe.call._replace(max_iterations=probe.call.max_iterations - 1.0))
 
 
 def _common(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence[int]) -> Words | None:

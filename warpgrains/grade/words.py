@@ -27,9 +27,9 @@ def in_language(text: object, language: str) -> str:
     return str(getattr(text, "french", text) if language == "fr" else text)
 
 
-def joined(texts: Sequence[Words], separator: str = ", ") -> Words:
-    """Return several texts joined by a separator."""
-    return Words(separator.join(texts), separator.join(text.french for text in texts))
+def joined(texts: Sequence[Words]) -> Words:
+    """Return several texts, with commas between them."""
+    return Words(", ".join(texts), ", ".join(text.french for text in texts))
 
 
 @cache

@@ -2,9 +2,11 @@
 
 import os
 import platform
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,24 +50,19 @@ frontier.csv, all in m, s and m/s.
 """
 
 
-def write_report(
-    scenes: Sequence[Scene], folder: Path, budget: Budget | None = None, progress: bool = False
-) -> list[Path]:
+def write_report(scenes: Sequence[Scene], folder: Path, progress: bool = False) -> list[Path]:
     """Measure speed against error of scenes, write a report, and return its files, report.md first.
 
-    The files are written after each scene, so that an interrupted report covers the scenes before. `StepRow`,
-    `PathRow` and `FrontierRow` describe the columns of the tables.
+    The files are written after each scene, so that an interrupted report covers the scenes before.
     """
-    names = [scene.name for scene in scenes]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(
-                f"two scenes have the name '{name}': rename one, because a"
-                " report identifies scenes by their names"
-            )
+    name, count = Counter(scene.name for scene in scenes).most_common(1)[0]
+    if count > 1:
+        raise InputError(
+            f"two scenes have the name '{name}': rename one, because a report identifies scenes by their"
+            " names"
+        )
     make_folder(folder)
-    budget = budget or Budget()
-    found = Findings()
+    budget, found = Budget(), Findings()
     pictures: list[Path] = []
     with (
         Lock(folder / REPORT),
@@ -102,12 +99,13 @@ def _measure(scene: Scene, budget: Budget, found: Findings) -> Iterator[str]:
 
 def _write_texts(folder: Path, found: Findings, budget: Budget) -> list[Path]:
     """Write all rows so far, replacing earlier files."""
-    texts = {
-        REPORT: markdown(found, budget),
-        "steps.csv": table_text([*map(asdict, found.steps)]),
-        "trajectories.csv": table_text([*map(asdict, found.paths)]),
-        "frontier.csv": table_text([*map(asdict, found.frontier)]),
+    tables: dict[str, Sequence[Any]] = {
+        "steps": found.steps,
+        "trajectories": found.paths,
+        "frontier": found.frontier,
     }
+    texts = {REPORT: markdown(found, budget)}
+    texts |= {f"{name}.csv": table_text([*map(asdict, rows)]) for name, rows in tables.items()}
     for name, text in texts.items():
         write_atomically(folder / name, text.encode())
     return [folder / name for name in texts]
