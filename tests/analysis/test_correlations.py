@@ -108,24 +108,6 @@ def test_kinds_add_up_to_all(mixture, kinds):
     assert occupied.sum() > 20
 
 
-def test_kinds_of_a_chessboard():
-    """Neighbors on a square lattice have the other color; those along diagonals the same one."""
-    pitch, side = 0.04, np.arange(-17, 18)
-    i, j = (index.ravel() for index in np.meshgrid(side, side))
-    board = moment_of(pitch * np.stack([i, j], axis=1) + 1e-3, 0.02, gravity=(0.0, 0.0))
-    window = pitch * 15.5 + 1e-3
-    square = {"x": (-window, window), "y": (-window, window)}
-    found = analysis.partial_radial_distributions(board, (i + j) % 2, 33, 0.099, square)
-    occupied = [
-        found.edges[:-1][pairs > 0].round(3).tolist() for pairs in (found.pairs[0, 0], found.pairs[0, 1])
-    ]
-    assert [len(one) for one in occupied] == [2, 2]  # sqrt(2) and 2, and 1 and sqrt(5) pitches
-    assert found.pairs[0, 1].sum() == 2 * 31 * 30 + 4 * 30 * 29
-    assert (found.pairs[0, 0] + found.pairs[1, 1]).sum() == 2 * 30 * 30 + 2 * 31 * 29
-    count = found.pairs[0, 1][found.edges[:-1] < 0.0401].sum()
-    assert count == 2 * 31 * 30
-
-
 def test_classes_of_radii(mixture):
     """As many grains in each, ordered by radius; of few different radii, each is a class."""
     found, radius = analysis.radius_classes(mixture, 4), mixture.scene.radius
@@ -168,25 +150,6 @@ def test_evenly_spaced_waves_are_those_computed_one_by_one(dense):
     sums = np.exp(-1j * found.k[:, np.newaxis, np.newaxis] * phase).sum(axis=1)
     assert found.s == pytest.approx((np.abs(sums) ** 2).mean(axis=1) / len(position), rel=1e-9)
     assert found.k[[0, -1]] == pytest.approx([np.pi, 100.0 * np.pi])
-
-
-@pytest.mark.parametrize("count", [1, 3])
-def test_bragg_peaks_of_a_lattice(count):
-    """All n grains of a triangular lattice scatter in phase: S = n, and almost nothing between the peaks."""
-    pitch, side = 0.05, np.arange(-12, 12)
-    i, j = (index.ravel() for index in np.meshgrid(side, side))
-    height = pitch * np.sqrt(3.0) / 2.0
-    crystal = moment_of(np.stack([pitch * (i + 0.5 * (j % 2)), height * j], axis=1) + 1e-3, 0.02)
-    k = np.array([4.0 * np.pi / pitch, 4.0 * np.pi / pitch * (1.0 + 0.5 / 24)])
-    found = analysis.structure_factor(crystal, k, directions=count, region={})
-    assert found.s[0] == pytest.approx(crystal.n * (1.0 if count == 1 else found.s[0] / crystal.n), rel=1e-9)
-    assert found.s[1] < 0.5 * found.s[0]
-
-
-def test_structure_factor_of_points_at_random_is_one():
-    points = np.random.default_rng(3).uniform(-0.7, 0.7, (2000, 2))
-    found = analysis.structure_factor(moment_of(points, 1e-3), np.linspace(60.0, 300.0, 200), region={})
-    assert found.s.mean() == pytest.approx(1.0, abs=0.06)  # of values with a deviation of 1
 
 
 def test_without_grains_there_is_no_structure_factor(dense):

@@ -126,18 +126,6 @@ def test_coordination_counts_strong_contacts_only(pile, least):
         assert found == analysis.coordination_number(strong, 0.0, without)
 
 
-def test_directions_of_a_lattice():
-    """Contacts of a triangular lattice have six directions, 60 degrees apart."""
-    edges, density = analysis.contact_directions(touching([(0, 0), *HEXAGON]), bins=18)
-    share = density * np.diff(edges)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    assert share.sum() == pytest.approx(1.0)
-    for k in range(-3, 3):
-        near = np.abs(middle - np.pi / 3.0 * k) < 0.2
-        near |= np.abs(middle - np.pi / 3.0 * k) > 2.0 * np.pi - 0.2
-        assert share[near].sum() == pytest.approx(1.0 / 6.0)
-
-
 def test_second_moment_of_directions_is_the_fabric(pile):
     edges, density = analysis.contact_directions(pile, bins=20_000)
     angle = 0.5 * (edges[1:] + edges[:-1])

@@ -43,23 +43,6 @@ def test_pairs_by_distance_are_freuds(region):
     assert found.pairs.sum() > 10_000
 
 
-def test_g_in_the_bulk_is_freuds():
-    """That of freud, of grains whose circles are inside, is over the density of the box."""
-    box, reach = freud.box.Box.square(4.0), 0.15
-    moment = moment_of(*random(Annulus(0.0, 1.0), count=3000, radius=[0.008, 0.013], seed=2))
-    found = analysis.radial_distribution(moment, bins=30, reach=reach, region={"distance": (0.0, 0.9)})
-    rho, places = np.hypot(*moment.position.T), np.column_stack([moment.position, np.zeros(moment.n)])
-    other = freud.density.RDF(bins=30, r_max=reach)
-    inside = places[rho < 0.9]
-    neighbors = {"r_max": reach, "exclude_ii": False, "r_min": 1e-6}
-    other.compute((box, inside), query_points=places[rho < 0.9 - reach], neighbors=neighbors)
-    expected = other.rdf * (len(inside) / box.volume) / (len(inside) / (np.pi * 0.9**2))
-    assert expected.max() > 1.2
-    # a third of the circles of ours are not among theirs; a bin has some thousand pairs
-    assert np.abs(found.g - expected).max() < 0.1
-    assert np.abs(found.g - expected).mean() < 0.02
-
-
 @pytest.mark.parametrize("gravity", [(0.0, -9.81), (9.81, 0.0)])
 def test_g_of_a_pile_tends_to_one(gravity):
     """Grains at random in the lower part, whichever way that is: as a whole, space is mostly empty."""
@@ -97,19 +80,6 @@ def test_profiles_add_up(profile):
     assert found.packing_fraction @ room / room.sum() == pytest.approx(
         analysis.global_packing_fraction(moment), rel=1e4 * EPS
     )
-
-
-def test_ring_of_half_a_grain():
-    """A disc about which the rings' edge goes: against points at random."""
-    moment = moment_of([[0.5, 0.2]], 0.2)
-    found = analysis.radial_profile(moment, bins=5)
-    rng = np.random.default_rng(1)
-    places = rng.uniform(-0.2, 0.2, (1_000_000, 2))
-    places = places[np.hypot(*places.T) < 0.2] + moment.position[0]
-    share = np.histogram(np.hypot(*places.T), found.edges)[0] / len(places)
-    area = found.packing_fraction * np.pi * np.diff(found.edges**2)
-    # five standard deviations of a share of so many points
-    assert area / (np.pi * 0.04) == pytest.approx(share, abs=5.0 * 0.5 / np.sqrt(len(places)))
 
 
 @pytest.mark.parametrize("profile", [analysis.height_profile, analysis.radial_profile])

@@ -84,21 +84,6 @@ def test_half_a_disc_filled():
     assert found["packing_fraction"] == pytest.approx(0.1**2 / (1.0 - 0.5**2), rel=16 * EPS)
 
 
-def test_packing_of_a_lattice():
-    """Discs that touch in a hexagonal lattice fill pi / sqrt(12) of the plane, and less at walls."""
-    radius = 0.004
-    pitch = 2.0 * radius
-    x, y = np.meshgrid(np.arange(-150, 150) * pitch, np.arange(-150, 150) * pitch * sqrt(3.0) / 2.0)
-    x[1::2] += radius
-    places = np.column_stack([x.ravel(), y.ravel()])
-    places = places[(np.hypot(*places.T) <= 1.0 - radius) & (np.hypot(*places.T) > 0.0)]
-    found = of(scene(places, radius=radius))["packing_fraction"]
-    # Beneath the mean height is half a disc of radius 1 m, where a strip at the wall, narrower than a pitch,
-    # is empty: pi * pitch of pi / 2.
-    strip = 2.0 * pitch
-    assert (1.0 - strip) * pi / sqrt(12.0) < found < pi / sqrt(12.0)
-
-
 def test_the_middle_is_weighted_by_area():
     """Not by mass, and not by number."""
     fields = {"position": [[0.0, -0.5], [0.0, 0.3]], "radius": [0.1, 0.2]}

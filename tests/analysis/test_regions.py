@@ -213,20 +213,6 @@ def test_below_the_surface_of_steps(gravity, in_flight):
     assert region.contains(points @ turn).reshape(4, 10).sum(axis=1).tolist() == [0, 2, 6, 0]
 
 
-def test_fraction_of_a_lattice_in_a_polygon():
-    """A square of whole cells of a square lattice holds pi / 4, however it is turned."""
-    x, y = np.meshgrid(0.04 * np.arange(-18, 18) + 0.02, 0.04 * np.arange(-18, 18) + 0.02)
-    centers, corner = (
-        np.column_stack([x.ravel(), y.ravel()]),
-        0.4 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]),
-    )
-    centers = centers[np.hypot(*centers.T) < 0.97]
-    c, s = np.cos(0.3), np.sin(0.3)
-    turn = np.array([[c, s], [-s, c]])
-    found = analysis.packing_fraction(of(centers @ turn, radius_in=0.0), {"polygon": corner @ turn})
-    assert found == pytest.approx(pi / 4.0, rel=64 * EPS)
-
-
 def test_shares_of_circles_are_those_of_points_on_them():
     """With a polygon, a sector, discs, and the walls."""
     region = analysis.region_of(of(walls=INSIDE), {"polygon": KITE, "angle": (-2.5, 1.5)})
