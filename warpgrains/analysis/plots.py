@@ -41,35 +41,7 @@ def plot(
     size: str | None = None,
     frame: str | None = None,
 ) -> list[int]:
-    """Draw frames of a recording, and curves over time.
-
-    Parameters
-    ----------
-    recording : str or Path
-        The USD file.
-    output : str or Path
-        The picture, a .png, .pdf or .svg file.
-    frames : sequence of int, optional
-        Numbers of the frames to draw, negative ones from the end; by default five evenly spaced frames.
-    curves : bool
-        Whether to draw energy, height and number of contacts over time.
-    size : str, optional
-        Width and height of the picture [pixels], such as "1920x1080".
-    frame : str, optional
-        Rectangle to show [m], such as "-0.5,0,0.5,1"; by default the grains and the walls that they can
-        touch.
-
-    Returns
-    -------
-    list of int
-        The frames drawn.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is no recording or lacks a frame, the size or the frame is invalid, or the
-        picture cannot be written. It is an `OutputError` if another process writes it.
-    """
+    """Draw frames of a recording, by default five, and curves over time, and return their numbers."""
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
     pixels = None if size is None else size_of("size", size)
@@ -158,26 +130,7 @@ def measure(source: Recording) -> dict[str, FloatArray]:
 
 
 def plot_history(table: str | Path, output: str | Path) -> list[int]:
-    """Draw zeta and residual against the iteration, one line per step.
-
-    Parameters
-    ----------
-    table : str or Path
-        A .csv file of ``warpgrains run --step-by-step --history``.
-    output : str or Path
-        The picture, a .png, .pdf or .svg file.
-
-    Returns
-    -------
-    list of int
-        The steps drawn.
-
-    Raises
-    ------
-    InputError
-        The table cannot be read, or the picture cannot be written. It is an `OutputError` if another process
-        writes it.
-    """
+    """Draw the history in a table, a line per step against the iteration, and return the steps."""
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
     step, iteration, *values = _columns(Path(table))

@@ -154,13 +154,7 @@ _TAKE_REGION = {name for name, one in QUANTITIES.items() if "region" in signatur
 
 
 def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
-    """Return the quantities that names and groups denote, without duplicates, in the given order.
-
-    Raises
-    ------
-    InputError
-        A name is neither a quantity nor a group, or no name is given.
-    """
+    """Return the quantities that names and groups denote, without duplicates, in the given order."""
     found: dict[str, None] = {}
     for name in wanted:
         known = checks.one_of("quantity", name, [*GROUPS, *QUANTITIES])

@@ -72,6 +72,7 @@ class Series:
         measure: str | Iterable[str],
         every: int = 10,
         path: str | Path | None = None,
+        *,
         resume_at: int | None = None,
         region: Mapping[str, Any] | None = None,
         mean: bool = False,

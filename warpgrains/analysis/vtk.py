@@ -31,14 +31,6 @@ def export(recording: str | Path, output: str | Path) -> int:
       with friction `tangential_force` [N], and `grain` and `other`: another grain, -1 for the outer wall, -2
       for the inner one, or -3, -4, ... for those of `Scene.walls`.
     - ``Walls``: polygons, as drawn. If no wall moves, there is one file.
-
-    Raises
-    ------
-    InputError
-        The recording cannot be read, the output cannot be written, its folder holds other files, or VTK,
-        which the extra ``[data]`` installs, is missing. It is an `OutputError` if another process writes it.
-    OSError
-        A file cannot be written.
     """
     output = Path(output)
     require_writable_path("output", output, ".pvd")

@@ -186,6 +186,7 @@ class Model:
         probes: Sequence[Probe],
         found: Sequence[Answer],
         wrong: Sequence[int],
+        *,
         ends: Sequence[int] = (),
     ) -> Explanation:
         """Find the one or two mistakes that explain all answers, and how it ended at the last probes."""

@@ -198,7 +198,7 @@ class Grader:
         found = [k for k, each in enumerate(near) if each]
         calls = [modeled[k] for k in (*answered, *(k for k, _ in ends.values()))]
         hows = [error.how for _, error in ends.values()]
-        mistakes, is_complete = self.model.explain(function, calls, answers, found, hows)
+        mistakes, is_complete = self.model.explain(function, calls, answers, found, ends=hows)
         if is_complete:
             return replace(part, mistakes=mistakes)
         if mistakes:

@@ -102,7 +102,7 @@ class OpenRun(CountedRun):
                     options.measure,
                     options.measure_every,
                     options.series,
-                    resume_at,
+                    resume_at=resume_at,
                     region=region,
                     mean=options.mean,
                 )
