@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from command import exit_code, require_refusal
+from command import exit_code
 
 import warpgrains as wg
-from warpgrains import InputError, Scene, analysis
+from warpgrains import Scene, analysis
 
 FEW = ["grains.count=60", "solver.tolerance=1e-7"]
 
@@ -57,12 +57,3 @@ def test_a_run_that_is_too_short_says_so(capfd) -> None:
     assert "steps             5, not at rest" in printed
     assert "N/m of contacts, 2 N/m given" in printed
     assert "contacts          0.000 a grain, without 60 rattlers" in printed
-
-
-def test_what_is_refused(capfd) -> None:
-    with pytest.raises(InputError, match=r"pressure is missing: give it, or domain\.pressure in the scene"):
-        wg.compress("annulus")
-    with pytest.raises(InputError, match=r"pressure is -1\.0 N/m: it must be positive to compress grains"):
-        wg.compress("jamming", pressure=-1.0)
-    assert exit_code("compress", "jamming", "--set", FEW[0], "--set", "solver.method=exact") == 2
-    require_refusal(capfd, "pressure is given and method is 'exact'")

@@ -9,7 +9,7 @@ import pytest
 from command import exit_code
 
 import warpgrains as wg
-from warpgrains import Arc, Disc, InputError, Scene, Segment, SimulationError, analysis
+from warpgrains import Arc, Disc, Scene, Segment, SimulationError, analysis
 from warpgrains.scene.fields import FIELDS
 
 NEAR = 0.05  # gap of neighbors, in sums of their radii
@@ -88,8 +88,6 @@ def test_grains_that_cannot_be_moved_apart_are_named() -> None:
     jammed = Scene(position=[[0.0, -0.5], [0.0, 0.5]], radius=0.6, mass=1.0, radius_out=1.0)
     with pytest.raises(SimulationError, match="grains 0, 1 cannot be moved apart"):
         wg.separate(jammed)
-    with pytest.raises(InputError, match=r"overlap is 0\.0: it must be greater than 0"):
-        wg.separate(jammed, overlap=0.0)
 
 
 def test_the_command_separates(tmp_path, capsys) -> None:

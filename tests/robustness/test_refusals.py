@@ -17,7 +17,19 @@ from same_bits import contents
 from sample_scenes import SCENE_FILE
 from sweeps import write
 
-from warpgrains import Arc, Batch, Disc, InputError, Polyline, Scene, Segment, Simulation, analysis, compress
+from warpgrains import (
+    Arc,
+    Batch,
+    Disc,
+    InputError,
+    Polyline,
+    Scene,
+    Segment,
+    Simulation,
+    analysis,
+    compress,
+    separate,
+)
 from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.state import first_state
 from warpgrains.scene.walls import Annulus
@@ -123,6 +135,7 @@ CALLABLE = (
     axis_values,
     recover,
     compress,
+    separate,
 )
 HERE = (ring, circle, pressed, scene_file, grain_file, sweep_file, plot_table, with_row, replace, made, huge)
 NAMES = {

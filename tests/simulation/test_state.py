@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from same_bits import contents
 
-from warpgrains import Disc, InputError, Recording, Scene, Simulation, SimulationError, State, analysis
+from warpgrains import Disc, Recording, Scene, Simulation, SimulationError, State, analysis
 from warpgrains.scene.geometry import pair_normals
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import VERLET_NUMBERS
@@ -240,11 +240,3 @@ def test_failed_step_names_the_grain() -> None:
     scene = Scene(position=position, velocity=velocity, radius=0.1, mass=1.0, radius_out=2.0, dt=10.0)
     with pytest.raises(SimulationError, match=r"step 1, from t = 0.0 s: grain 1 reached"):
         Simulation(scene).step()
-
-
-@pytest.mark.parametrize("name", ["position", "velocity", "radius", "mass", "spin", "time"])
-def test_grains_cannot_be_changed(name: str) -> None:
-    """The list of contacts and the state hold for the grains as they are."""
-    simulation = Simulation("annulus")
-    with pytest.raises(InputError, match=f"^change: {name} is that of the start"):
-        simulation.change(**{name: 0.06})

@@ -108,12 +108,6 @@ def test_without_gravity_bounds_must_be_given():
     assert Simulation(scene).run(until="rest,speed=1e-3,time=0.1", steps=100).steps == 20
 
 
-def test_a_callable_cannot_go_into_a_checkpoint(tmp_path):
-    with pytest.raises(InputError, match="a checkpoint cannot hold"):
-        Simulation(Scene.load("annulus")).run(until=lambda _: True, checkpoint=tmp_path / "kept.npz")
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, stop_at):
     whole, parts = tmp_path / "whole.npz", tmp_path / "parts.npz"
     options = ("--until", "rest,speed=0.05,time=1.0", "--duration", 20, "--json")
