@@ -6,7 +6,7 @@ from moments import EPS, moment_of
 from scipy.spatial import ConvexHull, Voronoi
 
 from warpgrains import analysis
-from warpgrains.scene.layouts import lattice, random
+from warpgrains.scene.layouts import random
 from warpgrains.scene.walls import Annulus
 
 HULL = 1e4 * EPS
@@ -52,11 +52,3 @@ def test_cells_that_meet_at_the_origin():
     found = analysis.cell_areas(moment_of(place)).reshape(10, 6)
     assert found[1:-1, 1:-1] == pytest.approx(0.04**2, rel=HULL / 0.04**2)
     assert found.sum() == pytest.approx(np.pi, rel=HULL)
-
-
-def test_cells_of_a_lattice_are_hexagons():
-    now = moment_of(*lattice(Annulus(0.0, 1.0), radius=0.05, spacing=2.0))
-    found = analysis.local_packing_fractions(now)
-    inner = np.hypot(*now.position.T) < 0.8
-    assert inner.sum() > 100
-    assert found[inner] == pytest.approx(np.pi / np.sqrt(12.0), rel=HULL / 0.05**2)

@@ -68,21 +68,6 @@ def test_radial_distribution_of_two_and_of_one():
 
 
 @pytest.mark.parametrize("profile", [analysis.height_profile, analysis.radial_profile])
-def test_profiles_add_up(profile):
-    moment = moment_of(*random(Annulus(0.3, 1.0), count=200, radius=[0.01, 0.03], seed=2), radius_in=0.3)
-    found = profile(moment, bins=17)
-    if profile is analysis.radial_profile:
-        room = np.pi * np.diff(found.edges**2)
-    else:
-        room = np.diff([moment.scene.annulus.area_below(edge) for edge in found.edges])
-    total = np.pi * (moment.scene.radius**2).sum()
-    assert found.packing_fraction @ room == pytest.approx(total, rel=1e4 * EPS)  # sums of a thousand areas
-    assert found.packing_fraction @ room / room.sum() == pytest.approx(
-        analysis.global_packing_fraction(moment), rel=1e4 * EPS
-    )
-
-
-@pytest.mark.parametrize("profile", [analysis.height_profile, analysis.radial_profile])
 def test_velocity_of_a_shear_and_of_a_rigid_rotation(profile):
     """Which have none along the profile; a rotation has no temperature."""
     position, radius = random(Annulus(0.3, 1.0), count=2000, radius=0.005, seed=5)
