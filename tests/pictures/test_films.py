@@ -67,6 +67,7 @@ def _milliseconds(path):
 @pytest.mark.parametrize("suffix", FILMS)
 def test_frames_show_the_states(tmp_path, states, suffix):
     path = tmp_path / f"run{suffix}"
+    path.write_bytes(b"earlier")
     summary = Simulation(Scene.load("annulus")).run(steps=STEPS, record=path, fps=25)
     assert summary.output == str(path)
     assert list(tmp_path.iterdir()) == [path]
@@ -82,20 +83,14 @@ def test_frames_show_the_states(tmp_path, states, suffix):
 def test_marks_show_how_far_grains_have_turned(tmp_path, suffix):
     path = tmp_path / f"run{suffix}"
     simulation = Simulation(make_scene(np.full(5, 0.25), friction=0.3, spin=[-6.0, -1.0, 0.0, 2.0, 7.0]))
-    if suffix == ".png":
-        simulation.run(steps=STEPS, record=path)
-        pixels = imread(path)[:, :, :3]
-    else:
-        simulation.run(steps=STEPS, record=path, fps=25)
-        pixels = film_frames(path)[0][-1]
-    require_marks(View(pixels, 0.08), pixels, simulation)
-
-
-def require_marks(view, pixels, simulation):
-    """Check that the sectors of grains into which they have turned differ from the color of the grains."""
-    angle, radius = simulation.angle, simulation.scene.radius
-    colors = GrainColors(simulation.scene, "speed").of(snapshot(simulation))
-    ahead = 0.6 * radius[:, np.newaxis] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    path.write_bytes(b"earlier")
+    simulation.run(steps=STEPS, record=path, **({} if suffix == ".png" else {"fps": 25}))
+    assert list(tmp_path.iterdir()) == [path]
+    pixels = imread(path)[:, :, :3] if suffix == ".png" else film_frames(path)[0][-1]
+    now, view = snapshot(simulation), View(pixels, 0.08)
+    colors = GrainColors(simulation.scene, "speed").of(now)
+    turned = np.stack([np.cos(now.angle), np.sin(now.angle)], axis=1)
+    ahead = 0.6 * now.scene.radius[:, np.newaxis] * turned
     for shift, expected in ((-ahead, colors), (ahead, mark_color(colors))):
         assert np.allclose(view.at(pixels, simulation.position + shift), expected, atol=LOSS)
 
@@ -178,15 +173,6 @@ def test_two_processes_do_not_draw_one_output(tmp_path, held_elsewhere, states, 
             plot(recording, path)
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".png"])
-def test_drawn_output_replaces_what_was_there_and_leaves_no_lock(tmp_path, suffix):
-    path = tmp_path / f"run{suffix}"
-    path.write_bytes(b"earlier")
-    Simulation(Scene.load("annulus")).run(steps=2, record=path)
-    assert path.read_bytes() != b"earlier"
-    assert list(tmp_path.iterdir()) == [path]
-
-
 def test_what_a_killed_film_left_is_removed(tmp_path):
     """SIGKILL, while its frames are encoded; the next film of the name removes it."""
     script = (
@@ -242,12 +228,6 @@ def test_a_film_of_odd_size_is_refused():
         RunOptions(steps=1, record="run.mp4", size="641x480")
 
 
-def test_a_frame_may_begin_with_a_minus(tmp_path):
-    path = tmp_path / "run.png"
-    assert exit_code("run", "annulus", "--steps", "1", "-o", path, "--frame", FRAME) == 0
-    assert path.exists()
-
-
 class TestStill:
     def test_contains_all_grains_unless_it_has_a_frame(self):
         walls = [Segment((-0.3, -0.4), (0.3, -0.4)), Segment((-0.3, -0.4), (-0.3, 0.6))]
@@ -278,8 +258,8 @@ class TestStill:
         assert png.startswith(b"\x89PNG")
 
     def test_from_the_command_line(self, tmp_path, capfd):
-        path = tmp_path / "run.png"
-        assert exit_code("run", "annulus", "--steps", 3, "-o", path, "--color-by", "radius") == 0
+        path, looks = tmp_path / "run.png", ("--color-by", "radius", "--frame", FRAME)  # begins with a minus
+        assert exit_code("run", "annulus", "--steps", 3, "-o", path, *looks) == 0
         assert capfd.readouterr().out.splitlines()[-1] == f"output            {path}"
         assert path.read_bytes().startswith(b"\x89PNG")
 

@@ -52,6 +52,12 @@ class Tab:
         """Return the charts that are seen."""
         return [chart for chart in self.driver.find_elements(By.CLASS_NAME, "uplot") if chart.is_displayed()]
 
+    def fill(self, label, value):
+        """Type a value into the field beside a slider."""
+        field = self.slider(label)
+        field.click()
+        field.send_keys(f"\ue009a\ue000{value}\n")  # control-A
+
     def slider(self, label):
         """Return the number field beside a slider."""
         return self.driver.find_element(

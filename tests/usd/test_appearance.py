@@ -4,7 +4,7 @@ import matplotlib
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils
 from recordings import FORMS, GRAINS, RADIUS, bands_of, make_frames, make_scene, moment, moments, record
 
 from warpgrains import Disc, Scene, Segment, Simulation
@@ -26,17 +26,6 @@ FORCES = "/World/Forces"
 HALF_STEP = 0.5 / (LEVELS - 1)  # of a scale
 FLOAT32 = 1e-6  # of coordinates up to 2 m
 ROTATION = {"primvars:spin", "primvars:angle", "orientations", "primvars:tangential_force"}
-
-
-@pytest.fixture
-def stage_of(tmp_path):
-    """Return a function that records frames, and opens the file."""
-
-    def opened(frames=1, scene=None, **options):
-        frames = make_frames(frames, 5 if scene is None else scene.n)
-        return Usd.Stage.Open(str(record(tmp_path / "run.usdc", frames, scene, **options)))
-
-    return opened
 
 
 @pytest.mark.parametrize("name", sorted(own.colormap for own in COLORINGS.values()))
@@ -291,6 +280,7 @@ def test_the_camera_shows_the_extent_or_the_frame(tmp_path, frame, center, half)
     camera = UsdGeom.Camera(stage.GetPrimAtPath("/World/main_cam")).GetCamera(0)
     x, y, distance = camera.transform.ExtractTranslation()
     assert (x, y) == center
+    assert camera.projection == Gf.Camera.Perspective
     assert distance * camera.verticalAperture / camera.focalLength / 2.0 == pytest.approx(half, rel=1e-5)
 
 

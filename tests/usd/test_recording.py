@@ -5,7 +5,7 @@ import lightusd
 import numpy as np
 import pytest
 from command import exit_code, require_refusal
-from pxr import Gf, Usd, UsdGeom, UsdValidation
+from pxr import Usd, UsdGeom, UsdValidation
 from recordings import (
     GRAINS,
     RADIUS,
@@ -91,7 +91,7 @@ class TestTimes:
             simulation.run(steps=1, record=tmp_path / "run.usdc", fps=1000)
         assert [warning.filename for warning in warned] == [__file__]
 
-    @pytest.mark.parametrize("fps", [24, 25, 30, 50, 60])
+    @pytest.mark.parametrize("fps", [24, 50])
     def test_recordings_play_in_real_time(self, tmp_path, fps):
         Simulation(Scene.load("annulus")).run(duration=1.0, record=tmp_path / "run.usdc", fps=fps)
         stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
@@ -101,109 +101,84 @@ class TestTimes:
 
 
 @pytest.mark.parametrize("suffix", RECORDINGS)
-class TestIndependentReader:
-    @drawn
-    def test_every_frame_equals_the_float32_state(self, tmp_path, suffix, scene, options):
-        frames = make_frames(7)
-        path = record(tmp_path / f"run{suffix}", frames, scene, **options)
-        grains = lightusd.load(str(path)).prim_at(GRAINS)
-        places = "positions" if options.get("draw_as") in ("discs", "spheres") else "points"
-        for name, state in ((places, frames[:, 0]), ("velocities", frames[:, 1])):
-            attribute = grains.attribute(name)
-            assert attribute.timesamples.times == tuple(range(7))
-            for code, expected in enumerate(state):
-                value = np.asarray(attribute.get(code))
-                assert np.array_equal(value[:, :2], expected.astype(np.float32))
-                assert not value[:, 2].any()
-
-    def test_reads_what_is_static(self, tmp_path, suffix):
-        stage = lightusd.load(str(record(tmp_path / f"run{suffix}", make_frames(3))))
-        grains, scene = stage.prim_at(GRAINS), make_scene()
-        assert np.array_equal(grains["ids"], np.arange(len(RADIUS)))
-        assert np.array_equal(grains["widths"], (2 * RADIUS).astype(np.float32))
-        assert (stage.up_axis, stage.meters_per_unit, stage.default_prim_path) == ("Y", 1.0, "World")
-        assert (stage.start_time, stage.end_time) == (0.0, 2.0)
-        assert stage.time_codes_per_second == stage.frames_per_second == 50.0
-        kept = stage.custom_layer_data["warpgrains"]
-        assert kept.pop("colors") == {
-            "quantity": "speed",
-            "unit": "m/s",
-            "colormap": "viridis",
-            "low": 0.0,
-            "high": speed_scale(scene),
-        }
-        assert read_parameters(kept.pop("parameters"))["dt"] == scene.dt
-        texts = {"version": warpgrains.__version__, "name": "example", "scene": scene.text}
-        assert kept == {**texts, "draw_as": "points", "first_step": 0}
-        assert scene.text in stage.doc
-
-
-@pytest.mark.parametrize("suffix", RECORDINGS)
 @drawn
-def test_passes_both_checkers(tmp_path, suffix, scene, options):
-    recording = record(tmp_path / f"run{suffix}", make_frames(4), scene, **options)
-    assert inspect_recording(recording) == []
+def test_every_frame_equals_the_float32_state_and_passes_checks(tmp_path, suffix, scene, options):
+    """As an independent reader, our check and USD's validators see it."""
+    frames = make_frames(7)
+    path = record(tmp_path / f"run{suffix}", frames, scene, **options)
+    grains = lightusd.load(str(path)).prim_at(GRAINS)
+    places = "points" if options.get("draw_as", "points") == "points" else "positions"
+    for name, state in ((places, frames[:, 0]), ("velocities", frames[:, 1])):
+        attribute = grains.attribute(name)
+        assert attribute.timesamples.times == tuple(range(7))
+        for code, expected in enumerate(state):
+            value = np.asarray(attribute.get(code))
+            assert np.array_equal(value[:, :2], expected.astype(np.float32))
+            assert not value[:, 2].any()
+    assert inspect_recording(path) == []
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
-    errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(str(recording)))
+    errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(str(path)))
     assert [error.GetMessage() for error in errors] == []
 
 
-class TestStage:
-    def test_one_width_where_all_grains_are_equal(self, tmp_path):
-        path = record(tmp_path / "run.usdc", make_frames(1, 3), make_scene(np.full(3, 0.1)))
-        stage = Usd.Stage.Open(str(path))
-        points = grains_of(stage)
-        assert points.GetWidthsInterpolation() == "constant"
-        assert list(points.GetWidthsAttr().Get()) == [np.float32(0.2)]
-        assert inspect_recording(path) == []
+@pytest.mark.parametrize("suffix", RECORDINGS)
+def test_an_independent_reader_reads_what_is_static(tmp_path, suffix):
+    stage = lightusd.load(str(record(tmp_path / f"run{suffix}", make_frames(3))))
+    grains, scene = stage.prim_at(GRAINS), make_scene()
+    assert np.array_equal(grains["ids"], np.arange(len(RADIUS)))
+    assert np.array_equal(grains["widths"], (2 * RADIUS).astype(np.float32))
+    assert (stage.up_axis, stage.meters_per_unit, stage.default_prim_path) == ("Y", 1.0, "World")
+    assert (stage.start_time, stage.end_time) == (0.0, 2.0)
+    assert stage.time_codes_per_second == stage.frames_per_second == 50.0
+    kept = stage.custom_layer_data["warpgrains"]
+    scale = {"quantity": "speed", "unit": "m/s", "colormap": "viridis", "low": 0.0}
+    assert kept.pop("colors") == scale | {"high": speed_scale(scene)}
+    assert read_parameters(kept.pop("parameters"))["dt"] == scene.dt
+    texts = {"version": warpgrains.__version__, "name": "example", "scene": scene.text}
+    assert kept == {**texts, "draw_as": "points", "first_step": 0}
+    assert scene.text in stage.doc
 
-    @drawn
-    def test_no_primvar_is_a_double(self, tmp_path, scene, options):
-        """Blender reads no primvar after the first one. Other attributes hold the bits of the scene."""
-        scene = (scene or make_scene()).replace(mass=RADIUS / 3.0)
-        stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(1), scene, **options)))
-        primvars = [own for prim in stage.TraverseAll() for own in UsdGeom.PrimvarsAPI(prim).GetPrimvars()]
-        assert not [own.GetName() for own in primvars if str(own.GetTypeName()).startswith("double")]
-        grains = stage.GetPrimAtPath(GRAINS)
-        for name in ("mass", "radius"):
-            exact = getattr(scene, name)
-            assert np.array_equal(grains.GetAttribute(f"warpgrains:{name}").Get(), exact)
-            assert np.array_equal(grains.GetAttribute(f"primvars:{name}").Get(), exact.astype(np.float32))
 
-    @pytest.mark.parametrize("draw_as", ["discs", "spheres"])
-    def test_instances_have_the_radii_of_the_grains(self, tmp_path, draw_as):
-        stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(2), draw_as=draw_as)))
-        instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath(GRAINS))
-        scales = np.array(instancer.GetScalesAttr().Get())
-        assert np.array_equal(scales, np.repeat(RADIUS.astype(np.float32)[:, np.newaxis], 3, axis=1))
-        for prototype in instancer.GetPrototypesRel().GetTargets():
-            points = np.array(UsdGeom.Mesh(stage.GetPrimAtPath(prototype)).GetPointsAttr().Get())
-            across = points if draw_as == "spheres" else points[:, :2]
-            assert np.linalg.norm(across, axis=1).max() == pytest.approx(1.0, rel=1e-6)
+def test_one_width_where_all_grains_are_equal(stage_of):
+    stage = stage_of(1, make_scene(np.full(3, 0.1)))
+    assert grains_of(stage).GetWidthsInterpolation() == "constant"
+    assert list(grains_of(stage).GetWidthsAttr().Get()) == [np.float32(0.2)]
 
-    @pytest.mark.parametrize(("radius_in", "walls"), [(0.5, ["Outer", "Inner"]), (0.0, ["Outer"])])
-    def test_walls_stand_where_the_scene_says(self, tmp_path, radius_in, walls):
-        path = record(tmp_path / "run.usdc", make_frames(1), make_scene(radius_in=radius_in))
-        stage = Usd.Stage.Open(str(path))
-        assert [prim.GetName() for prim in stage.GetPrimAtPath("/World/Walls").GetChildren()] == walls
-        reach = {
-            name: np.linalg.norm(stage.GetAttributeAtPath(f"/World/Walls/{name}.points").Get(), axis=1)
-            for name in walls
-        }
-        assert reach["Outer"].min() == pytest.approx(2.0, rel=1e-6)
-        if radius_in:
-            assert reach["Inner"].max() == pytest.approx(0.5, rel=1e-6)
-        for name in walls:
-            normals = stage.GetAttributeAtPath(f"/World/Walls/{name}.normals").Get()
-            assert np.array_equal(normals, np.tile([0, 0, 1], (len(reach[name]), 1)))
 
-    def test_camera_sees_the_outer_wall(self, tmp_path):
-        stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(1))))
-        frustum = UsdGeom.Camera(stage.GetPrimAtPath("/World/main_cam")).GetCamera().frustum
-        assert frustum.projectionType == Gf.Frustum.Perspective
-        for corner in ((2.04, 0, 0), (0, 2.04, 0), (-2.04, 0, 0), (0, -2.04, 0)):
-            assert frustum.Intersects(Gf.Vec3d(corner))
-        assert not frustum.Intersects(Gf.Vec3d(0, 2.3, 0))
+@drawn
+def test_no_primvar_is_a_double(stage_of, scene, options):
+    """Blender reads no primvar after the first one. Other attributes hold the bits of the scene."""
+    scene = (scene or make_scene()).replace(mass=RADIUS / 3.0)
+    stage = stage_of(1, scene, **options)
+    primvars = [own for prim in stage.TraverseAll() for own in UsdGeom.PrimvarsAPI(prim).GetPrimvars()]
+    assert not [own.GetName() for own in primvars if str(own.GetTypeName()).startswith("double")]
+    grains = stage.GetPrimAtPath(GRAINS)
+    for name, exact in (("mass", scene.mass), ("radius", RADIUS)):
+        assert np.array_equal(grains.GetAttribute(f"warpgrains:{name}").Get(), exact)
+        assert np.array_equal(grains.GetAttribute(f"primvars:{name}").Get(), exact.astype(np.float32))
+
+
+@pytest.mark.parametrize("draw_as", ["discs", "spheres"])
+def test_instances_have_the_radii_of_the_grains(stage_of, draw_as):
+    stage = stage_of(draw_as=draw_as)
+    instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath(GRAINS))
+    scales = np.array(instancer.GetScalesAttr().Get())
+    assert np.array_equal(scales, np.repeat(RADIUS.astype(np.float32)[:, np.newaxis], 3, axis=1))
+    for prototype in instancer.GetPrototypesRel().GetTargets():
+        points = np.array(UsdGeom.Mesh(stage.GetPrimAtPath(prototype)).GetPointsAttr().Get())
+        across = points if draw_as == "spheres" else points[:, :2]
+        assert np.linalg.norm(across, axis=1).max() == pytest.approx(1.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("walls", [{"Outer": (min, 2.0), "Inner": (max, 0.5)}, {"Outer": (min, 2.0)}])
+def test_walls_stand_where_the_scene_says(stage_of, walls):
+    stage = stage_of(1, make_scene(radius_in=0.5 if "Inner" in walls else 0.0))
+    found = stage.GetPrimAtPath("/World/Walls").GetChildren()
+    assert [prim.GetName() for prim in found] == list(walls)
+    for prim, (end, radius) in zip(found, walls.values(), strict=True):
+        points, normals = (np.array(prim.GetAttribute(name).Get()) for name in ("points", "normals"))
+        assert end(np.linalg.norm(points, axis=1)) == pytest.approx(radius, rel=1e-6)
+        assert np.array_equal(normals, np.tile([0, 0, 1], (len(points), 1)))
 
 
 def test_the_arrays_handed_in_may_be_reused(tmp_path):

@@ -98,7 +98,7 @@ def test_a_page_opens_no_tunnel(port, monkeypatch):
     assert not opened_to
 
 
-def test_malformed_messages_print_no_traceback():
+def test_malformed_messages_and_an_interrupt_print_no_traceback():
     command = [sys.executable, "-m", "warpgrains", "view", "annulus", "--port", "8340"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     port = int(process.stdout.readline().split()[0].rpartition(":")[2])
@@ -134,6 +134,4 @@ def test_malformed_messages_print_no_traceback():
         assert sliders(page) == known
     process.send_signal(signal.SIGINT)
     printed, complaint = process.communicate(timeout=100)
-    assert process.returncode == 0
-    assert "Traceback" not in complaint + printed
-    assert complaint == ""
+    assert (process.returncode, printed, complaint) == (0, "", "")
