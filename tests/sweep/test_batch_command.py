@@ -115,7 +115,7 @@ def test_failed_run_has_its_seconds_and_its_last_good_state(tmp_path):
     text = 'scene = "annulus"\n[set]\nsolver.max_iterations = 3\n[axes]\nsolver.on_unconverged = ["raise"]'
     folder, sweep = begin(tmp_path, text)
     assert finish_runs(folder, sweep.runs, ExecutionOptions(folders=True), lambda _: None) == {}
-    assert "step 20" in folder.write_tables(sweep).failed[0]
+    assert "step 20" in folder.write_tables(sweep)["error"][0]
     kept = read_checkpoint(folder.path / "runs" / "00000" / "checkpoint.npz")
     assert kept.statistics.steps == kept.state.steps == 19
     assert kept.statistics.seconds > 0.0
@@ -261,7 +261,7 @@ def test_workers_need_no_source_of_the_grains(tmp_path, monkeypatch):
         "assert finish_runs(folder, runs, ExecutionOptions(), lambda _: None) == {}\n"
     )
     subprocess.run([sys.executable, "-c", script], input=content, check=True, timeout=60)
-    assert folder.write_tables(sweep).failed == {}
+    assert folder.write_tables(sweep)["error"] == [""]
 
 
 def test_recordings(tmp_path, done):

@@ -16,8 +16,9 @@ from warpgrains.shown import number_of
 from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import bounds_of
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, RunSettings
+from warpgrains.sweep.results import MET
 from warpgrains.sweep.sweep import Run, Sweep
-from warpgrains.sweep.sweep_folder import RESULTS, SweepFolder
+from warpgrains.sweep.sweep_folder import AREA, RESULTS, UNCONVERGED, SweepFolder
 from warpgrains.warp_start import find_device
 
 if TYPE_CHECKING:
@@ -60,27 +61,33 @@ def run(arguments: Namespace) -> bool:
         if isinstance(error, KeyboardInterrupt):
             raise KeyboardInterrupt("to continue: the same command with --resume") from None
         raise
-    outcomes = folder.write_tables(sweep)
-    own = {run.number for run in share}
-    failed = {number: reason for number, reason in outcomes.failed.items() if number in own}
-    missing = {number: reasons.get(number, "") for number in sorted(own - outcomes.finished)}
-    done = {run.number for run in left} & outcomes.finished
-    seconds, without = perf_counter() - start, own & outcomes.without_area
+    cells = folder.write_tables(sweep)
+    seconds, numbers = perf_counter() - start, list(map(int, cells["run"]))
+    finished, own = set(numbers), {run.number for run in share}
+    missing = {number: reasons.get(number, "") for number in sorted(own - finished)}
+    kept = [k for k, number in enumerate(numbers) if number in own]
+    failed = {numbers[k]: cells["error"][k] for k in kept if cells["error"][k]}
+
+    good = [k for k in kept if not cells["error"][k]]
+    unconverged = sum(cells[UNCONVERGED][k] != "0" for k in good)
+    without = sum(cells[AREA][k] == "nan" for k in good)
+    unmet = sum(cells[MET][k] == "0" for k in good) if MET in cells else None
+    done = finished.intersection(run.number for run in left)
     advice = ", so give --region" if arguments.region is None else ""
     rows = {
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
         "failed": f"{len(failed)}{_first(failed)}",
         "not finished": f"{len(missing)}{' (continue with --resume)' if missing else ''}{_first(missing)}",
-        "not converged": f"{number_of(len(own & outcomes.unconverged), 'run')}, in one step or more",
-        **({} if outcomes.unmet is None else {"not at rest": number_of(len(own & outcomes.unmet), "run")}),
+        "not converged": f"{number_of(unconverged, 'run')}, in one step or more",
+        **({} if unmet is None else {"not at rest": number_of(unmet, "run")}),
         "time": f"{seconds:.2f} s, {len(done) / seconds:.2f} runs/s",
-        **({"results": str(results)} if outcomes.finished else {}),
-        **({"no area": f"{number_of(len(without), 'run')}: the area is unknown{advice}"} if without else {}),
+        **({"results": str(results)} if finished else {}),
+        **({"no area": f"{number_of(without, 'run')}: the area is unknown{advice}"} if without else {}),
     }
     print(in_columns(rows))
     if plot is not None:
-        succeeded = outcomes.finished - outcomes.failed.keys()
-        print(in_columns({"picture": plot.draw(results) if succeeded else "none: no run has succeeded"}))
+        has_succeeded = "" in cells["error"]
+        print(in_columns({"picture": plot.draw(results) if has_succeeded else "none: no run has succeeded"}))
     return bool(failed or missing)
 
 

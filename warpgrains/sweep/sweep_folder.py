@@ -14,7 +14,7 @@ import json
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_atomically
@@ -24,20 +24,8 @@ from warpgrains.sweep.shards import ResultShards, has_failed, writer
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep, have_same_runs
 
 RESULTS = "results.csv"
-AREA = "packing_fraction"
+COUNTED = UNCONVERGED, AREA = "unconverged", "packing_fraction"
 HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
-
-
-class Outcomes(NamedTuple):
-    finished: set[int]
-    failed: dict[int, str]
-    """Reasons of the failed runs, by number."""
-    unconverged: set[int]
-    """Runs with a step that did not meet the tolerance."""
-    unmet: set[int] | None
-    """Runs that ended before their end criterion was met; None if they have none."""
-    without_area: set[int]
-    """Runs whose packing fraction is not a number, because its area is unknown."""
 
 
 class SweepFolder:
@@ -164,12 +152,13 @@ class SweepFolder:
         except FileNotFoundError:
             return set()
 
-    def write_tables(self, sweep: Sweep) -> Outcomes:
-        """Write the tables of all finished runs, and return their numbers by outcome.
+    def write_tables(self, sweep: Sweep) -> dict[str, list[str]]:
+        """Write the tables of all finished runs; return some columns of that of the results.
 
         They are written again if more have finished meanwhile: of several processes, the last tables are
         complete.
         """
+        wanted = ["run", "error", *COUNTED, *({MET} & set(self.columns))]
         self._has_more(sweep.runs)
         while True:
             results, timing = [csv_line(self.columns)], [csv_line(["run", SECONDS])]
@@ -182,22 +171,7 @@ class SweepFolder:
                 _write(self.results, results)
                 _write(self.timing, timing)
             if not self._has_more(sweep.runs):
-                return self._outcomes(results)
-
-    def _outcomes(self, results: list[bytes]) -> Outcomes:
-        """Return the numbers of runs by outcome from the lines of the table of results."""
-        met = [] if self.settings.until is None else [MET]
-        found = columns_of(map(bytes.decode, results), lambda _: ("run", "error", "unconverged", AREA, *met))
-        numbers = list(map(int, found["run"]))
-        errors = {number: error for number, error in zip(numbers, found["error"], strict=True) if error}
-
-        def good(column: str, *values: str) -> set[int]:
-            cells = zip(numbers, found[column], strict=True)
-            return {number for number, cell in cells if cell in values and number not in errors}
-
-        unconverged = set(numbers) - errors.keys() - good("unconverged", "0", "")
-        unmet = good(MET, "0") if met else None
-        return Outcomes(set(numbers), errors, unconverged, unmet, good(AREA, "nan"))
+                return columns_of(map(bytes.decode, results), lambda _: wanted)
 
 
 def _option(name: str, value: Any) -> str:
