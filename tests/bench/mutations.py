@@ -34,7 +34,7 @@ TIME_LIMIT = 300.0  # seconds a mutant: one that never ends is detected as well
 DECIDING = {
     "verlet": ("verlet", "monitoring", "missing_contacts", "driven_walls"),
     "neighbors": ("driven_walls",),
-    "wall_sweep": ("driven_walls",),
+    "wall_sweep": ("driven_walls", "reference"),
     "contact_list": ("contact_list", "missing_contacts"),
     "working_set": ("accelerated_stages", "working_set"),
     "momentum": ("momentum", "accelerated_stages", "working_set"),

@@ -1,50 +1,26 @@
 """The order by colors: the program in C run in that order gives the same bits, and both orders agree."""
 
-from collections.abc import Callable
+from ctypes import CDLL
 
 import numpy as np
 import pytest
 from graphs import first_fit_colors
 from optimality import solve_one_step
-from sample_scenes import SUDDEN, random_scene
 from simulate import Simulate
-from swept_order import step_both, swept_pairs
+from swept_order import follow_reference, swept_pairs
 
 from warpgrains import Scene, Simulation
-from warpgrains.reference.reference import Reference
-
-MakeReference = Callable[..., Reference]
-
-
-@pytest.mark.parametrize("name", ["annulus", "column", "no_inner_wall", "polydisperse"])
-def test_shipped_scene(reference: MakeReference, simulate: Simulate, name: str) -> None:
-    scene = Scene.load(name).replace(order="color", max_iterations=200)
-    step_both(simulate(scene), reference(scene), steps=simulate.of(60))
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_random_scene(reference: MakeReference, simulate: Simulate, seed: int) -> None:
-    scene = random_scene(seed).replace(order="color")
-    step_both(simulate(scene), reference(scene), steps=simulate.of(60))
-
-
-@pytest.mark.parametrize("make", SUDDEN)
-def test_step_that_is_solved_again(
-    reference: MakeReference, simulate: Simulate, make: Callable[[], Scene]
-) -> None:
-    scene = make().replace(order="color")
-    step_both(simulate(scene), reference(scene), steps=simulate.of(30))
 
 
 @pytest.mark.parametrize("order", ["sequential", "color"])
-def test_iteration_by_iteration(reference: MakeReference, simulate: Simulate, order: str) -> None:
+def test_iteration_by_iteration(c_library: CDLL, simulate: Simulate, order: str) -> None:
     """Two steps of k = 1, 2, 3, ... iterations; the second one starts warm."""
     simulation = Simulation(Scene.load("polydisperse"))
     simulation.run(steps=max(20, simulate.of(60)))
     scene = simulation.scene.replace(position=simulation.position, velocity=simulation.velocity)
     for k in range(1, 41):
         cut = scene.replace(order=order, tolerance=0.0, max_iterations=k)
-        step_both(simulate(cut), reference(cut), steps=2)
+        follow_reference(cut, 2, c_library, simulate)
 
 
 def test_pairs_are_swept_by_first_fit_colors() -> None:

@@ -8,12 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from pxr import Usd
-from same_bits import contents
-from swept_order import follow_reference
+from walled_scenes import DRIVEN, ROUGH, SMOOTH_DRIVEN, pressed
 
 from warpgrains import (
-    Batch,
-    Disc,
     InputError,
     Recording,
     Scene,
@@ -27,60 +24,6 @@ from warpgrains.reference.reference import Reference
 from warpgrains.scene.state import Corrections, first_state
 from warpgrains.usd.check import report_on_recording
 from warpgrains.usd.walls import PLACES, WALLS
-
-PISTON = Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0)
-STONE = Disc((0.2, -0.3), 0.1)
-ROUGH_PISTON = replace(PISTON, friction=0.0)
-ROUGH: dict[str, Any] = {"friction": 0.4, "wall_friction": 0.6, "angular_velocity_out": 0.5}
-
-
-def pressed(n: int = 120, seed: int = 1, **changes: Any) -> Scene:
-    """Return a scene of grains of many sizes at random velocities in a circle under a pressure."""
-    rng = np.random.default_rng(seed)
-    angle, distance = rng.uniform(0.0, 2.0 * np.pi, n), np.sqrt(rng.uniform(0.05, 0.85, n))
-    position = distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    for wall in changes.get("walls", ()):
-        position = position[~wall.covers(position)] if isinstance(wall, Disc) else position
-    fields: dict[str, Any] = {
-        "position": position,
-        "velocity": rng.uniform(-0.3, 0.3, position.shape),
-        "radius": rng.uniform(0.02, 0.05, len(position)),
-        "mass": rng.uniform(0.1, 1.0, len(position)),
-        "radius_out": 1.0,
-        "pressure": 50.0,
-        "gravity": (0.0, 0.0),
-        "dt": 5e-3,
-        "tolerance": 1e-6,
-        "max_iterations": 300,
-    }
-    return Scene(**{**fields, **changes})
-
-
-@pytest.mark.parametrize(
-    ("threads", "changes"),
-    [
-        (2, {"order": "sequential"}),
-        (1, {"order": "color", "scheme": "leapfrog", "drag": 0.5, "wall_mass": 0.5}),
-        (2, {"order": "color", "radius_in": 0.15, "walls": [ROUGH_PISTON], **ROUGH}),
-        (1, {"order": "sequential", "radius_in": 0.15, "gravity": (0.0, -9.81), "walls": [PISTON]}),
-        (2, {"order": "color", "pressure": None, "gravity": (0.0, -9.81), "walls": [STONE, PISTON]}),
-    ],
-    ids=["circle", "leapfrog", "rough", "both", "piston"],
-)
-def test_bits_of_the_reference(c_library: CDLL, threads: int, changes: dict[str, Any]) -> None:
-    scene = pressed(80, **changes)
-    touched = follow_reference(scene, 100, c_library, threads)
-    assert touched >= ({0} if scene.pressure is not None else {3})
-
-
-def test_the_reference_takes_a_step_alone(c_library: CDLL) -> None:
-    scene = pressed(40, scheme="leapfrog", walls=[PISTON])
-    one, two = Reference(c_library, scene), Reference(c_library, scene)
-    for _ in range(20):
-        one.step()
-        two.update()
-        assert np.array_equal(one.position, two.position)
-        assert np.array_equal(one.driven, two.driven)
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
@@ -171,7 +114,7 @@ def test_grains_turn_with_the_circle_at_its_present_radius() -> None:
 
 def test_a_snapshot_has_the_normals_of_the_step() -> None:
     """A grain touches the end of a piston, so that the normal turns as the piston moves."""
-    simulation = Simulation(pressed(pressure=None, walls=[PISTON], gravity=(0.0, -1.0)))
+    simulation = Simulation(pressed(pressure=None, walls=[DRIVEN], gravity=(0.0, -1.0)))
     for _ in range(60):
         simulation.step()
         walls = simulation.wall_contacts()
@@ -205,7 +148,7 @@ def test_no_overlap_exceeds_dt_eta(method: str, wall_mass: float | None, rough: 
     """Also at a light wall, which a large step would take through half of the grains."""
     scene = pressed(
         60, method=method, wall_mass=wall_mass, stop="residual", dt=2e-2, max_iterations=5000,
-        walls=[ROUGH_PISTON], **rough,
+        walls=[SMOOTH_DRIVEN], **rough,
     )  # fmt: skip
     simulation = Simulation(scene)
     converged = 0
@@ -228,7 +171,7 @@ def test_no_overlap_exceeds_dt_eta(method: str, wall_mass: float | None, rough: 
 @pytest.mark.parametrize("scheme", ["text", "leapfrog"])
 def test_the_reported_overlap_is_that_after_walls_moved(scheme: str) -> None:
     """A few sweeps leave grains in a fast piston and in a circle that shrinks."""
-    piston = replace(PISTON, force=-200.0, mass=20.0)
+    piston = replace(DRIVEN, force=-200.0, mass=20.0)
     scene = pressed(60, max_iterations=2, walls=[piston], wall_mass=5.0, scheme=scheme)
     simulation, at_piston = Simulation(scene), 0
     for _ in range(60):
@@ -241,38 +184,14 @@ def test_the_reported_overlap_is_that_after_walls_moved(scheme: str) -> None:
     assert at_piston > 0
 
 
-def test_accelerated_sweeps_have_the_same_bits_for_any_number_of_threads() -> None:
-    scene = pressed(method="accelerated", max_iterations=5000, walls=[PISTON])
-    one, several = Simulation(scene, threads=1), Simulation(scene, threads=3)
-    assert one.advance(60).unconverged == 0
-    several.advance(60)
-    assert contents(one.state()) == contents(several.state())
-
-
-@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
-@pytest.mark.parametrize("order", ["sequential", "color"])
-def test_runs_that_are_continued_have_the_same_bits(tmp_path: Path, order: str, method: str) -> None:
-    scene = pressed(order=order, method=method, walls=[PISTON])
-    whole, other = Simulation(scene), Simulation(scene)
-    whole.advance(90)
-    other.advance(31)
-    other.save(tmp_path / "state.npz")
-    continued = Simulation.load(tmp_path / "state.npz")
-    continued.advance(59)
-    batch = Batch([scene, pressed(60, order=order, method=method, pressure=None), scene])
-    batch.run(90)
-    expected = contents(whole.state())
-    assert contents(continued.state()) == contents(batch.state(2)) == expected
-
-
 @pytest.mark.parametrize("n", [30, 31])
 def test_a_recording_shows_where_walls_are(tmp_path: Path, n: int) -> None:
-    simulation = Simulation(pressed(n, walls=[PISTON]))
+    simulation = Simulation(pressed(n, walls=[DRIVEN]))
     simulation.run(duration=0.5, record=tmp_path / "run.usdc", forces=True)
     assert report_on_recording(tmp_path / "run.usdc") == [f"OK: 13 frames, {n} grains"]
     recording, now = Recording(tmp_path / "run.usdc"), simulation.present_scene
     assert recording.scene.radius_out == 1.0
-    assert recording.scene.walls == (PISTON,)
+    assert recording.scene.walls == (DRIVEN,)
     shown, driven = recording.frame(12).scene, simulation.driven
     assert driven is not None
     assert shown.radius_out == driven[0, 0]

@@ -1,113 +1,11 @@
 """Friction against the C reference, in every way to run, and against closed forms (MODEL.md, "Friction")."""
 
-from ctypes import CDLL
-from pathlib import Path
-from typing import Any
-
 import closed_forms
 import numpy as np
 import pytest
-from swept_order import full_order
+from walled_scenes import cloud
 
-from warpgrains import Batch, Disc, InputError, Scene, Simulation
-from warpgrains.reference.reference import Reference
-from warpgrains.scene.state import State
-
-DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
-FEATURES: dict[str, dict[str, Any]] = {
-    "text": {},
-    "leapfrog, round": {"scheme": "leapfrog", "wall": "round"},
-    "equal, no drag": {"mass": 0.3, "radius": 0.04, "drag": 0.0, "spin_drag": 0.0, "scheme": "leapfrog"},
-    "equal, drag": {"mass": 0.3, "radius": 0.04, "scheme": "leapfrog"},
-    "one circle": {"radius_in": 0.0, "angular_velocity_in": 0.0, "walls": ()},
-    "smooth walls": {"wall_friction": 0.0, "angular_velocity_in": 0.0, "angular_velocity_out": 0.0},
-    "smooth grains": {"friction": 0.0, "wall_friction": 0.5},
-    "color": {"order": "color"},
-}
-
-
-def cloud(n: int = 140, **changes: Any) -> Scene:
-    """Return grains of many sizes that fall on two discs, between two circles that rotate."""
-    rng = np.random.default_rng(1)
-    angle, distance = rng.uniform(0.0, 2.0 * np.pi, n), np.sqrt(rng.uniform(0.1, 0.95, n))
-    position = distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    position = position[np.all([np.hypot(*(position - one.center).T) > one.radius for one in DISCS], axis=0)]
-    fields: dict[str, Any] = {
-        "position": position,
-        "radius": rng.uniform(0.02, 0.05, len(position)),
-        "mass": rng.uniform(0.1, 1.0, len(position)),
-        "spin": rng.normal(0.0, 5.0, len(position)),
-        "radius_in": 0.2,
-        "radius_out": 1.0,
-        "walls": DISCS,
-        "dt": 5e-3,
-        "drag": 0.1,
-        "spin_drag": 1e-5,
-        "friction": 0.5,
-        "wall_friction": 0.3,
-        "angular_velocity_out": 3.0,
-        "angular_velocity_in": -20.0,
-        "tolerance": 1e-6,
-        "max_iterations": 200,
-    }
-    return Scene(**{**fields, **changes})
-
-
-def require_same(state: State, other: Any) -> None:
-    for name in ("position", "velocity", "spin", "angle"):
-        assert np.array_equal(getattr(state, name), getattr(other, name)), name
-
-
-@pytest.mark.parametrize(
-    ("threads", "changes"),
-    [(1, {}), *((2, changes) for changes in FEATURES.values())],
-    ids=["1 thread", *FEATURES],
-)
-def test_bits_of_the_reference(c_library: CDLL, changes: dict[str, Any], threads: int) -> None:
-    scene = cloud(120, max_iterations=60, **changes)
-    simulation, reference = Simulation(scene, threads=threads), Reference(c_library, scene)
-    for step in range(48):
-        report = simulation.step()
-        order = full_order(simulation) if scene.order == "color" else None
-        assert report.iterations == reference.step(order)[0]
-        state = simulation.state()
-        require_same(state, reference)
-        if step == 24:
-            simulation = Simulation(scene, threads=threads)
-            simulation.restore(state)
-            reference = Reference(c_library, scene, state)
-    assert np.abs(state.spin).max() > 1.0
-    (i, j), carried = state.corrections.pair.T, state.corrections.pair_friction
-    assert len(i) > 10
-    n = scene.n
-    assert np.array_equal(reference.pair_friction[i * (2 * n - i - 1) // 2 + j - i - 1], carried)
-
-
-def test_updates_of_the_reference_are_its_steps(c_library: CDLL) -> None:
-    scene = cloud(scheme="leapfrog")
-    stepped, updated = Reference(c_library, scene), Reference(c_library, scene)
-    for _ in range(10):
-        stepped.step()
-        updated.update()
-        for name in ("position", "velocity", "spin", "angle"):
-            assert np.array_equal(getattr(stepped, name), getattr(updated, name))
-
-
-@pytest.mark.parametrize("order", ["sequential", "color"])
-def test_same_bits_however_it_is_run(tmp_path: Path, order: str) -> None:
-    scene, smooth = cloud(100, order=order), Scene.load("annulus")
-    simulation = Simulation(scene, threads=1)
-    simulation.advance(25)
-    expected = simulation.state()
-    shared = Simulation(scene, threads=4)
-    shared.advance(10)
-    shared.save(tmp_path / "state.npz")
-    resumed = Simulation.load(tmp_path / "state.npz", threads=3)
-    resumed.advance(15)
-    require_same(resumed.state(), expected)
-    batch = Batch([smooth, scene, cloud(80, order=order)], threads=2)
-    batch.run(25)
-    require_same(batch.state(1), expected)
+from warpgrains import Scene, Simulation
 
 
 def test_state_of_a_scene_without_friction_can_be_continued_with_it() -> None:
@@ -224,30 +122,3 @@ def test_momentum_is_kept_without_walls_and_gravity() -> None:
     assert np.abs(mass @ simulation.velocity - mass @ velocity).max() <= rounding
     state = simulation.state()
     assert (np.abs(state.corrections.pair_friction) <= 0.7 * state.corrections.pair_correction).all()
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"friction": -0.1}, "friction is -0.1: it must be 0 or more"),
-        ({"friction": float("nan")}, "friction is nan: it must be finite"),
-        ({"wall_friction": -1.0}, "wall_friction is -1.0: it must be 0 or more"),
-        ({"spin": [float("inf")]}, "spin of grain 0 is inf: it must be finite"),
-        ({"spin": [1.0, 2.0]}, "spin has shape (2,): there are 1 grains, it must be one number or (1,)"),
-        ({"spin": 1e308, "radius": 10.0, "radius_out": 20.0}, "spin of grain 0 is 1e+308: the speed"),
-        ({"friction": 0.0, "spin": 1.0}, "spin of grain 0 is 1.0: grains rotate only with friction"),
-        ({"friction": 0.0, "spin_drag": 1.0}, "spin_drag is 1.0 kg m2/s: grains rotate only with friction"),
-        (
-            {"wall_friction": 0.0, "angular_velocity_out": 1.0},
-            "angular_velocity_out is 1.0 rad/s: a wall without friction moves no grain; give wall_friction",
-        ),
-        ({"angular_velocity_in": 1.0}, "angular_velocity_in is 1.0 rad/s: there is no inner wall"),
-        ({"angular_velocity_out": 1e308, "radius_out": 20.0}, "angular_velocity_out is 1e+308 rad/s: "),
-        ({"scheme": "text", "spin_drag": 100.0}, "spin_drag is 100.0 kg m2/s: in a step of 0.01 s"),
-    ],
-)  # fmt: skip
-def test_bad_values_are_one_line(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError) as error:
-        closed_forms.disc(**changes)
-    assert str(error.value).startswith(message)
-    assert "\n" not in str(error.value)

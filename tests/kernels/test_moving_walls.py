@@ -11,62 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from same_bits import contents
-from swept_order import follow_reference
+from walled_scenes import BLADE, PISTON, RING, ROUGH_MOVING, STIRRED_ROUGH, STONE, TURNING, stirred
 
-from warpgrains import Arc, Batch, Disc, InputError, Recording, Scene, Segment, Simulation, analysis
+from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulation, analysis
 from warpgrains.accuracy import certify
+from warpgrains.drawing.shapes import drawn_walls, moved_walls
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.usd.check import report_on_recording
-
-PISTON = Segment((-0.95, -0.5), (-0.3, -0.5), velocity=(0.1, 0.3), from_time=0.1, to_time=0.8)
-BLADE = Segment((0.1, 0.0), (0.5, -0.1), angular_velocity=2.0, pivot=(0.1, 0.1), friction=0.9)
-ROLLER = Disc((0.4, -0.6), 0.15, angular_velocity=-3.0, from_time=0.2)
-STONE = Disc((0.1, -0.7), 0.1, velocity=(0.0, 0.1), angular_velocity=0.5, pivot=(0.0, 0.0))
-RING = Disc((0.02, -0.05), 0.93, inside=True, friction=0.0)
-SCOOP = Arc((-0.3, 0.2), 0.2, 3.0, 5.5, angular_velocity=1.0, velocity=(0.1, -0.1), to_time=0.7)
-ROUGH_WALLS = (PISTON, BLADE, ROLLER, STONE, RING, SCOOP)
-WALLS = tuple(replace(wall, friction=None) for wall in ROUGH_WALLS)
-ROUGH: dict[str, Any] = {
-    "friction": 0.4,
-    "wall_friction": 0.6,
-    "angular_velocity_out": 0.5,
-    "walls": ROUGH_WALLS,
-}
-TURNING: dict[str, Any] = {**ROUGH, "gravity": {"vector": (3.0, -9.0), "rotate": -4.0}}
-
-
-def stirred(n: int = 140, seed: int = 1, walls: tuple[Obstacle, ...] = WALLS, **changes: object) -> Scene:
-    """Return a scene of grains of many sizes that fall on walls that move."""
-    rng = np.random.default_rng(seed)
-    angle, distance = rng.uniform(0.0, 2.0 * np.pi, n), np.sqrt(rng.uniform(0.0, 0.85, n))
-    position = distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    for wall in walls:
-        position = position[~wall.covers(position)]
-    fields: dict[str, object] = {
-        "position": position,
-        "radius": rng.uniform(0.02, 0.05, len(position)),
-        "mass": rng.uniform(0.1, 1.0, len(position)),
-        "radius_out": 1.0,
-        "walls": walls,
-        "dt": 5e-3,
-        "drag": 0.1,
-        "tolerance": 1e-6,
-        "max_iterations": 300,
-    }
-    return Scene(**{**fields, **changes})  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    "friction",
-    [{}, TURNING, {**TURNING, "time": 0.37}, {**ROUGH, "radius_in": 0.05}],
-    ids=["smooth", "rough, turning", "later", "two"],
-)
-@pytest.mark.parametrize(("scheme", "order"), [("text", "sequential"), ("leapfrog", "color")])
-def test_bits_of_the_reference(c_library: CDLL, scheme: str, order: str, friction: dict[str, Any]) -> None:
-    scene = stirred(90, scheme=scheme, order=order, max_iterations=60, **friction)
-    assert follow_reference(scene, 200, c_library) >= {2, 3, 4, 5, 6, 7}
 
 
 def alone(position: tuple[float, float], wall: Disc | Segment, **changes: object) -> Simulation:
@@ -109,7 +61,7 @@ def test_a_belt_drives_a_grain_until_it_rolls() -> None:
     assert 0.1 * simulation.spin[0] == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("friction", [{}, ROUGH, TURNING], ids=["smooth", "rough", "turning"])
+@pytest.mark.parametrize("friction", [{}, STIRRED_ROUGH, TURNING], ids=["smooth", "rough", "turning"])
 def test_energy_balance_closes(friction: dict[str, Any]) -> None:
     simulation = Simulation(stirred(60, **friction))
     before = analysis.kinetic_energy(simulation)
@@ -132,7 +84,7 @@ def test_all_methods_find_the_exact_step(method: str) -> None:
 
 
 def test_accelerated_friction_meets_the_tolerance() -> None:
-    simulation = Simulation(stirred(60, method="accelerated", max_iterations=20_000, **ROUGH))
+    simulation = Simulation(stirred(60, method="accelerated", max_iterations=20_000, **STIRRED_ROUGH))
     assert simulation.advance(100).unconverged == 0
 
 
@@ -183,22 +135,6 @@ def test_no_overlap_exceeds_dt_eta_in_many_scenes(first: int) -> None:
         hold_off_walls(seed)
 
 
-@pytest.mark.parametrize("order", ["sequential", "color"])
-def test_runs_that_are_continued_have_the_same_bits(tmp_path: Path, order: str) -> None:
-    scene = stirred(order=order, time=-0.2, **TURNING)
-    whole, other = Simulation(scene), Simulation(scene)
-    whole.advance(90)
-    other.advance(31)
-    other.save(tmp_path / "state.npz")
-    continued = Simulation.load(tmp_path / "state.npz")
-    assert (continued.scene.walls, continued.scene.gravity) == (scene.walls, scene.gravity)
-    continued.advance(59)
-    batch = Batch([scene, stirred(60, **{**ROUGH, "walls": ()}), scene])
-    batch.run(90)
-    expected = contents(whole.state())
-    assert contents(continued.state()) == contents(batch.state(2)) == expected
-
-
 def test_a_change_of_walls_needs_another_list(c_library: CDLL) -> None:
     """A list that was made for other walls would leave out contacts."""
     simulation = Simulation(stirred(60, gravity=(0.0, 0.0), walls=()))
@@ -224,7 +160,7 @@ def test_a_change_of_dt_moves_no_wall_and_turns_no_gravity(fields: dict[str, Any
 
 
 @pytest.mark.parametrize(
-    "wall", [*ROUGH_WALLS, Arc((0.3, 0.1), 0.2, 0.0, 1.0, angular_velocity=2.0, pivot=(1, 1))]
+    "wall", [*ROUGH_MOVING, Arc((0.3, 0.1), 0.2, 0.0, 1.0, angular_velocity=2.0, pivot=(1, 1))]
 )
 def test_a_wall_given_as_it_is_at_a_time_moves_on_alike(wall: Obstacle) -> None:
     """Before, during and after its motion. Numbers of order 1 are rounded some ten times."""
@@ -325,15 +261,13 @@ def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
     assert report_on_recording(tmp_path / "run.usdc") == [f"OK: 13 frames, {scene.n} grains"]
     recording = Recording(tmp_path / "run.usdc")
     assert recording.scene.walls == scene.walls
-    walls, reader = recording.frame(12).wall, recording.reader
-    assert len(walls)
-    drawn = reader.moved_walls(12)
+    assert len(recording.frame(12).wall)
+    drawn = moved_walls(scene, recording.frame(12).scene, recording.time[12])
     assert list(drawn) == ["Segment0", "Segment1"]
     pose = PISTON.motion.pose(recording.time[12])
     assert pose.shift == pytest.approx((0.04, 0.12))
-    assert drawn["Segment0"].first.mean(axis=0) == pytest.approx(
-        pose.place(reader.walls["Segment0"].first).mean(axis=0), abs=1e-6
-    )
+    at_rest = pose.place(drawn_walls(scene)["Segment0"].first)
+    assert drawn["Segment0"].first.mean(axis=0) == pytest.approx(at_rest.mean(axis=0), abs=1e-6)
     simulation.plot(forces=True).save(tmp_path / "end.png")
 
 

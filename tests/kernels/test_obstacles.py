@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from swept_order import follow_reference
+from walled_scenes import ARC, DISCS, OF_EVERY_KIND, SEGMENTS, around
 
 from warpgrains import (
     Arc,
@@ -32,55 +32,6 @@ from warpgrains.reference.reference import Reference
 from warpgrains.scene.obstacle import MOST_NUMBERS, Obstacle
 from warpgrains.scene.wall_kinds import WALL_KINDS
 from warpgrains.usd.check import report_on_recording
-
-DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
-SEGMENTS = (Segment((-0.7, -0.2), (-0.2, -0.6)), Segment((-0.2, -0.6), (0.1, -0.75)))
-RING = Disc((0.02, -0.05), 0.93, inside=True)
-ARC = Arc((0.5, -0.1), 0.3, -2.5, -0.3)
-WALLS = (*DISCS, *SEGMENTS, RING, ARC)
-OF_EVERY_KIND = WALLS
-
-
-def around(n: int = 140, walls: tuple[Obstacle, ...] = WALLS, **changes: object) -> Scene:
-    """Return a scene of grains of many sizes that fall on walls and between them."""
-    rng = np.random.default_rng(1)
-    angle, distance = rng.uniform(0.0, 2.0 * np.pi, n), np.sqrt(rng.uniform(0.1, 0.95, n))
-    position = distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    position = position[~np.any([wall.covers(position) for wall in walls], axis=0)]
-    fields: dict[str, object] = {
-        "position": position,
-        "radius": rng.uniform(0.02, 0.05, len(position)),
-        "mass": rng.uniform(0.1, 1.0, len(position)),
-        "radius_in": 0.2,
-        "radius_out": 1.0,
-        "walls": walls,
-        "dt": 5e-3,
-        "drag": 0.1,
-        "tolerance": 1e-6,
-        "max_iterations": 300,
-    }
-    return Scene(**{**fields, **changes})  # type: ignore[arg-type]
-
-
-ROUGH = {"friction": 0.4, "wall_friction": 0.6, "angular_velocity_out": 0.5}
-
-
-@pytest.mark.parametrize(
-    ("scheme", "wall", "order", "friction"),
-    [
-        ("text", "tangent", "sequential", {}),
-        ("text", "round", "color", ROUGH),
-        ("leapfrog", "tangent", "color", {}),
-        ("leapfrog", "round", "sequential", {}),
-        ("leapfrog", "tangent", "sequential", ROUGH),
-    ],
-)
-def test_bits_of_the_reference(
-    c_library: CDLL, scheme: str, wall: str, order: str, friction: dict[str, float]
-) -> None:
-    """Every two values of the four are met together."""
-    scene = around(110, scheme=scheme, wall=wall, order=order, max_iterations=60, **friction)
-    assert follow_reference(scene, 80, c_library, threads=2) >= {2, 3, 4, 5, 6, 7}
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated", "exact"])
@@ -233,7 +184,7 @@ def find_sides(
 def test_kernels_have_normal_and_gap_of_every_kind_of_wall(kind: type[Obstacle]) -> None:
     """They are those of the host, and its circle is about all places where grains touch it."""
     walls = [wall for wall in OF_EVERY_KIND if type(wall) is kind]
-    assert walls, f"add {kind.one()} to OF_EVERY_KIND"
+    assert walls, f"add {kind.one()} to OF_EVERY_KIND of walled_scenes.py"
     position = np.random.default_rng(3).uniform(-1.0, 1.0, (1000, 2))
     radius = np.full(len(position), 0.1)
     for wall in walls:

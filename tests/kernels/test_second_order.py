@@ -1,79 +1,21 @@
-"""Half steps and a round wall: the reference's bits, orders in dt, the circle, and what is refused."""
+"""Half steps and a round wall: orders in dt, the circle, and what is refused."""
 
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from same_bits import at_annulus, contents
-from sample_scenes import SUDDEN, random_scene
 from schemes import SECOND_ORDER, TEXTS
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
-from swept_order import step_both
 
 from warpgrains import Batch, Scene, Simulation, SimulationError
 from warpgrains.arrays import FloatArray
-from warpgrains.reference.reference import Reference
-from warpgrains.scene.fields import METHODS, ORDERS
 
 EPS = np.finfo(float).eps
 GRAVITY = 9.81
-WALLS = ("tangent", "round")
-
-MakeReference = Callable[..., Reference]
-
-
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("seed", range(9))
-def test_random_scene_has_the_bits_of_the_reference(reference: MakeReference, seed: int, order: str) -> None:
-    """By turns at a round wall and at tangents, so that each goes with every kind of scene."""
-    is_round = (seed.bit_count() + ORDERS.index(order)) % 2
-    scene = random_scene(seed).replace(order=order, **(SECOND_ORDER | {"wall": WALLS[is_round]}))
-    step_both(Simulation(scene), reference(scene), steps=40)
-
-
-@pytest.mark.parametrize("make", SUDDEN)
-def test_nothing_is_pruned_that_acts(reference: MakeReference, make: Callable[[], Scene]) -> None:
-    """Steps that are solved again, with fast grains at the round wall."""
-    scene = make().replace(**SECOND_ORDER)
-    step_both(Simulation(scene), reference(scene), steps=25)
-
-
-@pytest.mark.parametrize("name", ["scheme", "wall"])
-def test_either_alone(reference: MakeReference, name: str) -> None:
-    """A leapfrog in tangents, and the text's scheme at a round wall."""
-    scene = Scene.load("no_inner_wall").replace(max_iterations=100, **(TEXTS | {name: SECOND_ORDER[name]}))
-    step_both(Simulation(scene), reference(scene), steps=25)
-
-
-@pytest.mark.parametrize(("wall", "order"), list(zip(WALLS, ORDERS, strict=True)))
-@pytest.mark.parametrize("heaviest", [0.1, 30.0])
-def test_drag_too_stiff_for_the_text(
-    reference: MakeReference, heaviest: float, order: str, wall: str
-) -> None:
-    scene = Scene.load("annulus").replace(scheme="leapfrog", order=order, wall=wall)
-    scene = scene.replace(mass=np.geomspace(0.1, heaviest, scene.n))
-    scene = scene.replace(drag=40.0 * scene.mass[0] / scene.dt)
-    step_both(Simulation(scene), reference(scene), steps=40)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_same_bits_however_it_is_run(method: str) -> None:
-    scene = Scene.load("no_inner_wall").replace(method=method, order="color", **SECOND_ORDER)
-    scene = scene.replace(max_iterations=200)
-    simulation = Simulation(scene)
-    simulation.advance(20)
-    batch = Batch([Scene.load("annulus"), scene], threads=1)
-    batch.run(duration=20 * scene.dt)
-    dealt = Simulation(scene, threads=2)
-    dealt.advance(20)
-    for state in (batch.state(1), dealt.state()):
-        assert state.staggered
-        for name in ("position", "velocity", "corrections"):
-            assert contents(getattr(state, name)) == contents(getattr(simulation.state(), name))
 
 
 def orders(errors: list[float]) -> FloatArray:
@@ -180,21 +122,6 @@ def test_the_tangent_is_left_and_the_text_is_of_first_order() -> None:
         x, y = simulation.position[0]
         errors.append(abs(np.arctan2(x, -y) - swing(0.5)))
     assert (orders(errors) < 1.2).all()
-
-
-@pytest.mark.parametrize(("position", "sign"), [((0.0, -1.75), 1.0), ((0.0, 0.75), -1.0)])
-def test_wall_carries_a_grain(position: tuple[float, float], sign: float) -> None:
-    """A grain at rest stays where it is, to the bit; it is given half a kick first, and so is its wall."""
-    mass, dt = 0.5, 1.0 / 128.0
-    scene = Scene(
-        position=[position], radius=0.25, mass=mass, radius_in=0.5, radius_out=2.0, dt=dt, **SECOND_ORDER
-    )
-    simulation = Simulation(scene)
-    for kicks in (0.5, 1.0, 1.0):
-        assert simulation.step().converged
-        assert np.array_equal(simulation.position, [position])
-        assert np.array_equal(simulation.velocity, [(0.0, 0.0)])
-        assert at_annulus(simulation).force[0] == sign * kicks * mass * GRAVITY
 
 
 def test_a_state_says_of_which_moment_its_velocities_are() -> None:

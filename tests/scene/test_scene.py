@@ -1,11 +1,13 @@
 """What a scene accepts, and the one clear line for everything else."""
 
+import copy
+import pickle
 from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
 
-from warpgrains import InputError, Scene
+from warpgrains import InputError, Scene, Simulation
 from warpgrains.scene.geometry import overlapping_pairs
 
 INF, NAN = float("inf"), float("nan")
@@ -101,3 +103,39 @@ def test_same_grains_with_other_settings():
         before.with_settings(drag=50.0)
     with pytest.raises(InputError, match="method 'exact' stops on the residual"):
         before.with_settings(method="exact", stop="zeta")
+
+
+@pytest.mark.parametrize("field", ["position", "velocity", "radius", "mass"])
+def test_masked_values_are_refused(field):
+    array = getattr(scene(), field)
+    masked = np.ma.array(array, mask=np.zeros(array.shape, bool))
+    assert np.array_equal(getattr(scene(**{field: masked}), field), array)
+    masked[0] = np.ma.masked
+    with pytest.raises(InputError, match=f"{field} holds masked values"):
+        scene(**{field: masked})
+
+
+@pytest.mark.parametrize("remake", [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_copies_cannot_be_written_to(remake):
+    made = scene(name="mine", drag=0.1)
+    again = remake(made)
+    assert type(again) is Scene
+    for name, value in vars(made).items():
+        assert np.array_equal(getattr(again, name), value)
+    for name in ("position", "velocity", "radius", "mass"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(again, name)[0] = 1.0
+
+
+def test_walls_far_away():
+    assert Simulation(scene(radius_out=9.9e10)).step().converged
+
+
+def test_velocity_of_minus_zero_becomes_zero(reference):
+    """As in the text's loop: -0.0 + dt (0 - 0 * -0.0) is +0.0."""
+    made = scene(gravity=(0.0, 0.0), velocity=np.full_like(scene().position, -0.0))
+    simulation, expected = Simulation(made), reference(made)
+    simulation.step()
+    expected.step()
+    assert not np.signbit(simulation.velocity).any()
+    assert np.array_equal(np.signbit(simulation.velocity), np.signbit(expected.velocity))

@@ -1,14 +1,17 @@
 """In which order a simulation sweeps its contacts, and the C reference held against it in that order."""
 
 import ctypes
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from graphs import complete
 from same_bits import assert_same_bits
 
-from warpgrains import Scene, Simulation
+from warpgrains import Scene, Simulation, State, StepReport
 from warpgrains.arrays import IntArray
 from warpgrains.reference.reference import Reference, pair_index
+from warpgrains.scene.geometry import pair_gaps
 
 
 def swept_pairs(simulation: Simulation) -> IntArray:
@@ -30,35 +33,48 @@ def full_order(simulation: Simulation) -> IntArray:
     return np.concatenate([swept, complete(n)[is_silent], walls]).astype(np.int32)
 
 
-def step_both(simulation: Simulation, reference: Reference, steps: int) -> None:
-    """Hold every step against the reference, which visits the contacts in the same order."""
-    for _ in range(steps):
-        report = simulation.step()
-        assert (report.iterations, report.zeta) == reference.step(full_order(simulation))
-        assert_same_bits(simulation, reference)
+class Followed(NamedTuple):
+    """What a simulation met while the reference followed it."""
+
+    scene: Scene
+    reports: list[StepReport]
+    touched: set[int]
+    """Walls that carried a grain."""
 
 
-def follow_reference(scene: Scene, steps: int, library: ctypes.CDLL, threads: int | None = None) -> set[int]:
-    """Step a simulation and the reference, both restored half-way; return the walls that grains touched.
+def contacts_of(reference: Reference) -> int:
+    return np.count_nonzero(reference.pair_correction) + np.count_nonzero(reference.wall_correction)
 
-    Iterations and all that moves are held against the reference after each step.
-    """
-    simulation, reference = Simulation(scene, threads=threads), Reference(library, scene)
-    moving = ["position", "velocity", "spin", "angle"] + ["driven"] * (simulation.driven is not None)
-    touched: set[int] = set()
-    rebuilds = 0
-    for step in range(steps):
-        report = simulation.step()
-        in_order = full_order(simulation) if scene.order == "color" else None
-        assert report.iterations == reference.step(in_order)[0]
-        for name in moving:
-            assert np.array_equal(getattr(simulation, name), getattr(reference, name)), name
-        rebuilds += report.rebuilds
-        touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
-        if step == steps // 2:
-            state = simulation.state()
-            simulation = Simulation(scene, threads=threads)
+
+def worst_overlap(simulation: Simulation) -> float:
+    """Measure the overlaps of all pairs and of all grains with the circles [m]."""
+    now, x = simulation.present_scene, simulation.position
+    gaps = [now.side(wall, x, now.radius).gap for wall in now.wall_numbers]
+    gaps.append(pair_gaps(x, now.radius, *np.triu_indices(now.n, 1)))
+    return max(0.0, -float(np.concatenate(gaps).min()))
+
+
+def follow_reference(
+    scene: Scene,
+    steps: int,
+    library: ctypes.CDLL,
+    simulate: Callable[[Scene], Simulation] = Simulation,
+    state: State | None = None,
+) -> Followed:
+    """Hold every step against the reference, in the order of the sweeps; both are restored half-way."""
+    reports, touched = [], set[int]()
+    for count in (steps // 2, steps - steps // 2):
+        simulation, reference = simulate(scene), Reference(library, scene, state)
+        if state is not None:
             simulation.restore(state)
-            reference = Reference(library, scene, state)
-    assert rebuilds > 0
-    return touched
+        for _ in range(count):
+            reports.append(simulation.step())
+            in_order = full_order(simulation) if scene.order == "color" else None
+            assert (reports[-1].iterations, reports[-1].zeta) == reference.step(in_order)
+            assert_same_bits(simulation, reference)
+            if not scene.bodies.inside:
+                assert reports[-1].contacts == contacts_of(reference)
+                assert reports[-1].overlap == worst_overlap(simulation)
+            touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
+        state = simulation.state()
+    return Followed(scene, reports, touched)

@@ -1,0 +1,116 @@
+"""Scenes of grains of many sizes that fall on walls of every kind: at rest, in motion, driven, and joined."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from math import pi, tau
+from typing import Any
+
+import numpy as np
+
+from warpgrains import Arc, Disc, Scene, Segment
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.obstacle import Obstacle
+
+
+def on_circle(angle: FloatArray) -> FloatArray:
+    """Return points of the unit circle."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def chained(points: FloatArray, **motion: Any) -> list[Obstacle]:
+    """Return the segments from each point to the next."""
+    return [Segment(a, b, **motion) for a, b in pairwise(map(tuple, points.tolist()))]
+
+
+def scattered(
+    n: int,
+    seed: int,
+    areas: tuple[float, float],
+    outside: Sequence[Obstacle],
+    thrown: float = 0.0,
+    spinning: float = 0.0,
+    **fields: Any,
+) -> Scene:
+    """Return grains between two squares of distances, outside of walls, of random velocities and spins."""
+    rng = np.random.default_rng(seed)
+    angle, distance = rng.uniform(0.0, tau, n), np.sqrt(rng.uniform(*areas, n))
+    position = distance[:, np.newaxis] * on_circle(angle)
+    for wall in outside:
+        position = position[~wall.covers(position)]
+    velocity = rng.uniform(-thrown, thrown, position.shape) if thrown else None
+    radius, mass = rng.uniform(0.02, 0.05, len(position)), rng.uniform(0.1, 1.0, len(position))
+    spin = rng.normal(0.0, spinning, len(position)) if spinning else None
+    grains = {"position": position, "velocity": velocity, "radius": radius, "mass": mass, "spin": spin}
+    common = {"radius_out": 1.0, "walls": outside, "dt": 5e-3, "tolerance": 1e-6, "max_iterations": 300}
+    return Scene(**{**grains, **common, **fields})
+
+
+ROUGH: dict[str, Any] = {"friction": 0.4, "wall_friction": 0.6, "angular_velocity_out": 0.5}
+
+DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
+SEGMENTS = (Segment((-0.7, -0.2), (-0.2, -0.6)), Segment((-0.2, -0.6), (0.1, -0.75)))
+RING = Disc((0.02, -0.05), 0.93, inside=True)
+ARC = Arc((0.5, -0.1), 0.3, -2.5, -0.3)
+OF_EVERY_KIND = (*DISCS, *SEGMENTS, RING, ARC)
+
+
+def around(n: int = 140, walls: Sequence[Obstacle] = OF_EVERY_KIND, **changes: Any) -> Scene:
+    """Return a scene of grains that fall on walls and between them."""
+    return scattered(n, 1, (0.1, 0.95), walls, **{"drag": 0.1, "radius_in": 0.2} | changes)
+
+
+def cloud(n: int = 140, **changes: Any) -> Scene:
+    """Return a scene of grains with friction on two discs, between two circles that rotate."""
+    rough = {"friction": 0.5, "wall_friction": 0.3, "spin_drag": 1e-5, "max_iterations": 200}
+    turning = {"angular_velocity_out": 3.0, "angular_velocity_in": -20.0, "drag": 0.1, "radius_in": 0.2}
+    return scattered(n, 1, (0.1, 0.95), DISCS, spinning=5.0, **rough | turning | changes)
+
+
+PISTON = Segment((-0.95, -0.5), (-0.3, -0.5), velocity=(0.1, 0.3), from_time=0.1, to_time=0.8)
+BLADE = Segment((0.1, 0.0), (0.5, -0.1), angular_velocity=2.0, pivot=(0.1, 0.1), friction=0.9)
+ROLLER = Disc((0.4, -0.6), 0.15, angular_velocity=-3.0, from_time=0.2)
+STONE = Disc((0.1, -0.7), 0.1, velocity=(0.0, 0.1), angular_velocity=0.5, pivot=(0.0, 0.0))
+SCOOP = Arc((-0.3, 0.2), 0.2, 3.0, 5.5, angular_velocity=1.0, velocity=(0.1, -0.1), to_time=0.7)
+ROUGH_MOVING = (PISTON, BLADE, ROLLER, STONE, replace(RING, friction=0.0), SCOOP)
+MOVING = tuple(replace(wall, friction=None) for wall in ROUGH_MOVING)
+STIRRED_ROUGH: dict[str, Any] = {**ROUGH, "walls": ROUGH_MOVING}
+TURNING: dict[str, Any] = {**STIRRED_ROUGH, "gravity": {"vector": (3.0, -9.0), "rotate": -4.0}}
+
+
+def stirred(n: int = 140, seed: int = 1, walls: Sequence[Obstacle] = MOVING, **changes: Any) -> Scene:
+    """Return a scene of grains that fall on walls that move as given in advance."""
+    return scattered(n, seed, (0.0, 0.85), walls, **{"drag": 0.1} | changes)
+
+
+DRIVEN = Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0)
+STILL = Disc((0.2, -0.3), 0.1)
+SMOOTH_DRIVEN = replace(DRIVEN, friction=0.0)
+
+
+def pressed(n: int = 120, seed: int = 1, walls: Sequence[Obstacle] = (), **changes: Any) -> Scene:
+    """Return a scene of grains at random velocities in a circle under a pressure."""
+    squeeze = {"pressure": 50.0, "gravity": (0.0, 0.0)}
+    return scattered(n, seed, (0.05, 0.85), walls, thrown=0.3, **squeeze | changes)
+
+
+AS_ONE: dict[str, Any] = {"angular_velocity": 0.8, "pivot": (0.0, 0.0)}
+CORNERS: dict[str, list[Obstacle]] = {
+    "box": chained(np.array([(-0.7, 0.7), (-0.7, -0.7), (0.7, -0.7), (0.7, 0.7), (-0.7, 0.7)])),
+    "zigzag": chained(np.stack([np.linspace(-1.0, 1.0, 12), np.tile([-0.6, -0.45], 6)], axis=1)),
+    "chute": [
+        Segment((-0.6, -0.7), (0.0, -0.7)),
+        Arc((0.0, -0.3), 0.4, -pi / 2, 0.5),
+        Segment((-0.2, -0.7), (-0.8, 0.1)),
+        Disc((-0.2, -0.9), 0.2),
+        Arc((-0.6, -0.8), 0.1, pi / 2, 2.0),
+    ],
+    "drum": chained(on_circle(np.arange(13) % 12 * tau / 12), **AS_ONE),
+    "fine drum": chained(on_circle(np.arange(121) % 120 * tau / 120), **AS_ONE),
+}
+
+
+def cornered(walls: Sequence[Obstacle], n: int = 60, **changes: Any) -> Scene:
+    """Return a scene of grains that fall from within 0.65 m on walls with joints."""
+    areas = (0.65**2 * 0.1, 0.65**2)
+    return scattered(n, 5, areas, walls, **{"radius_out": 1.2, "max_iterations": 60} | changes)
