@@ -23,7 +23,7 @@ from warpgrains.accuracy import certify
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.state import Corrections, first_state
 from warpgrains.usd.check import report_on_recording
-from warpgrains.usd.walls import PLACES, WALLS
+from warpgrains.usd.meshes import PLACES, WALLS
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
