@@ -81,30 +81,22 @@ class Snapshots(NamedTuple):
     """Containers of the scenes with walls other than discs, such as segments and rings, by number."""
 
     @classmethod
-    def of(
-        cls,
-        scenes: Sequence[Scene],
-        times: Sequence[float],
-        position: FloatArray,
-        velocity: FloatArray,
-        spin: FloatArray,
-        wall_force: FloatArray,
-    ) -> Self:
-        """Return the grains of scenes, whose driven walls are where they are at the times [s]."""
+    def of(cls, scenes: Sequence[Scene], times: Sequence[float], **arrays: FloatArray) -> Self:
+        """Return the grains of scenes, whose driven walls are where they are at the times [s].
+
+        `arrays` are position, velocity, spin and wall_force.
+        """
         radii: Any = np.array([[scene.radius_in, scene.radius_out] for scene in scenes]).T
         each = tuple(zip(scenes, times, strict=True))
         return cls(
+            **arrays,
             mass=np.array([scene.mass for scene in scenes]),
             radius=np.array([scene.radius for scene in scenes]),
-            position=position,
-            velocity=velocity,
-            spin=spin,
-            wall_force=wall_force,
             gravity=np.array([scene.gravity_at(time) for scene, time in each]),
             discs=np.array([scene.discs_at(time) for scene, time in each]),
             annulus=Annulus(*radii),
             containers={
-                k: container_of(scene, time, position[k])
+                k: container_of(scene, time, arrays["position"][k])
                 for k, (scene, time) in enumerate(each)
                 if any(wall.border is None or wall.border.keeps_inside for wall in scene.walls)
             },
@@ -192,8 +184,9 @@ class Snapshot:
         """Grains in the form for many runs, with one run."""
         wall_force = np.zeros((self.n, self.scene.wall_count))
         wall_force[*self.wall.T] = self.wall_force
-        arrays = (self.position, self.velocity, self.spin, wall_force)
-        return Snapshots.of([self.scene], [self.time], *(array[np.newaxis] for array in arrays))
+        arrays = {"position": self.position, "velocity": self.velocity, "spin": self.spin}
+        arrays = {name: array[np.newaxis] for name, array in (arrays | {"wall_force": wall_force}).items()}
+        return Snapshots.of([self.scene], [self.time], **arrays)
 
     @cached_property
     def container(self) -> Container:

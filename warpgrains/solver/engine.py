@@ -126,13 +126,13 @@ class Engine:
         """
         records, scenes = self.records, [scene_with_walls(self.records, k) for k in which.tolist()]
         dt = records.host["dt"][which]
-        names = ("position", "velocity", "contact_mass", *(("spin",) if records.sizes.friction else ()))
-        position, velocity, contact_mass, *spin = (records.stacked(f"grains.{name}", which) for name in names)
-        corrections = records.wall_corrections(which)
-        wall_force = force_of(contact_mass[..., None], corrections, dt[:, None, None])
+        contact_mass = records.stacked("grains.contact_mass", which)
+        force = force_of(contact_mass[..., None], records.wall_corrections(which), dt[:, None, None])
+        arrays = {"wall_force": force, "spin": np.zeros(contact_mass.shape)}
+        for name in ("position", "velocity", *(("spin",) if records.sizes.friction else ())):
+            arrays[name] = records.stacked(f"grains.{name}", which)
         times = (records.host["start_time"][which] + records.host["steps"][which] * dt).tolist()
-        spins = spin[0] if spin else np.zeros(contact_mass.shape)
-        grains = Snapshots.of(scenes, times, position, velocity, spins, wall_force)
+        grains = Snapshots.of(scenes, times, **arrays)
         done = self.last_steps.stacked(which) if summaries is None else stacked(summaries)
         return FinalStates(grains, dt, done)
 
