@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,74 +15,54 @@ from sample_scenes import random_scene
 from warpgrains import Batch, Disc, InputError, Scene, Simulation
 from warpgrains.batch import loaded_scenes
 from warpgrains.batch.loaded_scenes import LoadedScenes
-from warpgrains.reference.reference import Reference
 from warpgrains.scene.fields import METHODS
 from warpgrains.simulation.until import CountedRun, criterion
 from warpgrains.solver import engine, sizes, threads
 from warpgrains.solver.statistics import Summary
 from warpgrains.warp_start import find_device
 
-
-def assert_as_alone(batch: Batch, order: list[int], expected: list[Alone]) -> None:
-    for place, k in enumerate(order):
-        state, _, report = expected[k]
-        assert contents(batch.state(place)) == contents(state), f"scene {k}"
-        assert batch.reports[place] == report
-
-
-@pytest.mark.parametrize("threads", [1, 2, 3])
-def test_every_scene_as_alone(scenes: list[Scene], expected: list[Alone], threads: int) -> None:
-    batch = Batch(scenes, threads=threads)
-    summaries = batch.run(steps=STEPS)
-    assert_as_alone(batch, list(range(len(scenes))), expected)
-    for summary, (_, statistics, _) in zip(summaries, expected, strict=True):
-        assert summary.error is None
-        assert summary.seconds > 0.0
-        assert summary == replace(statistics, seconds=summary.seconds)
+WAYS: dict[str, dict[str, Any]] = {
+    "one thread": {"threads": 1},
+    "two threads": {},
+    "three threads": {"threads": 3},
+    "another order and company": {"chosen": np.random.default_rng(3).permutation(14)[:11].tolist()},
+    "step by step": {"chosen": list(range(6)), "stepped": STEPS},
+    "beside simulations in another thread": {"beside": 6},
+    "lists that grow during a step": {"patched": (sizes, "first_pairs", np.ones_like), "stepped": 1},
+    "large scenes that threads share": {
+        "patched": (loaded_scenes, "paying_threads", lambda scene: 1 + (scene.n > 20)),
+        "stepped": 1,
+    },
+}
 
 
-def test_another_order_and_other_company(scenes: list[Scene], expected: list[Alone]) -> None:
-    order = np.random.default_rng(3).permutation(len(scenes))[:11].tolist()
-    batch = Batch([scenes[k] for k in order], threads=2)
-    batch.run(steps=STEPS)
-    assert_as_alone(batch, order, expected)
-
-
-def test_step_by_step(scenes: list[Scene], expected: list[Alone]) -> None:
-    batch = Batch(scenes[:6], threads=2)
-    assert batch.reports == [None] * len(batch)
-    for _ in range(STEPS):
-        reports = batch.step()
-    assert reports == batch.reports
-    assert_as_alone(batch, list(range(6)), expected)
-    assert np.array_equal(batch.position(3), expected[3][0].position)
-    assert np.array_equal(batch.velocity(3), expected[3][0].velocity)
-
-
-@pytest.mark.parametrize(
-    ("module", "name", "value"),
-    [
-        pytest.param(sizes, "first_pairs", np.ones_like, id="lists grow during a step"),
-        pytest.param(
-            loaded_scenes, "paying_threads", lambda scene: 1 + (scene.n > 20), id="threads share large scenes"
-        ),
-    ],
-)
-def test_in_other_ways(
-    scenes: list[Scene],
-    expected: list[Alone],
-    monkeypatch: pytest.MonkeyPatch,
-    module: object,
-    name: str,
-    value: object,
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+def test_every_scene_as_alone(
+    scenes: list[Scene], expected: list[Alone], way: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, name, value)
-    batch = Batch(scenes, threads=2)
+    if "patched" in way:
+        monkeypatch.setattr(*way["patched"])
+    chosen, stepped = way.get("chosen", range(len(scenes))), way.get("stepped", 0)
+    batch = Batch([scenes[k] for k in chosen], threads=way.get("threads", 2))
+    assert batch.reports == [None] * len(chosen)
+    with ThreadPoolExecutor(1) as other:
+        run = other.submit(batch.run, STEPS - stepped) if stepped < STEPS else None
+        beside = [alone(scene) for scene in scenes[: way.get("beside", 0)]]
+        summaries = [] if run is None else run.result()
+    for _ in range(stepped):
+        assert batch.step() == batch.reports
+    for place, k in enumerate(chosen):
+        state, statistics, report = expected[k]
+        assert contents(batch.state(place)) == contents(state), f"scene {k}"
+        assert np.array_equal(batch.position(place), state.position)
+        assert np.array_equal(batch.velocity(place), state.velocity)
+        assert batch.reports[place] == report
+        if stepped == 0:
+            assert summaries[place] == replace(statistics, seconds=summaries[place].seconds)
+            assert summaries[place].seconds > 0.0
+    assert [contents(one.state) for one in beside] == [contents(one.state) for one in expected[: len(beside)]]
     teams = {engine.team for engine, _ in batch._loaded._engines}
-    assert teams == ({1, 2} if module is loaded_scenes else {1})
-    batch.run(steps=STEPS - 1)
-    batch.step()
-    assert_as_alone(batch, list(range(len(scenes))), expected)
+    assert teams == ({1, 2} if loaded_scenes in way.get("patched", ()) else {1})
 
 
 def test_grains_of_all_scenes_as_one_array() -> None:
@@ -132,28 +113,6 @@ def test_scenes_with_other_walls_end_in_other_groups() -> None:
         ([0, 2], (2, 15, 2)),
         ([1], (1, 15, 3)),
     ]
-
-
-def test_against_the_c_reference(reference: Callable[..., Reference]) -> None:
-    scenes = [random_scene(seed) for seed in range(8)]
-    batch = Batch(scenes, threads=2)
-    batch.run(steps=STEPS)
-    for k, scene in enumerate(scenes):
-        in_c = reference(scene)
-        for _ in range(STEPS):
-            in_c.update()
-        assert np.array_equal(batch.position(k), in_c.position)
-        assert np.array_equal(batch.velocity(k), in_c.velocity)
-
-
-def test_beside_simulations_in_another_thread(scenes: list[Scene], expected: list[Alone]) -> None:
-    batch = Batch(scenes, threads=2)
-    with ThreadPoolExecutor(1) as other:
-        run = other.submit(batch.run, STEPS)
-        beside = [alone(scene) for scene in scenes[:6]]
-        run.result()
-    assert_as_alone(batch, list(range(len(scenes))), expected)
-    assert [contents(state) for state, _, _ in beside] == [contents(state) for state, _, _ in expected[:6]]
 
 
 def test_own_durations_and_other_spans() -> None:

@@ -1,7 +1,6 @@
 """Scenes of a batch that fail, batches that are interrupted or refused: the other scenes go on."""
 
 import copy
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from mixed import STEPS, Alone
 from same_bits import contents
 
-from warpgrains import Batch, InputError, Scene, Simulation, SimulationError, State
+from warpgrains import Batch, Scene, Simulation, SimulationError, State
 from warpgrains.batch import loaded_scenes
 from warpgrains.solver import sizes
 
@@ -89,14 +88,6 @@ def test_an_interrupted_run_leaves_every_scene_between_two_steps(
     batch._loaded.advance(left, lambda _: None)
     for k, (state, _, _) in enumerate(expected):
         assert contents(batch.state(k)) == contents(state)
-
-
-def test_a_batch_whose_extra_is_missing_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """When it is built, not in its first step."""
-    monkeypatch.setitem(sys.modules, "warpgrains.solver.exact.convex", None)
-    scene = Scene.load("annulus")
-    with pytest.raises(InputError, match="method 'exact' needs"):
-        Batch([scene, scene.replace(method="exact")])
 
 
 @pytest.mark.parametrize(

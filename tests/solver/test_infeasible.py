@@ -84,58 +84,6 @@ def test_a_gap_narrower_than_a_grain_is_no_scene() -> None:
         Scene(position=[[0.75, 0.0]], radius=0.26, mass=0.1, radius_in=0.5, radius_out=1.0)
 
 
-def column_of_200() -> Scene:
-    """Two hundred grains, one on the other, that have just come down."""
-    y = -1.0 + 0.002 * (0.5 + np.arange(200))
-    velocity = np.tile([0.0, -1.0], (200, 1))
-    return Scene(
-        position=np.stack([0.0 * y, y], axis=1),
-        velocity=velocity,
-        radius=0.001,
-        mass=0.1,
-        radius_out=1.0,
-        max_iterations=200,
-    )
-
-
-def jam() -> Scene:
-    """Grains that fill 80 % of a disc, on a lattice, and are shaken."""
-    radius = 0.05
-    step = 2.0 * radius * np.sqrt(np.pi / (2.0 * np.sqrt(3.0)) / 0.85)  # of a lattice that fills 85 %
-    column, row = np.meshgrid(np.arange(-30, 31), np.arange(-30, 31))
-    place = np.stack([step * (column + row % 2 / 2.0).ravel(), step * np.sqrt(0.75) * row.ravel()], axis=1)
-    place = place + np.array([1e-3, 2e-3])
-    place = place[np.hypot(*place.T) < 1.0 - radius]
-    radius_out = np.sqrt(len(place) * radius**2 / 0.8)
-    velocity = np.random.default_rng(1).normal(0.0, 1.0, place.shape)
-    assert np.hypot(*place.T).max() + radius < 1.05 * radius_out
-    return Scene(
-        position=place, velocity=velocity, radius=radius, mass=0.1, radius_out=radius_out, max_iterations=100
-    )
-
-
-HARD = {
-    "column of 200": column_of_200(),
-    "jam": jam(),
-    "mass ratio 10,000": Scene.load("pile").replace(
-        mass=10.0 ** np.random.default_rng(0).uniform(-4.0, 0.0, 1000), drag=0.0, max_iterations=50
-    ),
-    "pile of few iterations": Scene.load("pile").replace(max_iterations=10),
-    "polydisperse": Scene.load("polydisperse").replace(max_iterations=10),
-}
-
-
-@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])  # the exact method solves them
-@pytest.mark.parametrize("scene", HARD.values(), ids=HARD.keys())
-def test_what_is_only_hard_is_not_named(scene: Scene, method: str) -> None:
-    simulation = Simulation(scene.replace(method=method, tolerance=1e-9))
-    unconverged = 0
-    for _ in range(60):
-        unconverged += not simulation.step().converged
-        assert simulation.infeasible_grains() == ()
-    assert unconverged >= 30
-
-
 def exact_least_speed(scene: Scene, contacts: UnilateralConstraints, weight: FloatArray) -> Decimal:
     """-b . y / sum |J^T y| with fifty digits, from the places of the grains; weights as they are."""
 

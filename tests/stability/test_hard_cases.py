@@ -61,3 +61,13 @@ def test_hard_case_in_a_mixed_scheme(case: Case, scheme: dict[str, str]) -> None
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_hard_case_for_long(case: Case, scheme: dict[str, str]) -> None:
     run(case, case.long_steps, "color", scheme)
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])  # the exact method solves them
+@pytest.mark.parametrize("case", [case for case in CASES if case.is_hard], ids=lambda case: case.name)
+def test_what_is_only_hard_is_not_named(case: Case, method: str) -> None:
+    simulation, unconverged = simulate(case.scene(), method=method, max_iterations=20), 0
+    for _ in range(60):
+        unconverged += not simulation.step().converged
+        assert simulation.infeasible_grains() == ()
+    assert unconverged >= 30
