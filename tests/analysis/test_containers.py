@@ -77,6 +77,13 @@ def test_a_ring_about_the_grains_is_their_container():
     assert analysis.cell_areas(now) == pytest.approx(pi * 0.09, rel=1e-9)
 
 
+def test_a_grain_above_the_mouth_has_no_cell():
+    heaped = moment_of([*CORNER, (0.0, 0.45)], walls=chain(*U))
+    assert analysis.packing_fraction(heaped) > 0.0
+    with pytest.raises(InputError, match=r"position of grain 2 .*: it is above the mouth of the container"):
+        analysis.cell_areas(heaped)
+
+
 def test_walls_are_where_they_are_at_the_time():
     lid = Segment((-0.3, 0.4), (0.3, 0.4), velocity=(0.0, -0.1))
     moving = moment_of(CORNER, walls=[*chain(*U), lid])
