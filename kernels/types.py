@@ -8,7 +8,7 @@ f64 = wp.float64
 Floats = wp.array(dtype=f64)
 Ints = wp.array(dtype=wp.int32)
 Vectors = wp.array(dtype=wp.vec2d)
-MOST_NUMBERS = 6  # of a kind of wall, as on the host (scene/obstacle.py)
+MOST_NUMBERS = 6  # of a kind of wall, as on the host (scene/wall.py)
 Shape = wp.types.vector(length=1 + MOST_NUMBERS + 3, dtype=f64)
 """A wall inside the annulus: the number of its kind (`kind_number` of the host), its numbers [m], and a
 circle about the places where grains touch it, center and radius [m]."""
@@ -40,7 +40,7 @@ class PoseOf(IntEnum):
 
 
 class DriveOf(IntEnum):
-    """The numbers of a `Drive`, what drives a wall, in the order of those of scene/obstacle.py."""
+    """The numbers of a `Drive`, what drives a wall, in the order of those of scene/wall.py."""
 
     INVERSE_MASS = 0  # [1/kg]; 0 where no force acts on it
     FORCE = 1  # [N]

@@ -9,8 +9,8 @@ from sections import Numbers, Section, panels
 
 import warpgrains as wg
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
-from warpgrains.scene.walls import Annulus
 
 G = 9.81
 DIAMETER = 0.04  # mean of the grains [m]

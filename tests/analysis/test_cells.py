@@ -6,8 +6,8 @@ from moments import EPS, moment_of
 from scipy.spatial import ConvexHull, Voronoi
 
 from warpgrains import analysis
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
-from warpgrains.scene.walls import Annulus
 
 HULL = 1e4 * EPS
 """Coordinates of the hull are up to (10 R)^2; facets lose some eps of that, and corners are their slopes."""

@@ -10,9 +10,9 @@ from moments import EPS
 from schemes import SCHEMES, contact_mass, without_contacts
 
 from warpgrains import Disc, Scene, Simulation, analysis
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
 from warpgrains.scene.scheme import free_spin
-from warpgrains.scene.walls import Annulus
 
 G = 9.81
 

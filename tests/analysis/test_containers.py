@@ -11,8 +11,8 @@ from command import exit_code, require_refusal
 from moments import EPS, moment_of
 
 from warpgrains import Arc, Disc, InputError, Scene, Segment, Simulation, analysis
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.outline import Part
-from warpgrains.scene.walls import Annulus
 
 TURN = np.array([[cos(0.4), sin(0.4)], [-sin(0.4), cos(0.4)]])
 

@@ -9,8 +9,8 @@ from moments import moment_of
 from scipy.special import j0
 
 from warpgrains import Disc, Segment, analysis
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
-from warpgrains.scene.walls import Annulus
 
 
 @pytest.fixture(scope="module")

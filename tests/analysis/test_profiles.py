@@ -6,8 +6,8 @@ import pytest
 from moments import EPS, moment_of
 
 from warpgrains import analysis
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
-from warpgrains.scene.walls import Annulus
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,9 @@ from moments import EPS
 from warpgrains import Disc, Scene, Simulation
 from warpgrains.analysis import height_profile, quantities, snapshot
 from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.geometry import area_below
 from warpgrains.scene.snapshot import Snapshots
-from warpgrains.scene.walls import Annulus
 
 G = 9.81
 

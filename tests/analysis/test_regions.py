@@ -12,11 +12,11 @@ from moments import EPS, moment_of
 from warpgrains import Disc, Scene, Simulation, analysis
 from warpgrains.described import described
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.geometry import Circle
 from warpgrains.scene.layouts import random
-from warpgrains.scene.obstacle import Obstacle, kind_of_wall
+from warpgrains.scene.wall import Wall, kind_of_wall
 from warpgrains.scene.wall_kinds import WRITTEN_KINDS
-from warpgrains.scene.walls import Annulus
 
 INSIDE = [Disc((0.0, -0.6), 0.15), Disc((0.1, 0.1), 0.9, inside=True)]
 KITE = [(-0.9, -0.8), (0.9, -0.7), (0.8, 0.9), (-0.7, 0.6)]
@@ -65,7 +65,7 @@ def test_area_in_closed_form(region, area):
 )
 def test_area_without_walls_is_that_of_points_at_random(region):
     position, radius = random(
-        Annulus(0.3, 1.0), count=60, radius=[0.02, 0.03], seed=1, region={"y": [-0.9, 0.4]}, obstacles=INSIDE
+        Annulus(0.3, 1.0), count=60, radius=[0.02, 0.03], seed=1, region={"y": [-0.9, 0.4]}, walls=INSIDE
     )
     found = analysis.region_of(of(position, radius, walls=INSIDE), region)
     share = found.area / 4.0
@@ -84,7 +84,7 @@ def test_area_without_a_disc_that_moves():
 
 
 @kind_of_wall
-class Post(Obstacle):
+class Post(Wall):
     """A kind of wall that fills an area, as a file of its own would add it."""
 
     kind: ClassVar[str] = "post"
@@ -117,7 +117,7 @@ def test_a_kind_of_wall_alone_decides_what_area_it_fills(steps, monkeypatch):
 def settling():
     """A pile that still moves, with friction, on a disc."""
     walls = [Disc((0.0, -0.5), 0.15)]
-    layout = {"count": 120, "radius": [0.02, 0.05], "region": {"y": [-0.8, 0.5]}, "obstacles": walls}
+    layout = {"count": 120, "radius": [0.02, 0.05], "region": {"y": [-0.8, 0.5]}, "walls": walls}
     position, radius = random(Annulus(0.2, 1.0), seed=2, **layout)
     fields = {"mass": 0.2, "radius_in": 0.2, "radius_out": 1.0, "friction": 0.3, "dt": 5e-3}
     simulation = Simulation(Scene(position=position, radius=radius, walls=walls, **fields))

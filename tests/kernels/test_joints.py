@@ -11,7 +11,7 @@ from walled_scenes import CORNERS, chained, cornered, on_circle
 
 from warpgrains import Arc, Disc, Scene, Segment, Simulation
 from warpgrains.scene.bodies import Joints
-from warpgrains.scene.obstacle import Obstacle
+from warpgrains.scene.wall import Wall
 from warpgrains.solver import tuning
 from warpgrains.solver.loading import listed_walls
 
@@ -19,7 +19,7 @@ LEFT, RIGHT, UP = (-2.0, 0.0), (2.0, 0.0), (2.0, 1.0)
 
 
 def alone(
-    position: tuple[float, float], velocity: tuple[float, float], walls: list[Obstacle], **changes: object
+    position: tuple[float, float], velocity: tuple[float, float], walls: list[Wall], **changes: object
 ) -> Simulation:
     """Return a grain of radius 0.1 m and mass 1 kg, whose steps are solved to rounding."""
     fields: dict[str, object] = {"dt": 0.01, "scheme": "leapfrog", "tolerance": 1e-12, "radius_out": 6.0}

@@ -17,7 +17,7 @@ from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulat
 from warpgrains.accuracy import certify
 from warpgrains.drawing.shapes import drawn_walls, moved_walls
 from warpgrains.reference.reference import Reference
-from warpgrains.scene.obstacle import Obstacle
+from warpgrains.scene.wall import Wall
 from warpgrains.usd.check import report_on_recording
 
 
@@ -162,7 +162,7 @@ def test_a_change_of_dt_moves_no_wall_and_turns_no_gravity(fields: dict[str, Any
 @pytest.mark.parametrize(
     "wall", [*ROUGH_MOVING, Arc((0.3, 0.1), 0.2, 0.0, 1.0, angular_velocity=2.0, pivot=(1, 1))]
 )
-def test_a_wall_given_as_it_is_at_a_time_moves_on_alike(wall: Obstacle) -> None:
+def test_a_wall_given_as_it_is_at_a_time_moves_on_alike(wall: Wall) -> None:
     """Before, during and after its motion. Numbers of order 1 are rounded some ten times."""
     position = np.random.default_rng(2).uniform(-0.9, 0.9, (40, 2))
     radius, wall = np.full(40, 0.05), wall.starting(0.05)

@@ -30,9 +30,9 @@ from warpgrains import (
     compress,
     separate,
 )
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.state import first_state
-from warpgrains.scene.walls import Annulus
 from warpgrains.sweep.axes import axis_values
 from warpgrains.sweep.plot import SweepPlot
 from warpgrains.sweep.sweep import Sweep

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import column, lattice, random, rows
 from warpgrains.scene.placing import place_at_random
 from warpgrains.scene.region import Region
-from warpgrains.scene.walls import Annulus
 
 
 def overlaps(placement, radius_in, radius_out):

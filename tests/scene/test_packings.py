@@ -5,10 +5,10 @@ import pytest
 from scipy import stats
 
 from warpgrains import InputError, Scene
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
 from warpgrains.scene.radii import drawn_radii
 from warpgrains.scene.region import Region, region_of
-from warpgrains.scene.walls import Annulus
 
 WALLS = Annulus(0.2, 1.0)
 MANY = 20_000

@@ -8,7 +8,7 @@ from stages import grains_apart
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.types import DriveOf, MotionOf
 from warpgrains.scene.motion import Motion
-from warpgrains.scene.obstacle import Drive
+from warpgrains.scene.wall import Drive
 from warpgrains.solver.buffers import ALIGNMENT, BlockLayout, array_fields, bytes_needed
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.sizes import Sizes

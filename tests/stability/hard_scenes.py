@@ -6,8 +6,8 @@ import numpy as np
 
 from warpgrains import Scene
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import column, lattice
-from warpgrains.scene.walls import Annulus
 
 RADIUS_OUT = 1.0  # m
 

@@ -17,7 +17,7 @@ from scipy import sparse
 from warpgrains import Batch, InputError, Scene, Simulation, SimulationError
 from warpgrains.accuracy import certify
 from warpgrains.accuracy.exact_step import StepProblem
-from warpgrains.scene.walls import OUTER
+from warpgrains.scene.annulus import OUTER
 from warpgrains.solver.exact import active_set, bordered, convex, interior_point
 from warpgrains.solver.exact.bordered import BorderedMatrix
 from warpgrains.solver.exact.convex import Matrices

@@ -13,8 +13,8 @@ from same_bits import contents
 from warpgrains import Batch, InputError, Scene, Simulation
 from warpgrains.accuracy import certify
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import lattice
-from warpgrains.scene.walls import Annulus
 from warpgrains.solver.exact import path
 from warpgrains.solver.exact.path import ATTEMPTS, Contacts, Elimination, FrictionStep
 

@@ -8,7 +8,7 @@ import numpy as np
 from warpgrains import Simulation
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.reference.reference import Reference, pair_index
-from warpgrains.scene.walls import INNER
+from warpgrains.scene.annulus import INNER
 
 
 class AtAnnulus(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 
 from warpgrains import Arc, Disc, Scene, Segment
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.obstacle import Obstacle
+from warpgrains.scene.wall import Wall
 
 
 def on_circle(angle: FloatArray) -> FloatArray:
@@ -18,7 +18,7 @@ def on_circle(angle: FloatArray) -> FloatArray:
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def chained(points: FloatArray, **motion: Any) -> list[Obstacle]:
+def chained(points: FloatArray, **motion: Any) -> list[Wall]:
     """Return the segments from each point to the next."""
     return [Segment(a, b, **motion) for a, b in pairwise(map(tuple, points.tolist()))]
 
@@ -27,7 +27,7 @@ def scattered(
     n: int,
     seed: int,
     areas: tuple[float, float],
-    outside: Sequence[Obstacle],
+    outside: Sequence[Wall],
     thrown: float = 0.0,
     spinning: float = 0.0,
     **fields: Any,
@@ -55,7 +55,7 @@ ARC = Arc((0.5, -0.1), 0.3, -2.5, -0.3)
 OF_EVERY_KIND = (*DISCS, *SEGMENTS, RING, ARC)
 
 
-def around(n: int = 140, walls: Sequence[Obstacle] = OF_EVERY_KIND, **changes: Any) -> Scene:
+def around(n: int = 140, walls: Sequence[Wall] = OF_EVERY_KIND, **changes: Any) -> Scene:
     """Return a scene of grains that fall on walls and between them."""
     return scattered(n, 1, (0.1, 0.95), walls, **{"drag": 0.1, "radius_in": 0.2} | changes)
 
@@ -78,7 +78,7 @@ STIRRED_ROUGH: dict[str, Any] = {**ROUGH, "walls": ROUGH_MOVING}
 TURNING: dict[str, Any] = {**STIRRED_ROUGH, "gravity": {"vector": (3.0, -9.0), "rotate": -4.0}}
 
 
-def stirred(n: int = 140, seed: int = 1, walls: Sequence[Obstacle] = MOVING, **changes: Any) -> Scene:
+def stirred(n: int = 140, seed: int = 1, walls: Sequence[Wall] = MOVING, **changes: Any) -> Scene:
     """Return a scene of grains that fall on walls that move as given in advance."""
     return scattered(n, seed, (0.0, 0.85), walls, **{"drag": 0.1} | changes)
 
@@ -88,14 +88,14 @@ STILL = Disc((0.2, -0.3), 0.1)
 SMOOTH_DRIVEN = replace(DRIVEN, friction=0.0)
 
 
-def pressed(n: int = 120, seed: int = 1, walls: Sequence[Obstacle] = (), **changes: Any) -> Scene:
+def pressed(n: int = 120, seed: int = 1, walls: Sequence[Wall] = (), **changes: Any) -> Scene:
     """Return a scene of grains at random velocities in a circle under a pressure."""
     squeeze = {"pressure": 50.0, "gravity": (0.0, 0.0)}
     return scattered(n, seed, (0.05, 0.85), walls, thrown=0.3, **squeeze | changes)
 
 
 AS_ONE: dict[str, Any] = {"angular_velocity": 0.8, "pivot": (0.0, 0.0)}
-CORNERS: dict[str, list[Obstacle]] = {
+CORNERS: dict[str, list[Wall]] = {
     "box": chained(np.array([(-0.7, 0.7), (-0.7, -0.7), (0.7, -0.7), (0.7, 0.7), (-0.7, 0.7)])),
     "zigzag": chained(np.stack([np.linspace(-1.0, 1.0, 12), np.tile([-0.6, -0.45], 6)], axis=1)),
     "chute": [
@@ -110,7 +110,7 @@ CORNERS: dict[str, list[Obstacle]] = {
 }
 
 
-def cornered(walls: Sequence[Obstacle], n: int = 60, **changes: Any) -> Scene:
+def cornered(walls: Sequence[Wall], n: int = 60, **changes: Any) -> Scene:
     """Return a scene of grains that fall from within 0.65 m on walls with joints."""
     areas = (0.65**2 * 0.1, 0.65**2)
     return scattered(n, 5, areas, walls, **{"radius_out": 1.2, "max_iterations": 60} | changes)

@@ -15,11 +15,11 @@ from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import NoAreaError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import INNER, OUTER
 from warpgrains.scene.container import container_of
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import Snapshot, Snapshots
 from warpgrains.scene.state import first_state
-from warpgrains.scene.walls import INNER, OUTER
 
 
 class Quantity(NamedTuple):

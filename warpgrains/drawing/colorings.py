@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.annulus import INNER, OUTER
 from warpgrains.scene.snapshot import Snapshot
-from warpgrains.scene.walls import INNER, OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.scene.annulus import OUTER
 from warpgrains.scene.band import Band, ring
-from warpgrains.scene.walls import OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

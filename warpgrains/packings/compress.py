@@ -11,10 +11,10 @@ from warpgrains.analysis.profiles import radial_profile
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError
+from warpgrains.scene.annulus import OUTER
 from warpgrains.scene.energy import TOLERANCES, kinetic_energy
 from warpgrains.scene.scene import SceneLike, as_scene
 from warpgrains.scene.snapshot import Snapshot
-from warpgrains.scene.walls import OUTER
 from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.simulation.until import TEST_INTERVAL, EndCriterion

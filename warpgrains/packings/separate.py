@@ -7,9 +7,9 @@ from warpgrains.described import fields_in_help
 from warpgrains.errors import SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import distance
-from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import first_state
+from warpgrains.scene.wall import Wall
 from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.statistics import named
@@ -112,7 +112,7 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
     raise SimulationError(f"grains cannot be moved apart: they overlap by {left}")
 
 
-def _at_rest(wall: Obstacle) -> Obstacle:
+def _at_rest(wall: Wall) -> Wall:
     """Return a wall that neither moves nor has friction."""
     given = ("velocity", "angular_velocity", "force", "mass", "friction")
     changes: dict[str, Any] = {own.name: own.default for own in fields(wall) if own.name in given}

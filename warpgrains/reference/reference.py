@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
+from warpgrains.scene.annulus import OUTER
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.scene.state import State, first_state
-from warpgrains.scene.walls import OUTER
 
 SOURCE = Path(__file__).parent / "grains.c"
 FAST = ("-O3", "-march=native")

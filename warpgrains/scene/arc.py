@@ -11,7 +11,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band, strip
 from warpgrains.scene.geometry import distance, hollow_normals, left_of
-from warpgrains.scene.obstacle import ThinWall, kind_of_wall
+from warpgrains.scene.wall import ThinWall, kind_of_wall
 
 _POINTS = 64  # of an arc as it is drawn
 

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.scene.annulus import INNER, OUTER, Annulus, Side
 from warpgrains.scene.disc import Disc
 from warpgrains.scene.geometry import distance, left_of
-from warpgrains.scene.obstacle import Drive, Obstacle
-from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
+from warpgrains.scene.wall import Drive, Wall
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -31,7 +31,7 @@ FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as 
 class Joints:
     """The joints of walls that move alike. Walls that a force drives have none."""
 
-    def __init__(self, walls: tuple[Obstacle, ...]):
+    def __init__(self, walls: tuple[Wall, ...]):
         self._walls = walls
         found: list[list[int]] = [[] for _ in range(2 * len(walls))]
         ends = np.concatenate([np.zeros((0, 2)), *(wall.ends for wall in walls)])
@@ -81,7 +81,7 @@ class Joints:
 
 
 @lru_cache(64)
-def joints_of(walls: tuple[Obstacle, ...]) -> Joints:
+def joints_of(walls: tuple[Wall, ...]) -> Joints:
     """Return the joints of walls."""
     return Joints(walls)
 
@@ -103,7 +103,7 @@ class Bodies:
         return annulus._replace(radius_in=0.0) if self.two_circles else annulus
 
     @property
-    def inside(self) -> tuple[Obstacle, ...]:
+    def inside(self) -> tuple[Wall, ...]:
         """The bodies 1, 2, ..."""
         circle = (Disc((0.0, 0.0), self._scene.radius_in),) if self.two_circles else ()
         return circle + self._scene.walls

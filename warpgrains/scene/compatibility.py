@@ -13,9 +13,9 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import INNER, INSIDE, OUTER
 from warpgrains.scene.energy import TOLERANCES
 from warpgrains.scene.geometry import require_distinct
-from warpgrains.scene.walls import INNER, INSIDE, OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -8,14 +8,14 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.described import described
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band, ring
 from warpgrains.scene.geometry import Circle, directions, distance, hollow_normals
-from warpgrains.scene.obstacle import Obstacle, kind_of_wall
-from warpgrains.scene.walls import Side
+from warpgrains.scene.wall import Wall, kind_of_wall
 
 
 @kind_of_wall
-class Disc(Obstacle):
+class Disc(Wall):
     """A disc that grains touch from outside, or a ring that they touch from inside.
 
     Parameters

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.scene.annulus import INNER, OUTER
 from warpgrains.scene.band import ring
 from warpgrains.scene.box import Box
 from warpgrains.scene.gravity import upwards
-from warpgrains.scene.walls import INNER, OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -16,11 +16,11 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import checked, described, described_fields
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
-from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scheme import SCHEMES
+from warpgrains.scene.wall import Wall
 from warpgrains.scene.wall_kinds import WRITTEN_KINDS, checked_walls
-from warpgrains.scene.walls import Annulus
 
 ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated", "exact")
@@ -82,7 +82,7 @@ class SceneFields:
         checks.number,
         default=0.0,
     )
-    walls: tuple[Obstacle, ...] = _key(
+    walls: tuple[Wall, ...] = _key(
         'Walls inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or of'
         f" these classes: {', '.join(kind.__name__ for kind in WRITTEN_KINDS.values())}.",
         check=checked_walls,
@@ -190,7 +190,7 @@ class SceneOptions(TypedDict, total=False):
     wall_mass: float | None
     angular_velocity_out: float
     angular_velocity_in: float
-    walls: Sequence[Obstacle | Mapping[str, Any]]
+    walls: Sequence[Wall | Mapping[str, Any]]
     gravity: Sequence[float] | FloatArray | Mapping[str, Any]
     drag: float
     spin_drag: float

@@ -1,7 +1,7 @@
 """Layouts: initial positions and radii of the grains.
 
 Each layout is a function whose keyword parameters are the keys of `[grains]`. Its first argument is the
-annulus. A layout that avoids walls inside the annulus takes these as `obstacles`, its second argument. It
+annulus. A layout that avoids walls inside the annulus takes these as `walls`, its second argument. It
 raises InputError, one line, if a value is invalid or the grains do not fit.
 """
 
@@ -14,11 +14,11 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.obstacle import Obstacle
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.placing import grow, place_at_random
 from warpgrains.scene.radii import drawn_radii, listed_radii
 from warpgrains.scene.region import Region, region_of
-from warpgrains.scene.walls import Annulus
+from warpgrains.scene.wall import Wall
 
 MOST_GRAINS = 10_000_000
 LEAST_SPACING, LARGEST_SPACING = 0.1, 1e12  # in radii; closer grains almost coincide, farther ones leave
@@ -77,7 +77,7 @@ def rows(
 
 def lattice(
     annulus: Annulus,
-    obstacles: Sequence[Obstacle] = (),
+    walls: Sequence[Wall] = (),
     *,
     radius: float,
     count: int | None = None,
@@ -100,7 +100,7 @@ def lattice(
     y = np.broadcast_to(row * rise - reach, x.shape)
     position = np.column_stack([x.ravel(), y.ravel()])
     position = position[annulus.contains(position, np.full(len(position), radius))]
-    for wall in obstacles:
+    for wall in walls:
         position = position[wall.side(position, np.full(len(position), radius)).gap >= 0.0]
     if count is None:
         count = len(position)
@@ -111,7 +111,7 @@ def lattice(
 
 def random(
     annulus: Annulus,
-    obstacles: Sequence[Obstacle] = (),
+    walls: Sequence[Wall] = (),
     *,
     radius: Any,
     count: int | None = None,
@@ -150,10 +150,10 @@ def random(
             f"{_stated(count, packing_fraction)}: the grains have {filled:.3g} times the area of their region"
         )
     if filled <= MOST_ADDED:
-        position = place_at_random(space, radii, generator, obstacles)
+        position = place_at_random(space, radii, generator, walls)
         if not np.isnan(position).any():
             return position, radii
-    position, share = grow(space, radii, generator, obstacles)
+    position, share = grow(space, radii, generator, walls)
     if share < 1.0:
         filled *= share * share
         raise InputError(

@@ -18,12 +18,12 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.geometry import distance, overlapping_pairs
-from warpgrains.scene.obstacle import SHAPE, Obstacle
+from warpgrains.scene.wall import SHAPE, Wall
 from warpgrains.turns import BUILDING
 
 if TYPE_CHECKING:
     from warpgrains.scene.region import Region
-from warpgrains.scene.walls import INNER, OUTER
+from warpgrains.scene.annulus import INNER, OUTER
 from warpgrains.warp_start import start_warp
 
 MOST_TRIES = 1_000_000  # for one disc; after that hardly any free space is left
@@ -40,14 +40,14 @@ AT_ONCE = 20  # sweeps between two tests of the displacements
 
 
 def place_at_random(
-    region: Region, radius: FloatArray, generator: np.random.Generator, obstacles: Sequence[Obstacle] = ()
+    region: Region, radius: FloatArray, generator: np.random.Generator, walls: Sequence[Wall] = ()
 ) -> FloatArray:
     """Place discs by random sequential addition in a region, the largest first, clear of walls inside.
 
     Returns positions [m], shape (n, 2); NaN for the discs that remained when a million tries for one failed.
     """
     order = np.argsort(-radius, kind="stable")
-    discs = _Discs(region, radius[order], obstacles)
+    discs = _Discs(region, radius[order], walls)
     low, high = region.box
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     tries = FIRST_TRIES * len(radius)
@@ -63,17 +63,16 @@ def place_at_random(
 class _Discs:
     """Discs in descending order of radius, as a record of arrays that the kernel reads."""
 
-    def __init__(self, region: Region, radius: FloatArray, obstacles: Sequence[Obstacle]) -> None:
+    def __init__(self, region: Region, radius: FloatArray, walls: Sequence[Wall]) -> None:
         self._arrays: dict[str, np.ndarray[Any, Any]] = {}
         self._record = np.zeros(1, _record_dtype())
-        walls = region.ring
-        annulus = self._record["walls"]["annulus"]
-        annulus["radius_in"], annulus["radius_out"] = walls[:2]
+        ring, annulus = region.ring, self._record["walls"]["annulus"]
+        annulus["radius_in"], annulus["radius_out"] = ring[:2]
         self._record["box"]["low"], self._record["box"]["high"] = region.outer_box
-        self._set("shape", _shapes(obstacles), self._record["walls"])
+        self._set("shape", _shapes(walls), self._record["walls"])
         _, start, count = np.unique(-np.frexp(radius)[1], return_index=True, return_counts=True)
-        cell = np.maximum(2.0 * radius[start], walls.radius_out / np.ceil(np.sqrt(count)))
-        width = (2.0 * (walls.radius_out / cell)).astype(np.int32) + 1
+        cell = np.maximum(2.0 * radius[start], ring.radius_out / np.ceil(np.sqrt(count)))
+        width = (2.0 * (ring.radius_out / cell)).astype(np.int32) + 1
         cells = width * width
         self.position = np.full((len(radius), 2), np.nan)
         self._set("position", self.position)
@@ -114,33 +113,31 @@ class _Discs:
 
 
 def grow(
-    region: Region, radius: FloatArray, generator: np.random.Generator, obstacles: Sequence[Obstacle] = ()
+    region: Region, radius: FloatArray, generator: np.random.Generator, walls: Sequence[Wall] = ()
 ) -> tuple[FloatArray, float]:
     """Return dense positions of discs [m], (n, 2), and the scale of the radii at which none overlap."""
     filled = float(np.pi * (radius**2).sum()) / region.area
     start = min(1.0, float(np.sqrt(INITIAL_FRACTION / filled)))
-    position = place_at_random(region, start * radius, generator, obstacles)
+    position = place_at_random(region, start * radius, generator, walls)
     while np.isnan(position).any():  # until the few large discs are placed too
         start *= 0.7
-        position = place_at_random(region, start * radius, generator, obstacles)
+        position = place_at_random(region, start * radius, generator, walls)
     reached = start
     for share in np.linspace(start, 1.0, STAGES + 1)[1:].tolist():
         grown = position.copy()
-        if _push(region, obstacles, grown, share * (1.0 + MARGIN) * radius, WHILE_GROWING, SWEEPS) > HOPELESS:
+        if _push(region, walls, grown, share * (1.0 + MARGIN) * radius, WHILE_GROWING, SWEEPS) > HOPELESS:
             break
         position, reached = grown, share
-    _push(region, obstacles, position, reached * (1.0 + MARGIN) * radius, 0.5 * MARGIN, LAST_SWEEPS)
-    return position, min(1.0, _clear_share(region, obstacles, position, radius))
+    _push(region, walls, position, reached * (1.0 + MARGIN) * radius, 0.5 * MARGIN, LAST_SWEEPS)
+    return position, min(1.0, _clear_share(region, walls, position, radius))
 
 
-def _clear_share(
-    region: Region, obstacles: Sequence[Obstacle], position: FloatArray, radius: FloatArray
-) -> float:
+def _clear_share(region: Region, walls: Sequence[Wall], position: FloatArray, radius: FloatArray) -> float:
     """Return the largest scale of the radii at which no disc overlaps another one, a wall or the box."""
     i, j = _near(position, radius).T
     sides = (region.ring.side(number, position, radius) for number in (OUTER, INNER))
     to_border = [side.gap + radius for side in sides]
-    to_border += [wall.side(position, radius).gap + radius for wall in obstacles]
+    to_border += [wall.side(position, radius).gap + radius for wall in walls]
     low, high = region.outer_box
     to_border += [position - low, high - position]
     shares = [(one.T / radius).min() for one in to_border]
@@ -150,7 +147,7 @@ def _clear_share(
 
 def _push(
     region: Region,
-    obstacles: Sequence[Obstacle],
+    walls: Sequence[Wall],
     position: FloatArray,
     radius: FloatArray,
     enough: float,
@@ -163,7 +160,7 @@ def _push(
         from warpgrains.host_kernels import launch, shared
         from warpgrains.kernels import pushing
 
-    walls, box = _limits(region, obstacles)
+    limits, box = _limits(region, walls)
     worst = np.array([np.inf, 0.0])
     centers, radii = shared(position, wp.vec2d), shared(radius)
     result = shared(worst)
@@ -171,7 +168,7 @@ def _push(
     while sweeps > 0 and (worst[0] > enough or distance(position - listed).max() > far):
         if distance(position - listed).max() > far:
             listed, pair = position.copy(), _near(position, (1.0 + SKIN) * radius)
-        inputs: list[Any] = [centers, radii, shared(pair, wp.vec2i), walls, box, AT_ONCE, enough, result]
+        inputs: list[Any] = [centers, radii, shared(pair, wp.vec2i), limits, box, AT_ONCE, enough, result]
         launch(pushing.push, inputs)
         sweeps -= int(worst[1])
     return float(worst[0])
@@ -187,22 +184,22 @@ def _near(position: FloatArray, radius: FloatArray) -> np.ndarray[Any, Any]:
     return np.stack(np.divmod(keys, n), axis=1).astype(np.int32)
 
 
-def _limits(region: Region, obstacles: Sequence[Obstacle]) -> tuple[Any, Any]:
+def _limits(region: Region, walls: Sequence[Wall]) -> tuple[Any, Any]:
     """Return the walls and the box of a region as kernel arguments."""
     from warpgrains.host_kernels import shared
     from warpgrains.kernels.types import Shape
     from warpgrains.kernels.walls import Walls
 
-    walls, box = Walls(), _kernels().Box()
-    walls.annulus.radius_in, walls.annulus.radius_out = region.ring.radius_in, region.ring.radius_out
-    walls.shape = shared(_shapes(obstacles), Shape)
+    limits, box = Walls(), _kernels().Box()
+    limits.annulus.radius_in, limits.annulus.radius_out = region.ring.radius_in, region.ring.radius_out
+    limits.shape = shared(_shapes(walls), Shape)
     box.low, box.high = region.outer_box
-    return walls, box
+    return limits, box
 
 
-def _shapes(obstacles: Sequence[Obstacle]) -> FloatArray:
-    """Return the obstacles as the kernels keep them, before they move, shape (walls, SHAPE)."""
-    return np.array([wall.shape for wall in obstacles]).reshape(-1, SHAPE)
+def _shapes(walls: Sequence[Wall]) -> FloatArray:
+    """Return walls as the kernels keep them, before they move, shape (walls, SHAPE)."""
+    return np.array([wall.shape for wall in walls]).reshape(-1, SHAPE)
 
 
 def _kernels() -> ModuleType:

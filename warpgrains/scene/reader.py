@@ -20,12 +20,12 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.files import open_regular, suffix_of
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.layouts import LAYOUTS, Placement
-from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.toml import Table, overridden, parse_toml, wall_key
+from warpgrains.scene.wall import Wall
 from warpgrains.scene.wall_kinds import WRITTEN_KINDS, checked_walls
-from warpgrains.scene.walls import Annulus
 
 SOURCES = {
     "layout": f"Where grains start: the name of a layout, one of {', '.join(LAYOUTS)}. Or:",
@@ -78,8 +78,8 @@ def document_fields(document: Table, folder: Path) -> Table:
     annulus = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
     annulus.require_size()
     time = checks.number("time", fields.get("time", 0.0))
-    obstacles = tuple(wall.starting(time).at(time) for wall in fields["walls"])
-    return fields | _grains(document["grains"], annulus, obstacles, folder)
+    walls = tuple(wall.starting(time).at(time) for wall in fields["walls"])
+    return fields | _grains(document["grains"], annulus, walls, folder)
 
 
 def section_fields(document: Table) -> Table:
@@ -97,14 +97,14 @@ def section_fields(document: Table) -> Table:
     return fields
 
 
-def _grains(table: Table, annulus: Annulus, obstacles: tuple[Obstacle, ...], folder: Path) -> Table:
+def _grains(table: Table, annulus: Annulus, walls: tuple[Wall, ...], folder: Path) -> Table:
     """Return position, radius, mass and velocity of the grains."""
     source = checks.only_one("[grains]", table, SOURCES)
     own = {key: value for key, value in table.items() if key not in PROPERTIES and key != "layout"}
     if source == "layout":
         if is_file_of_radii(own.get("radius")):
             own["radius"] = read_radii(folder, own["radius"])
-        position, radius = _lay_out(table["layout"], own, annulus, obstacles)
+        position, radius = _lay_out(table["layout"], own, annulus, walls)
         grains: Table = {"position": position, "radius": radius}
     else:
         _refuse_unknown_keys("grains", own, (source, "radius", *PROPERTIES))
@@ -124,7 +124,7 @@ def _grains(table: Table, annulus: Annulus, obstacles: tuple[Obstacle, ...], fol
     return grains
 
 
-def _lay_out(layout: Any, parameters: Table, annulus: Annulus, obstacles: tuple[Obstacle, ...]) -> Placement:
+def _lay_out(layout: Any, parameters: Table, annulus: Annulus, walls: tuple[Wall, ...]) -> Placement:
     """Call a layout with those keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
     own = keyword_parameters(function)
@@ -132,7 +132,7 @@ def _lay_out(layout: Any, parameters: Table, annulus: Annulus, obstacles: tuple[
     for name, parameter in own.items():
         if parameter.default is parameter.empty and name not in parameters:
             raise InputError(f"grains.{name} is missing: layout {layout!r} needs it")
-    avoided = (obstacles,) if "obstacles" in inspect.signature(function).parameters else ()
+    avoided = (walls,) if "walls" in inspect.signature(function).parameters else ()
     return function(annulus, *avoided, **parameters)
 
 

@@ -19,9 +19,9 @@ from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.geometry import Circle, area_in_disc
 from warpgrains.scene.outline import Part, clip
-from warpgrains.scene.walls import Annulus
 
 RANGES = ("x", "y", "distance")
 ROUNDING = 1e-13  # of areas, sums of dozens of parts, in squares of the outer radius

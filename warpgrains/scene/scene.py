@@ -15,6 +15,7 @@ from warpgrains.arrays import BoolArray, FloatArray, Indices
 from warpgrains.described import documented, fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import INNER, INSIDE, OUTER, Annulus, Side
 from warpgrains.scene.bodies import Bodies, Joints, joints_of
 from warpgrains.scene.box import Box
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
@@ -22,11 +23,10 @@ from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import FIELDS, SceneChanges, SceneFields, SceneOptions, checked_fields
 from warpgrains.scene.geometry import distance, left_of, overlapping_pairs, pair_gaps
 from warpgrains.scene.gravity import TurningGravity
-from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
 from warpgrains.scene.toml import read_text
-from warpgrains.scene.walls import INNER, INSIDE, OUTER, Annulus, Side
+from warpgrains.scene.wall import Wall
 from warpgrains.shown import Shown, number_of
 
 
@@ -331,7 +331,7 @@ class Scene(SceneFields, Shown):
         return [OUTER, *[INNER] * (self.radius_in > 0.0), *self.numbered_walls]
 
     @property
-    def numbered_walls(self) -> dict[int, Obstacle]:
+    def numbered_walls(self) -> dict[int, Wall]:
         """`walls` by their numbers."""
         return dict(enumerate(self.walls, INSIDE))
 

@@ -10,10 +10,10 @@ from warpgrains.arrays import FloatArray, Indices
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import SMALLEST
 from warpgrains.scene.band import Band, strip
 from warpgrains.scene.geometry import left_of
-from warpgrains.scene.obstacle import Drive, Obstacle, ThinWall, kind_of_wall
-from warpgrains.scene.walls import SMALLEST
+from warpgrains.scene.wall import Drive, ThinWall, Wall, kind_of_wall
 
 
 @kind_of_wall
@@ -112,7 +112,7 @@ class Segment(ThinWall):
             return None
         return Drive(1.0 / self.mass, self.force, direction=self._normal)
 
-    def shifted(self, way: float) -> Obstacle:
+    def shifted(self, way: float) -> Wall:
         if self.force is None:
             return self
         x, y = (way * along for along in self._normal)

@@ -11,9 +11,9 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.container import Container, container_of
 from warpgrains.scene.geometry import pair_normals
-from warpgrains.scene.walls import Annulus
 from warpgrains.tables import dataset, library
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ import numpy as np
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import OUTER
 from warpgrains.scene.geometry import require_distinct
-from warpgrains.scene.walls import OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -10,11 +10,11 @@ import numpy as np
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import LARGEST, SMALLEST
 from warpgrains.scene.arc import Arc
 from warpgrains.scene.disc import Disc
-from warpgrains.scene.obstacle import Obstacle, kind_of_wall
 from warpgrains.scene.segment import Segment
-from warpgrains.scene.walls import LARGEST, SMALLEST
+from warpgrains.scene.wall import Wall, kind_of_wall
 
 
 def _corners(field: str, value: Any) -> tuple[tuple[float, float], ...]:
@@ -22,7 +22,7 @@ def _corners(field: str, value: Any) -> tuple[tuple[float, float], ...]:
 
 
 @kind_of_wall
-class Polyline(Obstacle):
+class Polyline(Wall):
     """Segments from each of several points to the next, a way to write them.
 
     A scene holds the segments, as walls of one name: by default "polyline" and its place among the walls that
@@ -76,27 +76,27 @@ class Polyline(Obstacle):
 
     def segments(self, number: int) -> tuple[Segment, ...]:
         """Return the segments of the polyline, the wall of this number among those that are given."""
-        common = {own.name: getattr(self, own.name) for own in fields(Obstacle)}
+        common = {own.name: getattr(self, own.name) for own in fields(Wall)}
         common["name"] = self.name or f"{self.kind}{number}"
         if self.angular_velocity != 0.0:
             common["pivot"] = self.motion.pivot
         return tuple(Segment(a, b, **common) for a, b in zip(self.points, self._onward, strict=False))
 
 
-WALL_KINDS: dict[str, type[Obstacle]] = {kind.kind: kind for kind in (Disc, Segment, Arc)}
+WALL_KINDS: dict[str, type[Wall]] = {kind.kind: kind for kind in (Disc, Segment, Arc)}
 """The kinds by the name that `[[walls]]` tables give."""
-WRITTEN_KINDS: dict[str, type[Obstacle]] = {**WALL_KINDS, Polyline.kind: Polyline}
+WRITTEN_KINDS: dict[str, type[Wall]] = {**WALL_KINDS, Polyline.kind: Polyline}
 """The same, and those of which a scene makes several walls."""
 
 
-def checked_walls(field: str, value: Any) -> tuple[Obstacle, ...]:
+def checked_walls(field: str, value: Any) -> tuple[Wall, ...]:
     """Return walls, each given as an object or by the keys of a `[[walls]]` table; polylines as segments."""
     if not isinstance(value, list | tuple):
         raise InputError(f"{field} is {checks.shown(value)}: it must be a list of walls")
-    found: list[Obstacle] = []
+    found: list[Wall] = []
     walls = [_checked_wall(f"{field}[{k}]", given) for k, given in enumerate(value)]
     for k, wall in enumerate(walls):
-        parts: tuple[Obstacle, ...] = (wall,)
+        parts: tuple[Wall, ...] = (wall,)
         if isinstance(wall, Polyline):
             parts = wall.segments(k)
             if wall.name is None and any(parts[0].name == other.name for other in walls):
@@ -110,8 +110,8 @@ def checked_walls(field: str, value: Any) -> tuple[Obstacle, ...]:
     return tuple(found)
 
 
-def _checked_wall(field: str, value: Any) -> Obstacle:
-    if isinstance(value, Obstacle) and isinstance(value, tuple(WRITTEN_KINDS.values())):
+def _checked_wall(field: str, value: Any) -> Wall:
+    if isinstance(value, Wall) and isinstance(value, tuple(WRITTEN_KINDS.values())):
         return value
     if not isinstance(value, Mapping):
         kinds = " or ".join(kind.__name__ for kind in WRITTEN_KINDS.values())

@@ -10,13 +10,13 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import INNER, OUTER
 from warpgrains.scene.compatibility import require_clear, require_size
 from warpgrains.scene.fields import FIELDS, SceneChanges
-from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state
+from warpgrains.scene.wall import Wall
 from warpgrains.scene.wall_kinds import checked_walls
-from warpgrains.scene.walls import INNER, OUTER
 
 OF_START = {"position", "velocity", "radius", "mass", "spin", "time"}
 OF_LISTS = {"dt", "scheme", "order", "method", "wall", "drag", "spin_drag"}
@@ -103,7 +103,7 @@ def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -
     places = first_state(scene).driven
     for number, row, was in zip(scene.wall_numbers, [] if places is None else places, driven, strict=True):
         one, other = _wall(before, number), _wall(scene, number)
-        if isinstance(one, Obstacle) and isinstance(other, Obstacle):
+        if isinstance(one, Wall) and isinstance(other, Wall):
             continues = other.drive is not None and one.shape == other.shape
         else:
             continues = not (number == OUTER and is_resized)
@@ -117,17 +117,17 @@ def _stays(number: int, was: Scene, put: Scene, now: float) -> bool:
     if number not in was.wall_numbers:
         return False
     one, other = _wall(was, number), _wall(put, number)
-    if isinstance(one, Obstacle) and isinstance(other, Obstacle):
+    if isinstance(one, Wall) and isinstance(other, Wall):
         return one is other or one.at(now).shape == other.at(now).shape
     return one == other
 
 
-def _wall(scene: Scene, number: int) -> float | Obstacle:
+def _wall(scene: Scene, number: int) -> float | Wall:
     """Return the radius of a circle, or a wall inside."""
     return ({OUTER: scene.radius_out, INNER: scene.radius_in} | scene.numbered_walls)[number]
 
 
-def _move_alike(wall: Obstacle, other: Obstacle) -> bool:
+def _move_alike(wall: Wall, other: Wall) -> bool:
     return wall is other or (wall.motion == other.motion and wall.shape == other.shape)
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, Indices
+from warpgrains.scene.annulus import OUTER
 from warpgrains.scene.geometry import pair_gaps, pair_normals
-from warpgrains.scene.walls import OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -8,8 +8,8 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.record import Phase
+from warpgrains.scene.annulus import OUTER
 from warpgrains.scene.state import VERLET_NUMBERS, Corrections, State, VerletList
-from warpgrains.scene.walls import OUTER
 from warpgrains.solver import tuning
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Walls of a scene on the host: an annulus about the origin, and others inside it (obstacle.py).
+"""Walls of a scene on the host: an annulus about the origin, and others inside it (wall.py).
 
 Wall 0 is the outer circle, wall 1 the inner one (the number is reserved even if there is none), and walls
 2, 3, ... are those of `Scene.walls`. Where a contact names two bodies, wall w is the negative number -1 - w.

@@ -29,7 +29,7 @@ from warpgrains.kernels import types
 from warpgrains.kernels.shapes import shape_gap, shape_normal
 from warpgrains.kernels.walls import is_near_circle
 from warpgrains.reference.reference import Reference
-from warpgrains.scene.obstacle import MOST_NUMBERS, Obstacle
+from warpgrains.scene.wall import MOST_NUMBERS, Wall
 from warpgrains.scene.wall_kinds import WALL_KINDS
 from warpgrains.usd.check import report_on_recording
 
@@ -79,7 +79,7 @@ def test_a_grain_rolls_round_an_end() -> None:
 
 
 @pytest.mark.parametrize("bowl", [Disc((0.5, 0.0), 1.0, inside=True), Arc((0.5, 0.0), 1.0, -2.5, -0.5)])
-def test_a_grain_in_a_bowl_swings_as_a_pendulum(bowl: Obstacle) -> None:
+def test_a_grain_in_a_bowl_swings_as_a_pendulum(bowl: Wall) -> None:
     """The period of small swings is 2 pi sqrt((R - r) / g)."""
     simulation = alone((0.51, -0.9), [bowl], dt=1e-3)
     period = 2.0 * pi * sqrt(0.9 / 9.81)
@@ -181,7 +181,7 @@ def find_sides(
 
 
 @pytest.mark.parametrize("kind", WALL_KINDS.values(), ids=WALL_KINDS)
-def test_kernels_have_normal_and_gap_of_every_kind_of_wall(kind: type[Obstacle]) -> None:
+def test_kernels_have_normal_and_gap_of_every_kind_of_wall(kind: type[Wall]) -> None:
     """They are those of the host, and its circle is about all places where grains touch it."""
     walls = [wall for wall in OF_EVERY_KIND if type(wall) is kind]
     assert walls, f"add {kind.one()} to OF_EVERY_KIND of walled_scenes.py"
@@ -200,7 +200,7 @@ def test_kernels_have_normal_and_gap_of_every_kind_of_wall(kind: type[Obstacle])
 
 
 def test_a_wall_of_no_known_kind_is_refused() -> None:
-    unknown = type("Unknown", (Obstacle,), {"kind": "unknown"})()
+    unknown = type("Unknown", (Wall,), {"kind": "unknown"})()
     with pytest.raises(InputError, match=r"walls\[1\] is Unknown\(\): it must be a Disc or "):
         Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0, walls=[DISCS[0], unknown])
 

@@ -12,10 +12,10 @@ from warpgrains.arrays import BoolArray, FloatArray, Indices
 from warpgrains.described import checked, described, described_fields, documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band
 from warpgrains.scene.geometry import Circle, directions, distance
 from warpgrains.scene.motion import Motion
-from warpgrains.scene.walls import Side
 
 MOST_NUMBERS = 6  # of a kind of wall, as on the device (kernels/types.py)
 SHAPE = 1 + MOST_NUMBERS + 3  # numbers of a shape: its kind, its numbers and a circle
@@ -47,7 +47,7 @@ def _checked_name(field: str, name: Any) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Obstacle:
+class Wall:
     """A wall inside the annulus, with the keys of its `[[walls]]` table as fields.
 
     A kind is a class with the decorator `kind_of_wall` that defines `kind`, `kind_number` and the methods
@@ -148,7 +148,7 @@ class Obstacle:
         """True if the wall moves as given in advance, or a force drives it."""
         return self.moves or self.drive is not None
 
-    def shifted(self, way: float) -> "Obstacle":
+    def shifted(self, way: float) -> "Wall":
         """Return the wall after a force has driven it by a way [m]."""
         return self
 
@@ -262,7 +262,7 @@ class Obstacle:
         raise NotImplementedError
 
 
-class ThinWall(Obstacle):
+class ThinWall(Wall):
     """A wall without thickness, with `ends`, which grains touch at the nearest point."""
 
     def away(self, position: FloatArray) -> FloatArray:
