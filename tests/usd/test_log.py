@@ -38,6 +38,11 @@ def cut_short(path, frames, scene=None, error=KeyboardInterrupt, **options):
     return log_of(path)
 
 
+def append(recorder, frames):
+    for frame in frames:
+        recorder.record(moment(*frame))
+
+
 def require_frames(path, frames):
     assert inspect_recording(path) == []
     stage = Usd.Stage.Open(str(path))
@@ -99,8 +104,7 @@ class TestLog:
     def test_what_cannot_be_written_leaves_the_log_as_it_was(self, tmp_path, monkeypatch):
         frames = make_frames(9)
         with recorder_of(tmp_path / "run.usdc") as recorder:
-            for frame in frames[:3]:
-                recorder.record(moment(*frame))
+            append(recorder, frames[:3])
             before = recorder.log.read_bytes()
             file = recorder._frames._file
 
@@ -119,33 +123,16 @@ class TestLog:
                     recorder.record(moment(*frames[3]))
             assert recorder.log.read_bytes() == before
             assert recorder.frames == 3
-            for frame in frames[3:]:
-                recorder.record(moment(*frame))
+            append(recorder, frames[3:])
         require_frames(tmp_path / "run.usdc", frames)
 
 
 LAYER = '#usda 1.0\ndef Points "P" {{ int[] a\n point3f[] b\n {} }}\n'
 KINDS = {"/P.a": "<i4", "/P.b": "(3,)<f4"}
 NESTED = "customData = {" + "dictionary d = {" * 100_000
+NO_KINDS = ["O", 7, None, "V0", "<U4", "<M8", "(0,)<f4", "(999999999,)<f4", "<f3", "", [], "i4,f4", "|b1"]
 CRAFTED = {
-    "kinds that are none": [
-        {"kinds": KINDS | {"/P.a": kind}}
-        for kind in (
-            "O",
-            7,
-            None,
-            "V0",
-            "<U4",
-            "<M8",
-            "(0,)<f4",
-            "(999999999,)<f4",
-            "<f3",
-            "",
-            [],
-            "i4,f4",
-            "|b1",
-        )
-    ],
+    "kinds that are none": [{"kinds": KINDS | {"/P.a": kind}} for kind in NO_KINDS],
     "kinds that are no table": [{"kinds": kinds} for kinds in (None, 3, "<f4", ["<f4"])],
     "constants that are none": [
         {"constants": text} for text in (None, 3, "", "#usda 1.0", "\ud800", LAYER[:40])
@@ -271,8 +258,7 @@ class TestNothingIsLost:
 
     def test_frames_lost_from_the_log_during_the_run_are_noticed(self, tmp_path):
         recorder = recorder_of(tmp_path / "run.usdc")
-        for frame in make_frames(12):
-            recorder.record(moment(*frame))
+        append(recorder, make_frames(12))
         lost = "reads back 8 frames of /World/Grains.extent, but 12 were written"
         with pytest.raises(OSError, match=re.escape(lost)), recorder:
             os.truncate(recorder.log, ends_of_records(recorder.log)[8])
@@ -303,13 +289,11 @@ class TestResume:
     def test_continues_as_if_never_cut_short(self, tmp_path):
         frames, path = make_frames(11), tmp_path / "run.usdc"
         killed = recorder_of(path)
-        for frame in frames[:10]:
-            killed.record(moment(*frame))
+        append(killed, frames[:10])
         del killed  # and with it its lock
         with recorder_of(path, resume_at=6) as recorder:
             assert recorder.frames == 6
-            for frame in frames[6:]:
-                recorder.record(moment(*frame))
+            append(recorder, frames[6:])
         require_frames(path, frames)
         whole = record(tmp_path / "whole.usdc", frames)
         assert path.read_bytes() == whole.read_bytes()
@@ -355,8 +339,7 @@ class TestResume:
             else:
                 cut_short(path, frames[:6], draw_as="discs")
         with recorder_of(path, draw_as="discs", resume_at=5) as recorder:
-            for frame in frames[5:]:
-                recorder.record(moment(*frame))
+            append(recorder, frames[5:])
         assert inspect_recording(path) == []
         assert Usd.Stage.Open(str(path)).GetEndTimeCode() == 8.0
 
