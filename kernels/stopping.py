@@ -356,8 +356,8 @@ def judge(s: Scene):
     if outcome == SOLVED and is_driven(s) and is_circle_closed(s):
         s.verlet.flags.bad_body = grain_count(s)
         outcome = BEYOND_WALL
-    if s.control.cancelled != 0 and not converged:
-        outcome = CANCELLED
+    if s.control.cancelled != 0 and not (converged and is_measured(s)):
+        outcome = CANCELLED  # perhaps during a scan, with the residual of another iteration
     s.step.converged = 1 if converged else 0
     s.step.outcome = outcome
     if outcome == SOLVED:

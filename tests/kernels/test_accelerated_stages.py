@@ -11,7 +11,7 @@ from stages import OneRecord, grains_apart
 from warpgrains.arrays import FloatArray
 from warpgrains.kernels import momentum, stopping, working_set
 from warpgrains.kernels.contacts import part_count
-from warpgrains.kernels.record import Phase, grain_count
+from warpgrains.kernels.record import CANCELLED, SOLVED, Phase, grain_count
 from warpgrains.kernels.stages import Each, Serial, Sets
 from warpgrains.kernels.stopping import StopOn
 
@@ -210,6 +210,21 @@ def test_skin_at_a_scan(limit: float, peak: float, expired: int, kept: bool) -> 
     assert flags["list_expired"] == expired
     assert (control["phase"], control["may_stop"]) == (Phase.VERIFY if expired else Phase.SCAN, 0)
     assert record["verlet.peak_square"][7] == peak**2
+
+
+@pytest.mark.parametrize(
+    ("cancelled", "measured", "outcome"), [(0, 4, SOLVED), (1, 4, SOLVED), (1, 3, CANCELLED)]
+)
+def test_a_canceled_step_is_taken_only_if_it_is_measured(cancelled: int, measured: int, outcome: int) -> None:
+    """A cancellation during a scan ends the sweeps with the residual of another iteration."""
+    record = Accelerated(inner=False, slides=False).record
+    step, whole = record.record["step"], record.record
+    step["iterations"], step["measured"], step["residual"] = 4, measured, 0.0
+    whole["control"]["cancelled"], whole["stopping"]["on"] = cancelled, StopOn.RESIDUAL
+    whole["verlet"]["flags"]["bad_body"] = -1
+    whole["verlet"]["numbers"]["frame_skin"] = whole["verlet"]["numbers"]["lifetime"] = 1.0
+    record.run(Serial(stopping.judge))
+    assert step["outcome"] == outcome
 
 
 DONE = [
