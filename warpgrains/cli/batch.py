@@ -47,13 +47,12 @@ def run(arguments: Namespace) -> bool:
     start = perf_counter()
     folder.create_or_check(sweep, share, arguments.resume)
     left = folder.unfinished(share)
-    folder.write_common_files(sweep)
     try:
         with (
             stdout_to_stderr(),
             progress_bar(len(share), len(share) - len(left), unit="run", bar_format=_BAR) as bar,
         ):
-            reasons = _finish(folder, left, execution, bar.update, arguments)
+            reasons = _finish(folder, sweep, left, execution, bar.update, arguments)
     except OutputError:
         raise  # without tables, because those in the folder are of another sweep
     except BaseException as error:
@@ -136,22 +135,29 @@ def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
 
 def _finish(
     folder: SweepFolder,
+    sweep: Sweep,
     left: list[Run],
     execution: ExecutionOptions,
     on_progress: OnFraction,
     arguments: Namespace,
 ) -> dict[int, str]:
-    """Finish the remaining runs, here or on a cluster; return why some are unfinished, by their numbers."""
+    """Finish the remaining runs, here or on a cluster; return why some are unfinished, by their numbers.
+
+    The common files are written once the device or the cluster is known to be there.
+    """
     if not left:
+        folder.write_common_files(sweep)
         return {}
     if arguments.scheduler is None and arguments.slurm is None:
         find_device(execution.device)  # starts Warp, which `runner` imports
         from warpgrains.sweep.runner import finish_runs
 
+        folder.write_common_files(sweep)
         return finish_runs(folder, left, execution, on_progress)
     from warpgrains.sweep.cluster import connected, finish_on_cluster
 
     with connected(arguments.scheduler, arguments.slurm) as client:
+        folder.write_common_files(sweep)
         return finish_on_cluster(folder, left, execution, on_progress, client)
 
 
