@@ -126,7 +126,8 @@ class SweepFolder:
         """Return those of some runs that have no result, or a failure of an earlier process."""
         found = self.finished(runs)
         self.shards.repeated |= {number for number in found if has_failed(self.shards.lines[number])}
-        return [run for run in runs if run.number not in found - self.shards.repeated]
+        found -= self.shards.repeated
+        return [run for run in runs if run.number not in found]
 
     def finished(self, runs: Sequence[Run]) -> set[int]:
         """Return the numbers of those of some runs with a result, or a failure that is not repeated.
