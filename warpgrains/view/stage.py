@@ -36,7 +36,7 @@ class Stage:
         self._radius, self._reach = painter.scene.radius, half
         angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
         self._grains = self._add_instances("/grains", np.stack([np.cos(angle), np.sin(angle)], axis=1))
-        self._marks: viser.BatchedMeshHandle | None = None
+        self._marks = self._add_instances(_MARKS, mark())
         self._has_chains = False
 
     def show(self, now: Snapshot, painter: Painter) -> None:
@@ -45,16 +45,12 @@ class Stage:
             self._add_wall(name, wall)
         color, chains = painter.color(now), painter.chains(now)
         _place(self._grains, now.position, 0.0, color)
-        if now.scene.has_friction:
-            if self._marks is None:
-                self._marks = self._add_instances(_MARKS, mark())
+        self._marks.visible = now.scene.has_friction
+        if self._marks.visible:
             half, zero = 0.5 * now.angle, np.zeros_like(now.angle)
             turned = np.stack([np.cos(half), zero, zero, np.sin(half)], axis=1)
             self._marks.batched_wxyzs = turned.astype(np.float32)
             _place(self._marks, now.position, _MARK_HEIGHT * self._reach, mark_color(color))
-        elif self._marks is not None:
-            self._marks.remove()
-            self._marks = None
         if chains is not None and len(chains.width):
             corners = chains.corners.reshape(-1, 2)
             raised = np.insert(corners, 2, _CHAIN_HEIGHT * self._reach, axis=1)
