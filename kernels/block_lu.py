@@ -33,50 +33,11 @@ class Factors:
 
 
 @wp.func
-def sign_of(x: int, y: int, z: int) -> f64:
-    """Return the sign of a permutation of 0, 1, 2."""
-    return f64((y - x) * (z - x) * (z - y)) / f64(2.0)
-
-
-@wp.func
 def inverse_of(block: wp.mat33d):
-    """Return the inverse by elimination with full pivoting, and the sign of the determinant."""
-    left = block
-    right = wp.identity(n=3, dtype=f64)
-    rows = wp.vec3i(0, 1, 2)
-    columns = wp.vec3i(0, 1, 2)
-    sign = f64(1.0)
-    for k in range(3):
-        largest, row, column = f64(-1.0), int(k), int(k)
-        for r in range(k, 3):
-            for c in range(k, 3):
-                size = wp.abs(left[rows[r], columns[c]])
-                if size > largest:
-                    largest, row, column = size, r, c
-        swapped = rows[k]
-        rows[k] = rows[row]
-        rows[row] = swapped
-        swapped = columns[k]
-        columns[k] = columns[column]
-        columns[column] = swapped
-        pivot = left[rows[k], columns[k]]
-        if pivot < f64(0.0):
-            sign = -sign
-        for c in range(3):
-            left[rows[k], c] = left[rows[k], c] / pivot
-            right[rows[k], c] = right[rows[k], c] / pivot
-        for r in range(3):
-            if r != rows[k]:
-                amount = left[r, columns[k]]
-                for c in range(3):
-                    left[r, c] = left[r, c] - amount * left[rows[k], c]
-                    right[r, c] = right[r, c] - amount * right[rows[k], c]
-    inverse = wp.mat33d()
-    for k in range(3):
-        for c in range(3):
-            inverse[columns[k], c] = right[rows[k], c]
-    sign = sign * sign_of(rows[0], rows[1], rows[2]) * sign_of(columns[0], columns[1], columns[2])
-    return inverse, sign
+    """Return the inverse by a QR decomposition, and the sign of the determinant."""
+    q, r = wp.qr3(block)
+    sign = wp.sign(wp.determinant(q)) * wp.sign(r[0, 0]) * wp.sign(r[1, 1]) * wp.sign(r[2, 2])
+    return wp.inverse(r) * wp.transpose(q), sign
 
 
 @wp.func

@@ -18,13 +18,12 @@ OPEN, STICK, FORWARD, BACKWARD = (wp.constant(k) for k in range(4))
 """Pieces of the law of a contact. It slips on two of them: with dv_t > 0, and with dv_t < 0."""
 FOLLOWING, DONE, AT_FOLD, SPENT, UNBOUNDED = (wp.constant(k) for k in range(5))
 """Outcomes of a pass: not known yet; s = 0; at a fold that was not passed; without pivots; no piece ends."""
-PIVOTS, FACTORIZATIONS, SNAPS, FOLDS = (wp.constant(k) for k in range(4))
+PIVOTS, FACTORIZATIONS, OUTCOME = (wp.constant(k) for k in range(3))
 """Counts of a pass."""
 UPDATES = wp.constant(40)  # changes of pieces between two factorizations
 SLIPPING = wp.constant(f64(1.0 - 1e-12))  # of mu dv_c, from which on a contact slips
 INSIDE = wp.constant(f64(1.0 - 1e-9))  # of mu dv_c, to which a contact is put that sticks again
 CLEAR = wp.constant(f64(1e-13))  # [m/s] by which contacts that carry nothing are clear of their gap
-
 TYPES = {(2,): wp.vec2d, (3,): wp.vec3d, (3, 3): wp.mat33d}
 """Types of the elements of an array of this shape but for the first axis."""
 
@@ -33,7 +32,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Step:
-    """A step with friction: its m contacts, and its n grains."""
+    """A step with friction: its m contacts, and its n grains in the order of elimination."""
 
     first: Ints
     second: Ints  # -1 at walls
@@ -44,7 +43,7 @@ class Step:
     surface: Floats  # speed of the surface along the tangent [m/s]
     compliance: Floats  # K_t (eq. 22)
     mass: Floats  # mu_c [kg]
-    place: Ints  # of the blocks of a pair in the factors
+    block: Ints  # of a pair in the factors
     contact_start: Ints  # contacts of grain i: contact[k], contact_start[i] <= k < contact_start[i + 1]
     contact: Ints
     inertia: Triples  # M, M, J / 2 [kg]
@@ -55,9 +54,9 @@ class Step:
 class Path:
     """A point on the path, and where it leads."""
 
-    dv: Floats  # corrections: of the centre, and then those that were reached [m/s]
+    dv: Floats  # corrections: of the center, and then those that are found [m/s]
     dvt: Floats
-    gap: Floats  # gap / dt for the velocities of the centre [m/s]
+    gap: Floats  # gap / dt for the velocities of the center [m/s]
     piece: Ints
     error: Vectors  # of gap / dt, and of the speed of the surface [m/s]
     opening: Vectors  # what is added to them around a fold
@@ -66,22 +65,21 @@ class Path:
     velocity: Triples  # and rim speed [m/s]
     saved: Triples  # those at a fold
     way: Triples  # rate of the velocity
-    change: Triples  # of the way by a change of a piece
-    force: Triples
+    change: Triples  # of the way by a change of a piece, or of the velocity
     updates: Triples  # changes since the last factorization, one after the other
     updated: Ints  # contacts whose pieces changed
-    gradient: Vectors  # by which they did
+    gradient: Vectors  # of the margin that became 0
     pivot: Floats
-    mark: Ints  # grains near a fold
-    front: Ints
+    near: Ints  # whether grains are near a fold
+    found: Ints  # those that are
     count: Ints  # by PIVOTS, ...
-    reached: Floats  # s, and eta [m/s]
+    residual: Floats  # [m/s]
 
 
 @wp.func
-def relative(u: Triples, i: int, j: int, n: wp.vec2d) -> wp.vec2d:
+def relative(u: Triples, step: Step, c: int) -> wp.vec2d:
     """Return vn and vt of a contact, for a surface at rest."""
-    own = at(u, i)
+    own, j, n = at(u, at(step.first, c)), at(step.second, c), at(step.normal, c)
     x, y, rim = own[0], own[1], own[2]
     if j >= 0:
         other = at(u, j)
@@ -90,18 +88,18 @@ def relative(u: Triples, i: int, j: int, n: wp.vec2d) -> wp.vec2d:
 
 
 @wp.func
-def push(force: Triples, i: int, j: int, n: wp.vec2d, amount: wp.vec2d):
-    """Add the transpose of `relative` times the normal and tangential amount."""
-    x = amount[0] * n[0] - amount[1] * n[1]
-    y = amount[0] * n[1] + amount[1] * n[0]
-    put(force, i, at(force, i) + wp.vec3d(x, y, amount[1]))
+def push(force: Triples, step: Step, c: int, amount: wp.vec2d):
+    """Add the transpose of `relative` times mu_c and an amount."""
+    i, j, n, f = at(step.first, c), at(step.second, c), at(step.normal, c), at(step.mass, c) * amount
+    x, y = f[0] * n[0] - f[1] * n[1], f[0] * n[1] + f[1] * n[0]
+    put(force, i, at(force, i) + wp.vec3d(x, y, f[1]))
     if j >= 0:
-        put(force, j, at(force, j) + wp.vec3d(-x, -y, amount[1]))
+        put(force, j, at(force, j) + wp.vec3d(-x, -y, f[1]))
 
 
 @wp.func
 def carried(piece: int, excess: wp.vec2d, friction: f64, eps: f64) -> wp.vec2d:
-    """Return dv_c and dv_t on a piece of the law, for A = excess[0] and B = excess[1]."""
+    """Return dv_c and dv_t on a piece of the law, for A = excess[0] and B = excess[1] (eq. 32)."""
     if piece == OPEN:
         return wp.vec2d(f64(0.0), f64(0.0))
     a = excess[0] / eps
@@ -112,22 +110,14 @@ def carried(piece: int, excess: wp.vec2d, friction: f64, eps: f64) -> wp.vec2d:
 
 @wp.func
 def margin(piece: int, side: int, excess: wp.vec2d, friction: f64) -> f64:
-    """Return the distance from one of the two sides of a piece, a linear function, > 0 within the piece."""
-    if piece == OPEN:
-        return -excess[0]
+    """Return the distance from side 0 or 1 of a piece, linear and > 0 within; 0 if there is no side 1."""
     if piece == STICK:
         return friction * excess[0] + wp.where(side == 0, -excess[1], excess[1])
     if side == 0:
-        return excess[0]
+        return wp.where(piece == OPEN, -excess[0], excess[0])
+    if piece == OPEN or friction == f64(0.0):
+        return f64(0.0)
     return wp.where(piece == FORWARD, excess[1], -excess[1]) - friction * excess[0]
-
-
-@wp.func
-def sides_of(piece: int, friction: f64) -> int:
-    """Return the number of sides of a piece."""
-    if piece == OPEN or (piece != STICK and friction == f64(0.0)):
-        return 1
-    return 2
 
 
 @wp.func
@@ -141,135 +131,10 @@ def beyond(piece: int, side: int, excess: wp.vec2d) -> int:
 
 
 @wp.func
-def coupling(
-    n: wp.vec3d, t: wp.vec3d, other_n: wp.vec3d, other_t: wp.vec3d, normal: wp.vec2d, tangential: wp.vec2d
-):
-    """Return the block that a contact adds, from its parts for both grains and the rates of the law."""
-    return wp.outer(n, normal[0] * other_n) + wp.outer(t, normal[1] * other_n + tangential[1] * other_t)
-
-
-@wp.func
-def assemble(step: Step, path: Path, factors: Factors, eps: f64):
-    """Write the matrix of the present pieces."""
-    k = int(0)
-    while k < factors.lower.shape[0]:
-        put(factors.lower, k, wp.mat33d())
-        put(factors.upper, k, wp.mat33d())
-        k += 1
-    g = int(0)
-    while g < step.free.shape[0]:
-        put(factors.diagonal, g, wp.diag(at(step.inertia, g)))
-        g += 1
-    c = int(0)
-    while c < step.first.shape[0]:
-        piece = at(path.piece, c)
-        if piece != OPEN:
-            mass = at(step.mass, c)
-            share = mass / at(step.compliance, c)
-            normal = carried(piece, wp.vec2d(mass, f64(0.0)), at(step.friction, c), eps)
-            tangential = carried(piece, wp.vec2d(f64(0.0), share), at(step.friction, c), eps)
-            x = at(step.normal, c)
-            n, t = wp.vec3d(x[0], x[1], f64(0.0)), wp.vec3d(-x[1], x[0], f64(1.0))
-            i = at(step.first, c)
-            put(factors.diagonal, i, at(factors.diagonal, i) + coupling(n, t, n, t, normal, tangential))
-            if at(step.second, c) >= 0:
-                j = at(step.second, c)
-                k = at(step.place, c)
-                m, s = -n, wp.vec3d(x[1], -x[0], f64(1.0))
-                put(factors.diagonal, j, at(factors.diagonal, j) + coupling(m, s, m, s, normal, tangential))
-                right, left = (
-                    coupling(n, t, m, s, normal, tangential),
-                    coupling(m, s, n, t, normal, tangential),
-                )
-                if i < j:
-                    put(factors.upper, k, at(factors.upper, k) + right)
-                    put(factors.lower, k, at(factors.lower, k) + left)
-                else:
-                    put(factors.upper, k, at(factors.upper, k) + left)
-                    put(factors.lower, k, at(factors.lower, k) + right)
-        c += 1
-
-
-@wp.func
-def find_velocity(step: Step, path: Path):
-    """Compute the velocities that the corrections make of the free ones."""
-    g = int(0)
-    while g < step.free.shape[0]:
-        put(path.force, g, wp.vec3d())
-        g += 1
-    c = int(0)
-    while c < step.first.shape[0]:
-        amount = at(step.mass, c) * wp.vec2d(at(path.dv, c), at(path.dvt, c))
-        push(path.force, at(step.first, c), at(step.second, c), at(step.normal, c), amount)
-        c += 1
-    g = int(0)
-    while g < step.free.shape[0]:
-        put(path.velocity, g, at(step.free, g) - wp.cw_div(at(path.force, g), at(step.inertia, g)))
-        g += 1
-
-
-@wp.func
-def gap_now(step: Step, c: int, u: wp.vec3d) -> f64:
-    """Return gap / dt of a contact for the velocity of its first grain."""
-    along = law.speed_along(wp.vec2d(u[0], u[1]), at(step.normal, c))
-    return law.round_gap_rate(at(step.gap_rate, c), along, at(step.reach, c))
-
-
-@wp.func
-def residual_of(step: Step, path: Path) -> f64:
-    """Return eta of the corrections [m/s] (eq. 25), and compute their velocities."""
-    find_velocity(step, path)
-    worst = f64(0.0)
-    c = int(0)
-    while c < step.first.shape[0]:
-        i, compliance = at(step.first, c), at(step.compliance, c)
-        v = relative(path.velocity, i, at(step.second, c), at(step.normal, c))
-        change = law.normal_change(v[0], at(path.dv, c), gap_now(step, c, at(path.velocity, i)))
-        limit = at(step.friction, c) * (at(path.dv, c) + change)
-        slip = law.tangential_change((v[1] - at(step.surface, c)) / compliance, at(path.dvt, c), limit)
-        worst = wp.max(worst, wp.max(wp.abs(change), compliance * wp.abs(slip)))
-        c += 1
-    return worst
-
-
-@wp.func
-def begin(step: Step, path: Path):
-    """Begin at the corrections: the gaps for their velocities, the piece of every contact, and its error."""
-    find_velocity(step, path)
-    c = int(0)
-    while c < step.first.shape[0]:
-        i = at(step.first, c)
-        v = relative(path.velocity, i, at(step.second, c), at(step.normal, c))
-        a, b, gap = at(path.dv, c), at(path.dvt, c), gap_now(step, c, at(path.velocity, i))
-        slip = v[1] - at(step.surface, c)
-        limit = at(step.friction, c) * a
-        piece = int(OPEN)
-        error = wp.vec2d(wp.max(f64(0.0), v[0] - gap + CLEAR), f64(0.0))
-        if a > f64(0.0):
-            error = wp.vec2d(v[0] - gap, f64(0.0))
-            if wp.abs(b) >= limit * SLIPPING and slip * b >= f64(0.0):
-                piece = wp.where(b >= f64(0.0), FORWARD, BACKWARD)
-            else:
-                piece = int(STICK)
-                error = wp.vec2d(v[0] - gap, slip)
-                put(path.dvt, c, wp.clamp(b, -limit * INSIDE, limit * INSIDE))
-        put(path.gap, c, gap)
-        put(path.piece, c, piece)
-        put(path.error, c, error)
-        c += 1
-
-
-@wp.func
-def find_excess(step: Step, path: Path, s: f64, sigma: f64, eps: f64):
-    """Compute the arguments of the laws at a point of the path."""
-    c = int(0)
-    while c < step.first.shape[0]:
-        v = relative(path.velocity, at(step.first, c), at(step.second, c), at(step.normal, c))
-        error, opening = at(path.error, c), at(path.opening, c)
-        a = eps * at(path.dv, c) + v[0] - at(path.gap, c) - s * error[0] - sigma * opening[0]
-        b = eps * at(path.dvt, c) + (v[1] - at(step.surface, c) - s * error[1]) / at(step.compliance, c)
-        put(path.excess, c, wp.vec2d(a, b))
-        c += 1
+def clear(x: Triples):
+    """Set all elements to 0."""
+    for g in range(x.shape[0]):
+        put(x, g, wp.vec3d())
 
 
 @wp.func
@@ -282,28 +147,107 @@ def add(x: Triples, amount: f64, change: Triples, first: int):
 
 
 @wp.func
-def correct(step: Step, path: Path, factors: Factors, s: f64, sigma: f64, eps: f64):
-    """Solve the equations of the present pieces for the velocity, by a Newton step."""
-    find_excess(step, path, s, sigma, eps)
-    g = int(0)
-    while g < step.free.shape[0]:
-        put(path.force, g, wp.cw_mul(at(step.inertia, g), at(path.velocity, g) - at(step.free, g)))
-        g += 1
-    c = int(0)
-    while c < step.first.shape[0]:
-        piece = at(path.piece, c)
-        if piece != OPEN:
-            amount = at(step.mass, c) * carried(piece, at(path.excess, c), at(step.friction, c), eps)
-            push(path.force, at(step.first, c), at(step.second, c), at(step.normal, c), amount)
-        c += 1
-    solve(factors, path.force)
-    add(path.velocity, f64(-1.0), path.force, 0)
+def copy(target: Triples, first: int, source: Triples):
+    """Copy into an array, from an index on."""
+    for g in range(source.shape[0]):
+        put(target, first + g, at(source, g))
 
 
 @wp.func
-def rate_along(step: Step, c: int, x: Triples, gradient: wp.vec2d) -> f64:
-    """Return the rate of a margin along a direction of velocities."""
-    return wp.dot(gradient, relative(x, at(step.first, c), at(step.second, c), at(step.normal, c)))
+def gap_now(step: Step, c: int, u: Triples) -> f64:
+    """Return gap / dt of a contact for the velocity of its first grain (eq. 18)."""
+    own = at(u, at(step.first, c))
+    along = law.speed_along(wp.vec2d(own[0], own[1]), at(step.normal, c))
+    return law.round_gap_rate(at(step.gap_rate, c), along, at(step.reach, c))
+
+
+@wp.func
+def find_velocity(step: Step, path: Path):
+    """Compute the velocities that the corrections make of the free ones."""
+    clear(path.change)
+    for c in range(step.first.shape[0]):
+        push(path.change, step, c, wp.vec2d(at(path.dv, c), at(path.dvt, c)))
+    for g in range(step.free.shape[0]):
+        put(path.velocity, g, at(step.free, g) - wp.cw_div(at(path.change, g), at(step.inertia, g)))
+
+
+@wp.func
+def begin(step: Step, path: Path):
+    """Begin at the corrections: find gaps for their velocities, and piece and error of every contact."""
+    find_velocity(step, path)
+    for c in range(step.first.shape[0]):
+        v, gap = relative(path.velocity, step, c), gap_now(step, c, path.velocity)
+        a, b, slip = at(path.dv, c), at(path.dvt, c), v[1] - at(step.surface, c)
+        piece, limit = int(OPEN), at(step.friction, c) * a
+        error = wp.vec2d(wp.max(f64(0.0), v[0] - gap + CLEAR), f64(0.0))
+        if a > f64(0.0):
+            error[0] = v[0] - gap
+            if wp.abs(b) >= limit * SLIPPING and slip * b >= f64(0.0):
+                piece = wp.where(b >= f64(0.0), FORWARD, BACKWARD)
+            else:
+                piece = int(STICK)
+                error[1] = slip
+                put(path.dvt, c, wp.clamp(b, -limit * INSIDE, limit * INSIDE))
+        put(path.gap, c, gap)
+        put(path.piece, c, piece)
+        put(path.error, c, error)
+        put(path.opening, c, wp.vec2d())
+
+
+@wp.func
+def coupling(n: wp.vec3d, t: wp.vec3d, other_n: wp.vec3d, other_t: wp.vec3d, slope: wp.vec3d) -> wp.mat33d:
+    """Return the block of two grains that a contact adds, for the derivatives of its law."""
+    return wp.outer(n, slope[0] * other_n) + wp.outer(t, slope[1] * other_n + slope[2] * other_t)
+
+
+@wp.func
+def assemble(step: Step, path: Path, factors: Factors, eps: f64):
+    """Write the matrix of the present pieces."""
+    for k in range(factors.lower.shape[0]):
+        put(factors.lower, k, wp.mat33d())
+        put(factors.upper, k, wp.mat33d())
+    for g in range(step.free.shape[0]):
+        put(factors.diagonal, g, wp.diag(at(step.inertia, g)))
+    for c in range(step.first.shape[0]):
+        piece = at(path.piece, c)
+        if piece != OPEN:
+            x, friction, share = at(step.normal, c), at(step.friction, c), f64(1.0) / at(step.compliance, c)
+            by_n = at(step.mass, c) * carried(piece, wp.vec2d(f64(1.0), f64(0.0)), friction, eps)
+            by_t = at(step.mass, c) * carried(piece, wp.vec2d(f64(0.0), share), friction, eps)
+            slope = wp.vec3d(by_n[0], by_n[1], by_t[1])
+            n, t = wp.vec3d(x[0], x[1], f64(0.0)), wp.vec3d(-x[1], x[0], f64(1.0))
+            i, j, k = at(step.first, c), at(step.second, c), at(step.block, c)
+            put(factors.diagonal, i, at(factors.diagonal, i) + coupling(n, t, n, t, slope))
+            if j >= 0:
+                m, s = -n, wp.vec3d(x[1], -x[0], f64(1.0))
+                put(factors.diagonal, j, at(factors.diagonal, j) + coupling(m, s, m, s, slope))
+                above, below = coupling(n, t, m, s, slope), coupling(m, s, n, t, slope)
+                if i > j:
+                    above, below = coupling(m, s, n, t, slope), coupling(n, t, m, s, slope)
+                put(factors.upper, k, at(factors.upper, k) + above)
+                put(factors.lower, k, at(factors.lower, k) + below)
+
+
+@wp.func
+def find_excess(step: Step, path: Path, s: f64, sigma: f64, eps: f64):
+    """Compute the arguments of the laws at a point of the path."""
+    for c in range(step.first.shape[0]):
+        v, error = relative(path.velocity, step, c), s * at(path.error, c) + sigma * at(path.opening, c)
+        a = eps * at(path.dv, c) + v[0] - at(path.gap, c) - error[0]
+        b = eps * at(path.dvt, c) + (v[1] - at(step.surface, c) - error[1]) / at(step.compliance, c)
+        put(path.excess, c, wp.vec2d(a, b))
+
+
+@wp.func
+def correct(step: Step, path: Path, factors: Factors, s: f64, sigma: f64, eps: f64):
+    """Solve the equations of the present pieces for the velocity, by a Newton step."""
+    find_excess(step, path, s, sigma, eps)
+    for g in range(step.free.shape[0]):
+        put(path.change, g, wp.cw_mul(at(step.inertia, g), at(path.velocity, g) - at(step.free, g)))
+    for c in range(step.first.shape[0]):
+        push(path.change, step, c, carried(at(path.piece, c), at(path.excess, c), at(step.friction, c), eps))
+    solve(factors, path.change)
+    add(path.velocity, f64(-1.0), path.change, 0)
 
 
 @wp.func
@@ -311,26 +255,20 @@ def solve_updated(step: Step, path: Path, factors: Factors, x: Triples, updates:
     """Replace a right-hand side by the solution with the matrix as some updates have made it."""
     solve(factors, x)
     for k in range(updates):
-        amount = -rate_along(step, at(path.updated, k), x, at(path.gradient, k)) / at(path.pivot, k)
-        if amount != f64(0.0):
-            add(x, amount, path.updates, k * x.shape[0])
+        along = wp.dot(at(path.gradient, k), relative(x, step, at(path.updated, k)))
+        if along != f64(0.0):
+            add(x, -along / at(path.pivot, k), path.updates, k * x.shape[0])
 
 
 @wp.func
 def find_way(step: Step, path: Path, factors: Factors, drive: Vectors, updates: int, eps: f64):
-    """Compute the rate of the velocity for gaps and surface speeds that grow at the rates of the drive."""
-    g = int(0)
-    while g < step.free.shape[0]:
-        put(path.way, g, wp.vec3d())
-        g += 1
-    c = int(0)
-    while c < step.first.shape[0]:
-        piece, rate = at(path.piece, c), at(drive, c)
-        if piece != OPEN and (rate[0] != f64(0.0) or rate[1] != f64(0.0)):
-            rate = wp.vec2d(rate[0], rate[1] / at(step.compliance, c))
-            amount = at(step.mass, c) * carried(piece, rate, at(step.friction, c), eps)
-            push(path.way, at(step.first, c), at(step.second, c), at(step.normal, c), amount)
-        c += 1
+    """Compute the rate of the velocity for gaps and surface speeds that change at the rates of the drive."""
+    clear(path.way)
+    for c in range(step.first.shape[0]):
+        rate = at(drive, c)
+        if rate[0] != f64(0.0) or rate[1] != f64(0.0):
+            rate[1] = rate[1] / at(step.compliance, c)
+            push(path.way, step, c, carried(at(path.piece, c), rate, at(step.friction, c), eps))
     solve_updated(step, path, factors, path.way, updates)
 
 
@@ -343,15 +281,15 @@ def next_kink(step: Step, path: Path, drive: Vectors, lead: f64, last: int):
     hit, hit_side, way = int(-1), int(0), f64(wp.inf)
     c = int(0)
     while c < step.first.shape[0]:
-        v = relative(path.way, at(step.first, c), at(step.second, c), at(step.normal, c)) - at(drive, c)
+        v = relative(path.way, step, c) - at(drive, c)
         rate = wp.vec2d(lead * v[0], lead * v[1] / at(step.compliance, c))
         put(path.rate, c, rate)
-        piece, friction, excess = at(path.piece, c), at(step.friction, c), at(path.excess, c)
+        piece, friction = at(path.piece, c), at(step.friction, c)
         if c != last:
-            for side in range(sides_of(piece, friction)):
+            for side in range(2):
                 falls = -margin(piece, side, rate, friction)
                 if falls > f64(0.0):
-                    left = margin(piece, side, excess, friction) / falls
+                    left = margin(piece, side, at(path.excess, c), friction) / falls
                     if left < way:
                         hit, hit_side, way = c, side, left
         c += 1
@@ -359,195 +297,150 @@ def next_kink(step: Step, path: Path, drive: Vectors, lead: f64, last: int):
 
 
 @wp.func
-def advance(path: Path, way: f64, lead: f64):
-    """Move along the path."""
-    add(path.velocity, lead * way, path.way, 0)
-    c = int(0)
-    while c < path.excess.shape[0]:
-        put(path.excess, c, at(path.excess, c) + way * at(path.rate, c))
-        c += 1
-
-
-@wp.func
-def open_around(step: Step, path: Path, c: int, amount: f64, nearby: int):
-    """Open the gaps of the contacts near a contact, by this rate."""
-    e = int(0)
-    while e < step.first.shape[0]:
+def open_around(step: Step, path: Path, c: int, nearby: int):
+    """Choose the contacts that are at most some grains from a contact, whose gaps open at a fold."""
+    for e in range(step.first.shape[0]):
         put(path.opening, e, wp.vec2d())
-        e += 1
-    g = int(0)
-    while g < step.free.shape[0]:
-        put(path.mark, g, 0)
-        g += 1
-    put(path.mark, at(step.first, c), 1)
-    put(path.front, 0, at(step.first, c))
-    count = int(1)
-    if at(step.second, c) >= 0:
-        put(path.mark, at(step.second, c), 1)
-        put(path.front, 1, at(step.second, c))
-        count = 2
-    begun = int(0)
+    for g in range(step.free.shape[0]):
+        put(path.near, g, 0)
+    begun, count = int(0), int(0)
+    for side in range(2):
+        g = wp.where(side == 0, at(step.first, c), at(step.second, c))
+        if g >= 0:
+            put(path.near, g, 1)
+            put(path.found, count, g)
+            count += 1
     for _ in range(nearby):
         end = int(count)
         while begun < end:
-            g = at(path.front, begun)
+            g = at(path.found, begun)
             for k in range(at(step.contact_start, g), at(step.contact_start, g + 1)):
                 e = at(step.contact, k)
-                put(path.opening, e, wp.vec2d(amount, f64(0.0)))
+                put(path.opening, e, wp.vec2d(f64(1.0), f64(0.0)))
                 other = at(step.first, e) + at(step.second, e) - g
-                if at(step.second, e) >= 0 and at(path.mark, other) == 0:
-                    put(path.mark, other, 1)
-                    put(path.front, count, other)
+                if at(step.second, e) >= 0 and at(path.near, other) == 0:
+                    put(path.near, other, 1)
+                    put(path.found, count, other)
                     count += 1
             begun += 1
 
 
 @wp.func
-def copy(target: Triples, source: Triples, first: int):
-    """Copy into a larger array, from an index on."""
-    g = int(0)
-    while g < source.shape[0]:
-        put(target, first + g, at(source, g))
-        g += 1
-
-
-@wp.func
-def tally(path: Path, what: int):
-    """Count."""
-    put(path.count, what, at(path.count, what) + 1)
+def rate_of_margin(step: Step, path: Path, c: int, gradient: wp.vec2d, drive: Vectors) -> f64:
+    """Return the rate of the margin of this gradient along the way."""
+    return wp.dot(gradient, relative(path.way, step, c) - at(drive, c))
 
 
 @wp.kernel
 def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int, most_local: int, nearby: int):
-    """Follow the path from the given corrections, for `most` pivots at most, and replace them by others.
-
-    `reached` holds the s at which it ends, and the residual there. The last count is the outcome.
-    """
+    """Follow the path from the given corrections, for `most` pivots at most, and replace them by others."""
     begin(step, path)
-    for k in range(path.count.shape[0]):
-        put(path.count, k, 0)
+    s, sigma, lead = f64(1.0), f64(0.0), f64(-1.0)  # lead: sign of the rate of s or sigma
     drive = path.error
-    status = int(FOLLOWING)
-    s, sigma, lead = f64(1.0), f64(0.0), f64(-1.0)
-    snapping = bool(False)
-    updates, pivots, local = int(UPDATES), int(0), int(0)
-    last = int(-1)
-    c = int(0)
-    while c < step.first.shape[0]:
-        put(path.opening, c, wp.vec2d())
-        c += 1
-    while status == FOLLOWING:
-        if updates >= UPDATES:
+    snapping, local = bool(False), int(0)
+    updates, pivots, factorizations, last = int(UPDATES), int(0), int(0), int(-1)
+    outcome = int(FOLLOWING)
+    while outcome == FOLLOWING:
+        if updates == UPDATES:
             assemble(step, path, factors, eps)
-            sign = factor(factors)
-            tally(path, FACTORIZATIONS)
+            lead = -factor(factors)
+            factorizations += 1
             updates = 0
-            lead = -sign
-            if sign < f64(0.0) and not snapping:
-                status = int(AT_FOLD)
-            else:
-                correct(step, path, factors, s, sigma, eps)
-                correct(step, path, factors, s, sigma, eps)
-                find_excess(step, path, s, sigma, eps)
-                find_way(step, path, factors, drive, updates, eps)
-        if status == FOLLOWING:
-            c, side, way = next_kink(step, path, drive, lead, last)
-            left = wp.where(snapping, sigma, s)
-            at_end = lead < f64(0.0) and way >= left
-            if at_end:
-                way = left
-            if c < 0 and not at_end:
-                status = int(UNBOUNDED)
-            else:
-                advance(path, way, lead)
-                if snapping:
-                    sigma = sigma + lead * way
-                    local += 1
-                else:
-                    s = s + lead * way
-                if at_end and not snapping:
-                    s = f64(0.0)
-                    status = int(DONE)
-                elif at_end:
-                    snapping = False
-                    sigma, lead, last = f64(0.0), f64(-1.0), int(-1)
-                    drive = path.error
-                    tally(path, SNAPS)
-                    find_way(step, path, factors, drive, updates, eps)
-                elif pivots >= most or local > most_local:
-                    status = wp.where(snapping, AT_FOLD, SPENT)
-                    if snapping:
-                        copy(path.velocity, path.saved, 0)
-                        sigma = f64(0.0)
-                else:
-                    friction, old = at(step.friction, c), at(path.piece, c)
-                    share = f64(1.0) / at(step.compliance, c)
-                    p = margin(old, side, wp.vec2d(f64(1.0), f64(0.0)), friction)
-                    q = margin(old, side, wp.vec2d(f64(0.0), f64(1.0)), friction)
-                    unit = wp.vec2d(p, q) / (p * p + q * q)
-                    new = beyond(old, side, at(path.excess, c))
-                    jump = carried(new, unit, friction, eps) - carried(old, unit, friction, eps)
-                    gradient = wp.vec2d(p, q * share)
-                    g = int(0)
-                    while g < step.free.shape[0]:
-                        put(path.change, g, wp.vec3d())
-                        g += 1
-                    push(
-                        path.change,
-                        at(step.first, c),
-                        at(step.second, c),
-                        at(step.normal, c),
-                        at(step.mass, c) * jump,
-                    )
-                    solve_updated(step, path, factors, path.change, updates)
-                    pivot = f64(1.0) + rate_along(step, c, path.change, gradient)
-                    rate = rate_along(step, c, path.way, gradient) - wp.dot(gradient, at(drive, c))
-                    if pivot < f64(0.0) and not snapping:
-                        tally(path, FOLDS)
-                        snapping = True
-                        local = 0
-                        copy(path.saved, path.velocity, 0)
-                        open_around(step, path, c, f64(1.0), nearby)
-                        drive = path.opening
-                        before = lead * rate
-                        find_way(step, path, factors, drive, updates, eps)
-                        rate = rate_along(step, c, path.way, gradient) - wp.dot(gradient, at(drive, c))
-                        if rate * before > f64(0.0):
-                            open_around(step, path, c, f64(-1.0), nearby)
-                            g = int(0)
-                            while g < step.free.shape[0]:
-                                put(path.way, g, -at(path.way, g))
-                                g += 1
-                            rate = -rate
-                        lead = f64(1.0)
-                    elif pivot < f64(0.0):
-                        lead = -lead
-                    add(path.way, -rate / pivot, path.change, 0)
-                    copy(path.updates, path.change, updates * step.free.shape[0])
-                    put(path.updated, updates, c)
-                    put(path.gradient, updates, gradient)
-                    put(path.pivot, updates, pivot)
-                    updates += 1
-                    put(path.piece, c, new)
-                    pivots += 1
-                    last = int(c)
-                    if old == OPEN or new == OPEN:
-                        put(path.excess, c, wp.vec2d(f64(0.0), at(path.excess, c)[1]))
+            if lead > f64(0.0) and not snapping:
+                outcome = int(AT_FOLD)
+                break
+            correct(step, path, factors, s, sigma, eps)
+            correct(step, path, factors, s, sigma, eps)
+            find_excess(step, path, s, sigma, eps)
+            find_way(step, path, factors, drive, updates, eps)
+        c, side, way = next_kink(step, path, drive, lead, last)
+        left = wp.where(snapping, sigma, s)
+        ends = lead < f64(0.0) and way >= left
+        if ends:
+            way = left
+        elif c < 0:
+            outcome = int(UNBOUNDED)
+            break
+        add(path.velocity, lead * way, path.way, 0)
+        for e in range(step.first.shape[0]):
+            put(path.excess, e, at(path.excess, e) + way * at(path.rate, e))
+        if snapping:
+            sigma = sigma + lead * way
+            local += 1
+        else:
+            s = s + lead * way
+        if ends and not snapping:
+            s = f64(0.0)
+            outcome = int(DONE)
+            break
+        if ends:  # snapped to another branch
+            snapping, sigma, lead, last = False, f64(0.0), f64(-1.0), int(-1)
+            drive = path.error
+            find_way(step, path, factors, drive, updates, eps)
+            continue
+        if pivots >= most or local > most_local:
+            outcome = int(SPENT)
+            if snapping:
+                copy(path.velocity, 0, path.saved)
+                sigma, outcome = f64(0.0), int(AT_FOLD)
+            break
+        friction, old = at(step.friction, c), at(path.piece, c)
+        new = beyond(old, side, at(path.excess, c))
+        p = margin(old, side, wp.vec2d(f64(1.0), f64(0.0)), friction)
+        q = margin(old, side, wp.vec2d(f64(0.0), f64(1.0)), friction)
+        across = wp.vec2d(p, q) / (p * p + q * q)  # by which the margin changes by 1
+        gradient = wp.vec2d(p, q / at(step.compliance, c))
+        clear(path.change)
+        push(path.change, step, c, carried(new, across, friction, eps) - carried(old, across, friction, eps))
+        solve_updated(step, path, factors, path.change, updates)
+        pivot = f64(1.0) + wp.dot(gradient, relative(path.change, step, c))  # ratio of the determinants
+        rate = rate_of_margin(step, path, c, gradient, drive)
+        if pivot < f64(0.0) and not snapping:  # a fold in s
+            snapping, local, before = True, int(0), lead * rate
+            copy(path.saved, 0, path.velocity)
+            open_around(step, path, c, nearby)
+            drive = path.opening
+            find_way(step, path, factors, drive, updates, eps)
+            rate = rate_of_margin(step, path, c, gradient, drive)
+            if rate * before > f64(0.0):  # gaps have to close for the far side
+                rate = -rate
+                add(path.way, f64(-2.0), path.way, 0)
+                for e in range(step.first.shape[0]):
+                    put(path.opening, e, -at(path.opening, e))
+            lead = f64(1.0)
+        elif pivot < f64(0.0):
+            lead = -lead
+        add(path.way, -rate / pivot, path.change, 0)
+        copy(path.updates, updates * step.free.shape[0], path.change)
+        put(path.updated, updates, c)
+        put(path.gradient, updates, gradient)
+        put(path.pivot, updates, pivot)
+        put(path.piece, c, new)
+        if old == OPEN or new == OPEN:
+            put(path.excess, c, wp.vec2d(f64(0.0), at(path.excess, c)[1]))
+        updates += 1
+        pivots += 1
+        last = int(c)
     find_excess(step, path, s, sigma, eps)
-    c = int(0)
-    while c < step.first.shape[0]:
-        excess = at(path.excess, c) / eps
-        limit = at(step.friction, c) * wp.max(f64(0.0), excess[0])
-        put(path.dv, c, wp.max(f64(0.0), excess[0]))
-        put(path.dvt, c, wp.clamp(excess[1], -limit, limit))
-        c += 1
-    put(path.reached, 0, s)
-    put(path.reached, 1, residual_of(step, path))
+    for e in range(step.first.shape[0]):
+        a = wp.max(f64(0.0), at(path.excess, e)[0] / eps)
+        limit = at(step.friction, e) * a
+        put(path.dv, e, a)
+        put(path.dvt, e, wp.clamp(at(path.excess, e)[1] / eps, -limit, limit))
     put(path.count, PIVOTS, pivots)
-    put(path.count, 4, status)
+    put(path.count, FACTORIZATIONS, factorizations)
+    put(path.count, OUTCOME, outcome)
 
 
 @wp.kernel
 def measure(step: Step, path: Path):
-    """Measure the residual of the corrections."""
-    put(path.reached, 1, residual_of(step, path))
+    """Measure the residual of the corrections (eq. 25)."""
+    find_velocity(step, path)
+    worst = f64(0.0)
+    for c in range(step.first.shape[0]):
+        v, compliance = relative(path.velocity, step, c), at(step.compliance, c)
+        change = law.normal_change(v[0], at(path.dv, c), gap_now(step, c, path.velocity))
+        limit = at(step.friction, c) * (at(path.dv, c) + change)
+        slip = law.tangential_change((v[1] - at(step.surface, c)) / compliance, at(path.dvt, c), limit)
+        worst = wp.max(worst, wp.max(wp.abs(change), compliance * wp.abs(slip)))
+    put(path.residual, 0, worst)

@@ -24,6 +24,7 @@ from .record import (
     Phase,
     Scene,
     grain_count,
+    has_friction,
     is_accelerated,
     is_driven,
     pair_count,
@@ -38,6 +39,7 @@ RECOMPUTE_EVERY = wp.constant(100)  # accelerated iterations between two times t
 HALF_WAY = wp.constant(
     50
 )  # iteration after which the trend of the residual begins, half-way to a recomputation
+FRICTION_FROM = wp.constant(300)  # sweeps with friction before the host is asked, whose path is then short
 SCAN_EVERY = wp.constant(10)  # accelerated sweeps between two scans, and
 FIRST_SCANS = wp.constant(8)  # sweeps within which powers of two are followed by one
 
@@ -156,7 +158,7 @@ def is_too_slow(s: Scene) -> bool:
     The decay counts as that of RECOMPUTE_EVERY sweeps at most. It is that of more where the residual was not
     measured in between, because a sweep was rejected; then the host is asked later.
     """
-    if s.step.iterations <= HALF_WAY:
+    if s.step.iterations <= HALF_WAY or (has_friction(s) and s.step.iterations < FRICTION_FROM):
         return False
     fallen = wp.log(s.step.trend_residual / s.step.residual)
     left = wp.log(s.step.residual / s.stopping.tolerance)

@@ -16,7 +16,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import lattice
 from warpgrains.solver.exact import path
-from warpgrains.solver.exact.path import ATTEMPTS, Contacts, Elimination, FrictionStep
+from warpgrains.solver.exact.path import ATTEMPTS, Contacts, FrictionStep
 
 EPS = np.finfo(float).eps
 STEPS = Path(__file__).parent / "friction_steps"
@@ -25,7 +25,7 @@ NAMES = sorted(file.stem for file in STEPS.glob("*.npz"))
 SOON: dict[str, Any] = {
     "method": "exact",
     "tolerance": 1e-9,
-    "max_iterations": 110,
+    "max_iterations": 320,
     "friction": 0.5,
     "exact_time": 1e3,
 }
@@ -35,8 +35,9 @@ def hard_step(name: str) -> tuple[FrictionStep, Contacts, dict[str, FloatArray]]
     with np.load(STEPS / f"{name}.npz") as file:
         own = dict(file)
     contacts = Contacts(*(own[field] for field in Contacts._fields))
-    elimination = Elimination(len(own["free"]), contacts.first, contacts.second)
-    return FrictionStep(contacts, elimination, own["inertia"], own["free"]), contacts, own
+    step = FrictionStep(contacts.first, contacts.second, own["inertia"])
+    step.take(contacts, own["free"])
+    return step, contacts, own
 
 
 def residual(contacts: Contacts, own: dict[str, FloatArray], dv: FloatArray, dvt: FloatArray) -> float:

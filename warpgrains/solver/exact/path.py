@@ -7,7 +7,7 @@ nearer to rigid contacts. In the second case it has a larger eps, with which the
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import qdldl
@@ -26,18 +26,19 @@ if TYPE_CHECKING:
 
 ASKED = 0.5  # of the tolerance; leaves a margin for rounding in the kernels
 FINEST, COARSEST = 1e-6, 10.0  # compliances
+FINER, COARSER = 3.0, 5.0  # factors of the compliance after a pass that was followed to its end, and others
 DRIFTING = 1e-8  # compliance of a pass after one at the finest that left more than
 SLOW = 0.5  # of the residual: corrections drift that nearly balance, r / eps a pass
-FINER, COARSER = 3.0, 5.0  # factors of the compliance after a pass that was followed to its end, and others
-WORSE, WORST = 10.0, 1.0  # residual after a pass that is kept, in residuals before it and at the start
+WORSE = 10.0  # residual after a pass that is kept, in residuals before it
 PASSES = 200  # of an attempt
 EXACT_TIME = 20.0  # default of `Scene.exact_time`
 
 
 class Attempt(NamedTuple):
-    """How folds are passed, and where the compliance begins."""
+    """How a path is followed."""
 
     compliance: float = 1e-3
+    """At the start."""
     local: int = 30
     """Pivots in which a fold must be passed."""
     nearby: int = 2
@@ -65,54 +66,9 @@ class Contacts(NamedTuple):
     @classmethod
     def of(cls, constraints: StepConstraints) -> Contacts:
         """Return the contacts of constraints."""
-        first = constraints.first
-        second = np.full(len(first), -1)
-        second[: len(constraints.second)] = constraints.second
+        second = np.append(constraints.second, np.full(len(constraints.wall), -1))
         own = constraints.normal, constraints.gap_rate, constraints.reach, constraints.friction
-        return cls(first, second, *own, constraints.surface_speed)
-
-
-class Elimination:
-    """The order in which n grains are eliminated, for m contacts, and the blocks of the factors.
-
-    Attributes
-    ----------
-    column : ndarray
-        Column of every grain, shape (n,).
-    start, row : ndarray
-        Blocks of every column of L.
-    place : ndarray
-        Block of every pair, shape (m,); -1 of contacts with walls.
-    work : tuple of int
-        Work of the start of a pass and of a pivot, in visits of contacts by a sweep.
-    """
-
-    def __init__(self, n: int, first: Indices, second: Indices):
-        self.first, self.second = first, second
-        is_pair = second >= 0
-        i, j = first[is_pair], second[is_pair]
-        edge = sparse.coo_array(
-            (np.full(len(i), 1e-3 / n), (np.minimum(i, j), np.maximum(i, j))), shape=(n, n)
-        )
-        matrix = sparse.csc_matrix(
-            edge + sparse.eye_array(n)
-        )  # it is positive definite: only the pattern matters
-        lower, _, grain = qdldl.Solver(matrix, upper=True).factors()
-        self.start, self.row = lower.indptr.astype(np.int32), lower.indices.astype(np.int32)
-        self.column = np.empty(n, np.int32)
-        self.column[grain] = np.arange(n)
-        ends = np.sort(np.stack([self.column[i], self.column[j]]).astype(np.int64), axis=0)
-        length = np.diff(self.start).astype(np.int64)
-        key = np.repeat(np.arange(n), length) * n + self.row
-        self.place = np.full(len(first), -1, np.int32)
-        self.place[is_pair] = np.searchsorted(key, ends[0] * n + ends[1])
-        blocks = len(self.row) + n
-        factoring = int((length * (length + 1)).sum()) + 3 * blocks
-        self.work = factoring, factoring // int(kernels.UPDATES) + (3 * blocks) // 2
-
-    def fits(self, first: Indices, second: Indices) -> bool:
-        """Return True if these are the contacts."""
-        return np.array_equal(first, self.first) and np.array_equal(second, self.second)
+        return cls(constraints.first, second, *own, constraints.surface_speed)
 
 
 class Answer(NamedTuple):
@@ -124,98 +80,98 @@ class Answer(NamedTuple):
     """[m/s]."""
     factorizations: int = 0
     work: int = 0
+    """In visits of contacts by a sweep."""
 
 
 class FrictionStep:
-    """A step with friction in memory.
+    """Steps with friction in memory, for m contacts whose grains remain the same.
+
+    Grains are eliminated in an order that keeps the factors sparse; the kernels number them in it.
 
     Parameters
     ----------
-    contacts : Contacts
-    elimination : Elimination
-        That of these contacts.
+    first, second : ndarray
+        Grains of the contacts, shape (m,); the second is -1 at walls.
     inertia : ndarray
         M, M and J / 2 of every grain [kg], shape (n, 3).
-    free : ndarray
-        Free velocity and rim speed of every grain [m/s], shape (n, 3).
     """
 
-    def __init__(self, contacts: Contacts, elimination: Elimination, inertia: FloatArray, free: FloatArray):
-        n, m, blocks, updates = len(free), len(contacts.first), len(elimination.row), int(kernels.UPDATES)
-        self._elimination = elimination
-        column, is_pair = elimination.column, contacts.second >= 0
-        first, second = (
-            column[contacts.first],
-            np.where(is_pair, column[contacts.second], -1).astype(np.int32),
+    def __init__(self, first: Indices, second: Indices, inertia: FloatArray):
+        n, m, updates, is_pair = len(inertia), len(first), int(kernels.UPDATES), second >= 0
+        self._ends = first, second
+        i, j = first, np.where(is_pair, second, first)
+        edge = sparse.coo_array((np.full(m, 0.1 / m), (np.minimum(i, j), np.maximum(i, j))), shape=(n, n))
+        matrix = sparse.csc_matrix(edge + sparse.eye_array(n))  # positive definite: only its pattern matters
+        lower, _, self._grain = qdldl.Solver(matrix, upper=True).factors()
+        length = np.diff(lower.indptr).astype(np.int64)
+        blocks, factoring = (
+            len(lower.indices),
+            int((length * (length + 1)).sum()) + 3 * (len(lower.indices) + n),
         )
-        grain = np.argsort(column)
-        mass, rim = inertia[:, 0], 2.0 * inertia[:, 2]
-        i, j = contacts.first, np.where(is_pair, contacts.second, contacts.first)
+        self._beginning, self._pivoting = factoring, factoring // updates + 3 * (blocks + n) // 2  # work
+        column = np.empty(n, np.int32)
+        column[self._grain] = np.arange(n)
+        ends = np.sort(np.stack([column[i], column[j]]).astype(np.int64), axis=0)
+        block = np.searchsorted(np.repeat(np.arange(n), length) * n + lower.indices, ends[0] * n + ends[1])
+        mass, k = inertia[:, 0], inertia[:, 0] / inertia[:, 2]
         share_i = np.where(is_pair, mass[j] / (mass[i] + mass[j]), 1.0)
-        share_j = np.where(is_pair, mass[i] / (mass[i] + mass[j]), 0.0)
-        compliance = 1.0 + share_i * (2.0 * mass[i] / rim[i]) + share_j * (2.0 * mass[j] / rim[j])
-        owner = np.concatenate([first, second[is_pair]])
-        owned = np.concatenate([np.arange(m), np.flatnonzero(is_pair)])
-        self._step, self._path, self._factors = kernels.Step(), kernels.Path(), Factors()
-        self._share(
-            self._step,
-            first=first,
-            second=second,
-            normal=contacts.normal,
-            gap_rate=contacts.gap_rate,
-            reach=contacts.reach,
-            friction=contacts.friction,
-            surface=contacts.surface,
-            compliance=compliance,
-            mass=mass[i] * share_i,
-            place=elimination.place,
-            contact_start=np.append(0, np.cumsum(np.bincount(owner, minlength=n))).astype(np.int32),
-            contact=owned[np.argsort(owner, kind="stable")].astype(np.int32),
-            inertia=inertia[grain],
-            free=free[grain],
+        compliance = 1.0 + share_i * k[i] + np.where(is_pair, (1.0 - share_i) * k[j], 0.0)
+        owner, owned = (
+            np.append(column[i], column[j[is_pair]]),
+            np.append(np.arange(m), np.flatnonzero(is_pair)),
         )
-        self._dv, self._dvt, self._count, self._reached = (
-            np.zeros(m),
-            np.zeros(m),
-            np.zeros(5, np.int32),
-            np.zeros(2),
-        )
-        self._share(
-            self._path,
-            dv=self._dv,
-            dvt=self._dvt,
-            count=self._count,
-            reached=self._reached,
-            gap=np.empty(m),
-            piece=np.empty(m, np.int32),
-            **{name: np.empty((m, 2)) for name in ("error", "opening", "excess", "rate")},
-            **{name: np.empty((n, 3)) for name in ("velocity", "saved", "way", "change", "force")},
-            updates=np.empty((updates * n, 3)),
-            updated=np.empty(updates, np.int32),
-            gradient=np.empty((updates, 2)),
-            pivot=np.empty(updates),
-            mark=np.empty(n, np.int32),
-            front=np.empty(n, np.int32),
-        )
-        self._share(
-            self._factors,
-            start=elimination.start,
-            row=elimination.row,
-            **{name: np.empty((n, 3, 3)) for name in ("diagonal", "inverse")},
-            **{name: np.empty((blocks, 3, 3)) for name in ("lower", "upper")},
-            used=np.empty(blocks, np.int32),
-            used_end=np.empty(n, np.int32),
-        )
+        empty, numbers = np.empty, np.int32
+        self._host: dict[str, Array] = {
+            "first": column[i],
+            "second": np.where(is_pair, column[j], -1).astype(numbers),
+            **{name: empty(m) for name in ("gap_rate", "reach", "friction", "surface", "dv", "dvt", "gap")},
+            **{name: empty((m, 2)) for name in ("normal", "error", "opening", "excess", "rate")},
+            **{name: empty((n, 3)) for name in ("free", "velocity", "saved", "way", "change")},
+            **{name: empty((n, 3, 3)) for name in ("diagonal", "inverse")},
+            **{name: empty((blocks, 3, 3)) for name in ("lower", "upper")},
+            **{name: empty(n, numbers) for name in ("near", "found", "used_end")},
+            "compliance": compliance,
+            "mass": mass[i] * share_i,
+            "block": block.astype(numbers),
+            "contact_start": np.append(0, np.cumsum(np.bincount(owner, minlength=n))).astype(numbers),
+            "contact": owned[np.argsort(owner, kind="stable")].astype(numbers),
+            "inertia": inertia[self._grain],
+            "piece": empty(m, numbers),
+            "updates": empty((updates * n, 3)),
+            "updated": empty(updates, numbers),
+            "gradient": empty((updates, 2)),
+            "pivot": empty(updates),
+            "count": empty(3, numbers),
+            "residual": empty(1),
+            "start": lower.indptr.astype(numbers),
+            "row": lower.indices.astype(numbers),
+            "used": empty(blocks, numbers),
+        }
+        self._records = [self._shared(struct) for struct in (kernels.Step, kernels.Path, Factors)]
 
-    def _share(self, record: object, **arrays: Array) -> None:
-        for name, array in arrays.items():
-            setattr(record, name, shared(np.ascontiguousarray(array), kernels.TYPES.get(array.shape[1:])))
+    def _shared(self, struct: Any) -> Any:
+        """Return a struct of the kernels with the arrays of the host."""
+        record = struct()
+        for name in struct.vars:
+            setattr(record, name, shared(self._host[name], kernels.TYPES.get(self._host[name].shape[1:])))
+        return record
+
+    def fits(self, first: Indices, second: Indices) -> bool:
+        """Return True if these are the grains of the contacts."""
+        return np.array_equal(first, self._ends[0]) and np.array_equal(second, self._ends[1])
+
+    def take(self, contacts: Contacts, free: FloatArray) -> None:
+        """Take a step: its contacts, and the free velocities and rim speeds [m/s], shape (n, 3)."""
+        for name, values in contacts._asdict().items():
+            if name not in ("first", "second"):
+                self._host[name][:] = values
+        self._host["free"][:] = free[self._grain]
 
     def residual(self, dv: FloatArray, dvt: FloatArray) -> float:
         """Return the residual of corrections [m/s] (MODEL.md, eq. 25)."""
-        self._dv[:], self._dvt[:] = dv, dvt
-        launch(kernels.measure, [self._step, self._path])
-        return float(self._reached[1])
+        self._host["dv"][:], self._host["dvt"][:] = dv, dvt
+        launch(kernels.measure, self._records[:2])
+        return self._host["residual"].item()
 
     def solve(
         self,
@@ -229,32 +185,29 @@ class FrictionStep:
 
         It ends with the best corrections found when the work exceeds the budget. They may be those given.
         """
-        eps, (beginning, pivoting) = attempt.compliance, self._elimination.work
-        first = last = self.residual(dv, dvt)
-        best, work, factorizations = Answer(dv, dvt, first), 0, 0
+        eps, first = attempt.compliance, self.residual(dv, dvt)
+        best, last, work, factorizations = Answer(dv, dvt, first), first, 0, 0
         for _ in range(PASSES):
-            left = (budget - work - beginning) / pivoting
+            left = (budget - work - self._beginning) / self._pivoting
             if best.residual <= tolerance or left < 0.0:
                 break
-            pivots = int(min(200 + len(dv) // 3, left))
-            self._dv[:], self._dvt[:] = dv, dvt
-            inputs = [self._step, self._path, self._factors, eps, pivots, attempt.local, attempt.nearby]
-            launch(kernels.follow, inputs)
-            (made, factored, *_, status), residual = self._count.tolist(), float(self._reached[1])
-            work += beginning + made * pivoting
+            self._host["dv"][:], self._host["dvt"][:] = dv, dvt
+            most = int(min(200 + len(dv) // 3, left))
+            launch(kernels.follow, [*self._records, eps, most, attempt.local, attempt.nearby])
+            pivots, factored, outcome = self._host["count"].tolist()
+            found = self._host["dv"].copy(), self._host["dvt"].copy()
+            residual = self.residual(*found)
+            work += self._beginning + pivots * self._pivoting
             factorizations += factored
-            is_kept = residual <= max(WORSE * last, WORST * first) and status != kernels.UNBOUNDED
+            is_kept = residual <= max(WORSE * last, first) and outcome != kernels.UNBOUNDED
             is_drifting = eps == FINEST and residual > SLOW * last
             if is_kept:
-                dv, dvt, last = self._dv.copy(), self._dvt.copy(), residual
-                if residual < best.residual:
-                    best = Answer(dv, dvt, residual)
-            if not is_kept or status != kernels.DONE:
+                (dv, dvt), last = found, residual
+                best = min(best, Answer(dv, dvt, residual), key=lambda one: one.residual)
+            if not is_kept or outcome != kernels.DONE:
                 eps = min(COARSEST, eps * COARSER)
-            elif is_drifting:
-                eps = DRIFTING
             else:
-                eps = max(FINEST, eps / FINER)
+                eps = DRIFTING if is_drifting else max(FINEST, eps / FINER)
         return best._replace(factorizations=factorizations, work=work)
 
 
@@ -267,39 +220,39 @@ class PathSolver:
 
     def __init__(self, records: SceneRecords, k: int):
         self._records, self._k = records, k
-        self._elimination: Elimination | None = None
-        self._attempt, self._work = 0, 0
+        self._step: FrictionStep | None = None
         self._best: Answer | None = None
+        self._attempts = self._work = 0  # in the present step
 
     def solve(self) -> None:
         """Replace the corrections of the step if better ones are found, and let the kernels continue."""
         scene, record = self._records.scenes[self._k], self._records.host[self._k]
         listed, state = ListedContacts(self._records, self._k), record["step"]
         contacts = Contacts.of(listed.constraints)
-        if self._elimination is None or not self._elimination.fits(contacts.first, contacts.second):
-            self._elimination, self._best = Elimination(scene.n, contacts.first, contacts.second), None
+        step = self._step
+        if step is None or not step.fits(contacts.first, contacts.second):
+            inertia = np.column_stack([scene.contact_mass, scene.contact_mass, 0.5 * scene.rim_mass])
+            step = self._step = FrictionStep(contacts.first, contacts.second, inertia)
+            self._best = None
         if state["factorizations"] == 0:
-            self._attempt, self._work, self._best = 0, 0, None
+            self._attempts, self._work, self._best = 0, 0, None
         names = ("grains.free_velocity", "grains.free_rim")
-        free = np.column_stack([self._records.array(self._k, name) for name in names])
-        inertia = np.column_stack([scene.contact_mass, scene.contact_mass, 0.5 * scene.rim_mass])
-        step = FrictionStep(contacts, self._elimination, inertia, free)
+        step.take(contacts, np.column_stack([self._records.array(self._k, name) for name in names]))
         dv, dvt, tolerance = listed.read("dv"), listed.read("dvt"), ASKED * scene.tolerance
         exact_time = EXACT_TIME if scene.exact_time is None else scene.exact_time
-        budget = exact_time * scene.max_iterations * len(dv)
-        answer = step.solve(dv, dvt, tolerance, budget - self._work, ATTEMPTS[self._attempt % len(ATTEMPTS)])
-        self._attempt += 1
+        left = exact_time * scene.max_iterations * len(dv) - self._work
+        answer = step.solve(dv, dvt, tolerance, left, ATTEMPTS[self._attempts % len(ATTEMPTS)])
+        best = self._best = min(filter(None, (self._best, answer)), key=lambda one: one.residual)
+        self._attempts += 1
         self._work += answer.work
         state["factorizations"] += answer.factorizations
-        best = self._best = min(filter(None, (self._best, answer)), key=lambda one: one.residual)
-        is_last = state["iterations"] >= scene.max_iterations
-        is_solved = best.residual <= tolerance
+        is_last, is_solved = state["iterations"] >= scene.max_iterations, best.residual <= tolerance
         is_better = is_solved or (is_last and best.residual < step.residual(dv, dvt))
         if is_better:
             listed.write("dv", best.dv)
             listed.write("dvt", best.dvt)
         if is_last or is_solved:
             state["patience"] = 0
-        elif self._attempt >= len(ATTEMPTS) or self._work + self._elimination.work[0] > budget:
+        elif self._attempts >= len(ATTEMPTS) or answer.factorizations == 0:
             state["patience"] = -1
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
