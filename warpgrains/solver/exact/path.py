@@ -39,7 +39,7 @@ class Attempt(NamedTuple):
 
     compliance: float = 1e-3
     """At the start."""
-    local: int = 30
+    local: int = 20
     """Pivots in which a fold must be passed."""
     nearby: int = 2
     """Grains from a fold within which gaps are opened."""
