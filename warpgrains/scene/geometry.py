@@ -4,6 +4,7 @@ The search serves the checks of a scene at its start. The solver has its own (ke
 """
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from warpgrains.errors import InputError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
 """Relative rounding error of a gap: an overlap below this fraction of the coordinates counts as a contact."""
+FEW = 64  # discs up to which all pairs are compared
 
 
 class Circle(NamedTuple):
@@ -116,8 +118,14 @@ def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tupl
     or a smaller class only if their cells are neighbors; a cell is as wide as the largest diameter of
     the class. So a few huge discs among many small ones cost no more than discs of one size.
     """
-    size_class = np.frexp(radius)[1]
     touch = ROUNDING * np.abs(position).max(initial=0.0)
+    if len(radius) <= FEW:
+        i, j = _all_pairs(len(radius))
+        overlap = distance(position[j] - position[i]) - (radius[i] + radius[j]) < -touch
+        if overlap.any():
+            yield i[overlap], j[overlap]
+        return
+    size_class = np.frexp(radius)[1]
     for this_class in np.unique(size_class):
         members = np.flatnonzero(size_class == this_class)
         smaller = np.flatnonzero(size_class < this_class)
@@ -138,6 +146,12 @@ def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tupl
                 if overlap.any():
                     i, j = seekers[place[overlap]], members[among[overlap]]
                     yield np.minimum(i, j), np.maximum(i, j)
+
+
+@cache
+def _all_pairs(n: int) -> tuple[IndexArray, IndexArray]:
+    i, j = np.triu_indices(n, 1)
+    return i, j
 
 
 def _within(ascending: IndexArray, keys: IndexArray) -> tuple[IndexArray, IndexArray]:
