@@ -8,7 +8,7 @@ from functools import cache
 
 import warp as wp
 
-from .record import SOLVED, Phase, Scene, SceneRecord
+from .record import PAUSED, SOLVED, Phase, Scene, SceneRecord
 from .stages import OPTIONS
 from .threads import Team, TeamRecord
 from .waiting import barrier, seconds
@@ -27,6 +27,7 @@ class Queue:
     outcome: wp.array(dtype=wp.int32)  # of the last step
     seconds: wp.array(dtype=f64)  # spent
     cancel: wp.array(dtype=wp.int32)  # whether to begin no other step
+    most_unconverged: wp.array(dtype=wp.int32)  # steps, after which a scene waits for the host
 
 
 @wp.func_native("return __atomic_fetch_add(cursor.data, 1LL, __ATOMIC_RELAXED);")
@@ -80,6 +81,8 @@ def count_step(s: Scene, queue: Queue, k: int):
     if s.control.phase == Phase.ACCEPTED:
         queue.left[k] = queue.left[k] - 1
     queue.outcome[k] = s.step.outcome
+    if s.statistics.unconverged >= queue.most_unconverged[0]:
+        queue.outcome[k] = PAUSED
 
 
 @wp.func

@@ -28,11 +28,11 @@ from .walls import Walls
 
 f64 = wp.float64
 
-SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, CANCELLED, BEYOND_WALL, SLOW = (
-    wp.constant(k) for k in range(8)
+SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, CANCELLED, BEYOND_WALL, SLOW, PAUSED = (
+    wp.constant(k) for k in range(9)
 )
 """Outcomes of a step. A SOLVED step is accepted, converged or, if the scene allows it, not. A SLOW one
-waits for the host."""
+waits for the host. A scene is PAUSED after a step that is accepted."""
 
 
 class Kind(NamedTuple):

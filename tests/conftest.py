@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from simulate import WAYS, Simulate
@@ -18,7 +19,6 @@ from warpgrains.grade.compiler import Compiler
 from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.state import State
 from warpgrains.solver import tuning
-from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import Summary
 
 HOLD = """
@@ -79,10 +79,10 @@ def stop_at(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     def stop(steps: int) -> None:
         advance = Simulation.advance
 
-        def advance_or_stop(self: Simulation, count: int, on_progress: OnProgress) -> Summary:
+        def advance_or_stop(self: Simulation, count: int, *arguments: Any) -> Summary:
             if self.steps + count <= steps:
-                return advance(self, count, on_progress)
-            advance(self, steps - self.steps, on_progress)
+                return advance(self, count, *arguments)
+            advance(self, steps - self.steps, *arguments)
             monkeypatch.setattr(Simulation, "advance", advance)
             raise KeyboardInterrupt
 

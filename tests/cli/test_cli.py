@@ -72,7 +72,7 @@ def test_bad_output_is_refused_before_a_step_is_done(scene, tmp_path, capfd, out
 
 @pytest.mark.parametrize("error", [SimulationError("step 3: grain 1 is lost"), OSError("disk full")])
 def test_failed_run_says_why_and_leaves_nothing(scene, tmp_path, capfd, monkeypatch, error):
-    def fail(self, steps, on_progress):
+    def fail(self, *arguments):
         raise error
 
     monkeypatch.setattr(Simulation, "advance", fail)

@@ -180,8 +180,8 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
     """Do the remaining steps of an opened run and update its statistics.
 
     Warns if a new output cannot have as many frames per second as requested, if grains cannot fit (once;
-    searched for whenever the number of unconverged steps has doubled), and if the run ended before its end
-    criterion was met.
+    searched for after the first unconverged step, and whenever their number has doubled), and if the run
+    ended before its end criterion was met.
     """
     statistics, until, every = run.statistics, run.until, run.options.every
     if run.lowered_rate is not None:
@@ -207,9 +207,10 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
                 steps = min(run.steps_to_output, run.steps_to_test)
                 if kept is not None:
                     steps = min(steps, steps_to(every, statistics.steps))
-                done = simulation.advance(steps, bar.update)
                 unconverged = statistics.unconverged
-                if (unconverged + done.unconverged).bit_length() > unconverged.bit_length():
+                to_search = (1 << unconverged.bit_length()) - unconverged
+                done = simulation.advance(steps, bar.update, to_search)
+                if done.unconverged == to_search:
                     wedged = wedged or _warn_of_wedged_grains(simulation)
                 with simulation.observed():
                     run.count(done, simulation)

@@ -177,14 +177,19 @@ class Simulation(LoadedScene, Shown):
             memory; or another thread advances this simulation.
         """
         with self._use.held():
-            report = self._advance(1, None, history).report(0)
+            report = self._advance(1, history=history).report(0)
             if not history:
                 return report
             whole = (self._records.array(0, f"history.{name}") for name in StepHistory._fields)
             kept = (array[: report.iterations].copy() for array in whole)
             return replace(report, history=StepHistory(*kept))
 
-    def advance(self, steps: int, on_progress: OnProgress | None = None) -> Summary:
+    def advance(
+        self,
+        steps: int,
+        on_progress: OnProgress | None = None,
+        most_unconverged: int = checks.LARGEST_WHOLE_NUMBER,
+    ) -> Summary:
         """Advance by many time steps without outputs or callbacks between them.
 
         Parameters
@@ -193,6 +198,8 @@ class Simulation(LoadedScene, Shown):
             0 or more.
         on_progress : callable, optional
             Called occasionally with the number of steps done since its last call.
+        most_unconverged : int
+            Number of unconverged steps after which to stop early; by default none.
 
         Raises
         ------
@@ -205,12 +212,19 @@ class Simulation(LoadedScene, Shown):
         steps = checks.whole_number("steps", steps, least=0)
         if on_progress is not None:
             checks.function("on_progress", on_progress)
+        most = checks.whole_number("most_unconverged", most_unconverged)
         with self._use.held():
-            return self._advance(steps, on_progress).summary(0)
+            return self._advance(steps, on_progress, most_unconverged=most).summary(0)
 
-    def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> LastSteps:
+    def _advance(
+        self,
+        steps: int,
+        on_progress: OnProgress | None = None,
+        history: bool = False,
+        most_unconverged: int = checks.LARGEST_WHOLE_NUMBER,
+    ) -> LastSteps:
         self._records.keep_history(0, self.scene.max_iterations if history else 0)
-        self._engine.submit([steps])
+        self._engine.submit([steps], most_unconverged)
         with self._use.held(allowed=NOTHING):
             advance([self._engine], self._threads, on_progress)
         last_steps = self._engine.last_steps

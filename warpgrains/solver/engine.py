@@ -20,6 +20,7 @@ from warpgrains.kernels.record import (
     CANCELLED,
     NOT_CONVERGED,
     NOT_FINITE,
+    PAUSED,
     SLOW,
     SOLVED,
     WITHOUT_ROOM,
@@ -29,6 +30,7 @@ from warpgrains.kernels.record import (
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import fused_step, step
 from warpgrains.kernels.threads import team_records
+from warpgrains.scene.checks import LARGEST_WHOLE_NUMBER
 from warpgrains.scene.snapshot import Snapshots
 from warpgrains.solver.forces import force_of
 from warpgrains.solver.last_steps import LastSteps
@@ -82,8 +84,10 @@ class Engine:
             setattr(self._queue, name, wp.zeros(count, dtype=wp.int32, device="cpu"))
         self._queue.seconds = wp.zeros(count, dtype=wp.float64, device="cpu")
         self._queue.cancel = wp.zeros(1, dtype=wp.int32, device="cpu")
+        self._queue.most_unconverged = wp.zeros(1, dtype=wp.int32, device="cpu")
         self.left, self._outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self.seconds, self._cancel = self._queue.seconds.numpy(), self._queue.cancel.numpy()
+        self._most_unconverged = self._queue.most_unconverged.numpy()
         self._grains = self.records.sizes.grains
         self.is_brief = True
         self._tasks: list[Callable[[], None]] = []
@@ -136,9 +140,12 @@ class Engine:
         done = self.last_steps.stacked(which) if summaries is None else stacked(summaries)
         return FinalStates(grains, dt, done)
 
-    def submit(self, steps: Sequence[int]) -> None:
-        """Set the number of steps to do for each scene, and reset the statistics."""
-        self.left[:] = steps
+    def submit(self, steps: Sequence[int], most_unconverged: int = LARGEST_WHOLE_NUMBER) -> None:
+        """Set the number of steps to do for each scene, and reset the statistics.
+
+        Scenes stop early after `most_unconverged` steps that have not converged.
+        """
+        self.left[:], self._most_unconverged[:] = steps, most_unconverged
         iterations = self.records.host["stopping"]["max_iterations"]
         self.is_brief = float(self._grains @ iterations) * max(steps) < BRIEF
         self._outcome[:] = SOLVED
@@ -186,6 +193,8 @@ class Engine:
                     self.seconds[k] += perf_counter() - start
                     self.left[k] -= self.records.host["control"]["phase"][k] == Phase.ACCEPTED
                     self._outcome[k] = self.records.host["step"]["outcome"][k]
+                    if self.last_steps.sums["unconverged"][k] >= self._most_unconverged[0]:
+                        self._outcome[k] = PAUSED
             finally:
                 self.records.pull(k)
 
