@@ -31,11 +31,15 @@ def workers():
         yield workers
 
 
-def test_same_results_as_here(tmp_path, workers):
+def test_same_results_as_here(tmp_path, workers, capfd):
+    """Also when failures are repeated and give the same again."""
     sweep = write(tmp_path)
     assert batch(sweep, "-o", tmp_path / "here") == 1
-    assert batch(sweep, "-o", tmp_path / "there", "--scheduler", workers.scheduler_address) == 1
-    assert results(tmp_path / "there") == results(tmp_path / "here")
+    for resumed in ([], ["--resume"], ["--resume"]):
+        there = ["-o", tmp_path / "there", "--scheduler", workers.scheduler_address, *resumed]
+        assert batch(sweep, *there) == 1
+        assert "is not finished" not in capfd.readouterr().err
+        assert results(tmp_path / "there") == results(tmp_path / "here")
 
 
 def test_killed_worker_loses_no_run(tmp_path, workers):

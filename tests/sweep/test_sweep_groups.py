@@ -2,10 +2,14 @@
 
 from contextlib import ExitStack
 from types import SimpleNamespace
+from weakref import WeakSet
 
 import pytest
+from sweeps import SMALL, batch, results, write
 
+from warpgrains.solver.memory import OutOfMemoryError
 from warpgrains.sweep import runner
+from warpgrains.sweep.group import Group
 
 
 class FakeRunner:
@@ -23,6 +27,9 @@ class FakeRunner:
 
     def prepare(self, chosen):
         return SimpleNamespace(members=[SimpleNamespace(scene=self.scene)] * len(chosen))
+
+    def load(self, group):
+        pass
 
     def carry_out(self, group):
         self.sizes.append(len(group.members))
@@ -42,3 +49,22 @@ def test_sizes_settle(monkeypatch, grains, settled):
     assert len(later) > 3
     assert all(size == pytest.approx(settled, rel=0.01) for size in later)
     assert sum(runs.sizes) == count
+
+
+def test_a_group_that_does_not_fit_beside_another_stays_whole(tmp_path, monkeypatch):
+    sweep = write(tmp_path, SMALL.replace("100.0", "0.3"))
+    assert batch(sweep, "-o", tmp_path / "in one") == 0
+    load, loaded, sizes = Group.load, WeakSet(), []
+
+    def load_without_room(group, *where):
+        if loaded:
+            raise OutOfMemoryError("no room for two")
+        load(group, *where)
+        loaded.add(group)
+        sizes.append(len(group.members))
+
+    monkeypatch.setattr(Group, "load", load_without_room)
+    monkeypatch.setattr(runner, "LEAST_WIDTH", 2)
+    assert batch(sweep, "-o", tmp_path / "in three", "--threads", "2") == 0
+    assert sizes == [2, 2, 2]
+    assert results(tmp_path / "in three") == results(tmp_path / "in one")

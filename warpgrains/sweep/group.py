@@ -78,6 +78,10 @@ class Group:
         self._runs: list[CountedRun] = []
         self._last: StepsTaken | None = None
 
+    @property
+    def is_loaded(self) -> bool:
+        return self._loaded is not None
+
     def load(self, device: wp.Device, threads: int) -> None:
         """Load the runs into memory; OutOfMemoryError if they do not fit together."""
         self._loaded = LoadedScenes([one.scene for one in self.members], device, threads)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from time import perf_counter
 from typing import Any
 
@@ -63,6 +63,7 @@ def finish_runs(
         while following is not None:
             size, future = following
             group = future.result()
+            runner.load(group)
             following, start = prepare_next(width), perf_counter()
             grains = sum(one.scene.n for one in group.members)
             runner.carry_out(group)
@@ -107,14 +108,25 @@ class Runner:
         group = Group([one for one in chosen if isinstance(one, GroupedRun)])
         self._begin([one for one in chosen if isinstance(one, Run)], group)
         if group.members and not group.members[0].is_alone:
-            try:
+            with suppress(OutOfMemoryError):  # `load` tries again without the group before
                 group.load(self._device, self._threads)
-            except OutOfMemoryError:
-                for one in group.members:
-                    one.is_alone = True
-                self._alone += group.members
-                group.members.clear()
         return group
+
+    def load(self, group: Group) -> None:
+        """Load runs that are not loaded yet; if they lack memory, each of several gets a group of its own."""
+        members = group.members
+        if group.is_loaded or not members:
+            return
+        try:
+            group.load(self._device, self._threads)
+        except OutOfMemoryError as error:
+            if len(members) == 1:
+                members[0].error = str(error)
+                return
+            for one in members:
+                one.is_alone = True
+            self._alone += members
+            members.clear()
 
     def _begin(self, runs: Sequence[Run], group: Group) -> None:
         """Add runs to a group, unless another process has locked or finished them."""
@@ -178,7 +190,7 @@ class Runner:
 
     def carry_out(self, group: Group) -> None:
         """Advance a group, write the results of the runs that have ended or failed, and keep the others."""
-        members, is_alone = group.members, any(one.is_alone for one in group.members)
+        members = group.members
         reported = sum(one.progress for one in members)
 
         def on_progress(fraction: float) -> None:
@@ -186,12 +198,7 @@ class Runner:
             reported += fraction
             self._on_progress(fraction)
 
-        try:
-            if is_alone:
-                group.load(self._device, self._threads)
-            group.advance(LIMIT, on_progress)
-        except OutOfMemoryError as error:
-            members[0].error = str(error)
+        group.advance(LIMIT, on_progress)
         self.reasons |= group.finish(self._folder.settings)
         self._folder.shards.write(group.ended)
         self._locks.release(group.ended)

@@ -39,7 +39,7 @@ class ResultShards:
         self.lines: dict[int, bytes] = {}
         self.repeated: set[int] = set()
         self._damaged: list[Path] = []
-        self._read: set[str] = set()
+        self._read: dict[str, int] = {}
 
     def write(self, results: Mapping[int, tuple[Row, RunResult]]) -> None:
         """Write a shard of the labels and values of runs by number."""
@@ -55,14 +55,15 @@ class ResultShards:
         first, last = min(numbers, default=0), max(numbers, default=-1)
         new: list[tuple[int, Path]] = []
         for path in self.path.glob("*.csv"):
-            shard = None if path.name in self._read else _NAME.fullmatch(path.name)
+            shard = _NAME.fullmatch(path.name)
             if shard is None or int(shard["first"]) > last or int(shard["last"]) < first:
                 continue
             with suppress(FileNotFoundError):  # another process has renamed it
-                new.append((path.stat().st_mtime_ns, path))
-        return set().union(*(self._take(path) for _, path in sorted(new)))
+                if self._read.get(path.name) != (written := path.stat().st_mtime_ns):
+                    new.append((written, path))
+        return set().union(*(self._take(*shard) for shard in sorted(new)))
 
-    def _take(self, path: Path) -> set[int]:
+    def _take(self, written: int, path: Path) -> set[int]:
         """Read the lines of a shard, unless it is damaged; return the numbers of the new ones."""
         content = b""
         with suppress(FileNotFoundError):
@@ -78,7 +79,7 @@ class ResultShards:
                 del found[number]
         self.lines |= found
         self.repeated -= found.keys()
-        self._read.add(path.name)
+        self._read[path.name] = written  # a failure that repeats gives the same name
         return set(found)
 
     def set_damaged_aside(self) -> None:
