@@ -6,8 +6,9 @@ The arrays are contiguous and the indices are the solver's own. Warp's `max` tes
 cost a tenth of a sweep.
 
 In **checked mode** every index is tested against the length of its array, and the first one that is outside
-is written to the scene's `Violation`, which `warpgrains.solver.records` reports. The mode is that of the
-process: the environment variable WARPGRAINS_CHECK_BOUNDS=1, read once, when this module is imported.
+is written to the scene's `Violation`, which `warpgrains.solver.records` reports. (Warp's own debug mode names
+neither array nor index, and ends the process.) The mode is that of the process: the environment variable
+WARPGRAINS_CHECK_BOUNDS=1, read once, when this module is imported.
 """
 
 import os
@@ -57,13 +58,16 @@ def checked(code: str) -> str:
 
 
 NUMBERS = (f64, wp.int32, wp.uint64, wp.vec2d, wp.vec3d, wp.mat33d, wp.vec2i, wp.vec3i)
-
-for dtype in (*NUMBERS, Shape, Motion, Pose, Drive):
+VALUES = (*NUMBERS, Shape, Motion, Pose, Drive)
+for dtype in VALUES:
 
     @wp.func_native(checked("return array.data[i];"))
     def at(array: wp.array(dtype=dtype), i: int) -> dtype:
         """Read an element."""
         ...
+
+
+for dtype in (*VALUES, Contact):
 
     @wp.func_native(checked("array.data[i] = value;"))
     def put(array: wp.array(dtype=dtype), i: int, value: dtype):
@@ -111,43 +115,19 @@ def lowest_bit(bits: wp.uint64) -> int:
     ...
 
 
-@wp.func_native(checked("target.data[c] = source.data[k];"))
-def copy_contact(target: wp.array(dtype=Contact), c: int, source: wp.array(dtype=Contact), k: int):
-    """Copy contact k to index c of another array."""
+@wp.func_native((CHECK + "return within(array, i);") if CHECKED else "return i;")
+def index_of(array: wp.array(dtype=Contact), i: int) -> int:
+    """Return an index, which checked mode tests: no native function can return a record."""
     ...
 
 
-@wp.func_native(checked("return contact.data[c].n;"))
-def normal_of(contact: wp.array(dtype=Contact), c: int) -> wp.vec2d:
-    """Read a contact's unit normal."""
-    ...
+@wp.func
+def contact_at(contacts: wp.array(dtype=Contact), c: int) -> Contact:
+    """Read a contact."""
+    return contacts[index_of(contacts, c)]
 
 
-@wp.func_native(checked("contact.data[c].i = 2u * i; contact.data[c].j = 2u * j;"))
-def set_bodies(contact: wp.array(dtype=Contact), c: int, i: int, j: int):
-    """Write a contact's grain, and its other grain or wall."""
-    ...
-
-
-@wp.func_native(checked("contact.data[c].n = n; contact.data[c].gap_rate = gap_rate;"))
-def set_frame(contact: wp.array(dtype=Contact), c: int, n: wp.vec2d, gap_rate: f64):
-    """Write a contact's unit normal, and its gap / dt [m/s]."""
-    ...
-
-
-@wp.func_native(checked("return contact.data[c].gap_rate;"))
-def gap_rate_of(contact: wp.array(dtype=Contact), c: int) -> f64:
-    """Read a contact's gap / dt [m/s]."""
-    ...
-
-
-@wp.func_native(checked("return (int)contact.data[c].i / 2;"))
-def first_of(contact: wp.array(dtype=Contact), c: int) -> int:
-    """Read a contact's grain, the first of two."""
-    ...
-
-
-@wp.func_native(checked("return (int)contact.data[c].j / 2;"))
-def second_of(contact: wp.array(dtype=Contact), c: int) -> int:
-    """Read a contact's second grain, or its wall."""
-    ...
+@wp.func
+def bodies_of(contact: Contact):
+    """Return a contact's grain, and its other grain or wall."""
+    return int(contact.i // wp.uint32(2)), int(contact.j // wp.uint32(2))

@@ -75,26 +75,6 @@ def take(queue: Queue) -> int:
     return found
 
 
-@wp.func
-def count_step(s: Scene, queue: Queue, k: int):
-    """Count a step if it is accepted, and report its outcome."""
-    if s.control.phase == Phase.ACCEPTED:
-        queue.left[k] = queue.left[k] - 1
-    queue.outcome[k] = s.step.outcome
-    if s.statistics.unconverged >= queue.most_unconverged[0]:
-        queue.outcome[k] = PAUSED
-
-
-@wp.func
-def slice_goes_on(queue: Queue, k: int, begun: f64) -> int:
-    """Return 1 if the team continues with scene k; if not, add up the time spent on it."""
-    spent = seconds() - begun
-    if has_work(queue, k) and queue.cancel[0] == 0 and spent < TIME_SLICE:
-        return 1
-    queue.seconds[k] = queue.seconds[k] + spent
-    return 0
-
-
 @cache
 def kernel(name: str, solve: wp.Function) -> wp.Kernel:
     """Return the kernel that advances scenes, the launch of one thread, in a separate module.
@@ -117,8 +97,16 @@ def kernel(name: str, solve: wp.Function) -> wp.Kernel:
         while going_on != 0:
             solve(team, s)
             if team.rank == 0:
-                count_step(s, queue, k)
-                team.going_on[0] = slice_goes_on(queue, k, begun)
+                if s.control.phase == Phase.ACCEPTED:
+                    queue.left[k] = queue.left[k] - 1
+                queue.outcome[k] = s.step.outcome
+                if s.statistics.unconverged >= queue.most_unconverged[0]:
+                    queue.outcome[k] = PAUSED
+                spent = seconds() - begun
+                going_on = 1 if has_work(queue, k) and queue.cancel[0] == 0 and spent < TIME_SLICE else 0
+                if going_on == 0:
+                    queue.seconds[k] = queue.seconds[k] + spent
+                team.going_on[0] = going_on
             barrier(team)
             going_on = team.going_on[0]
             barrier(team)  # all have read it before it is written again

@@ -44,11 +44,11 @@ def is_near(x: wp.vec2d, radius: f64, walls: Annulus, reach: f64) -> bool:
 
 
 @wp.func
-def frame(x: wp.vec2d, radius: f64, walls: Annulus):
+def contact(x: wp.vec2d, radius: f64, walls: Annulus):
     """Return normal, outer gap, inner gap, and A of eq. 18 (inf for a tangent) [m] of a grain at x."""
     n, distance = law.normal(wp.vec2d(f64(0.0), f64(0.0)), x)
-    reach = wp.where(walls.round != 0, walls.radius_out - radius, f64(wp.inf))
-    return n, outer_gap(distance, radius, walls), inner_gap(distance, radius, walls), reach
+    circle = wp.where(walls.round != 0, walls.radius_out - radius, f64(wp.inf))
+    return n, outer_gap(distance, radius, walls), inner_gap(distance, radius, walls), circle
 
 
 @wp.func

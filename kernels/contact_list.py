@@ -3,10 +3,10 @@
 import warp as wp
 
 from . import law
-from .access import at, put, raise_to, set_bodies
-from .contacts import find_rim_weights
-from .record import Phase, Scene, grain_count, has_friction, has_weights, is_accelerated
-from .types import NeighborList
+from .access import at, put, raise_to
+from .contacts import value_at
+from .record import Phase, Scene, grain_count, has_friction, has_swept, has_weights, is_accelerated
+from .types import Contact, NeighborList
 from .walls import wall_body_count
 
 f64 = wp.float64
@@ -30,15 +30,6 @@ def pair_end(rows: NeighborList, i: int) -> int:
 
 
 @wp.func
-def has_wall(rows: NeighborList, i: int) -> bool:
-    """Return whether row i has a contact with a wall."""
-    begin, end = at(rows.start, i), at(rows.start, i + 1)
-    if end > begin:
-        return at(rows.neighbor, end - 1) >= rows.start.shape[0] - 1
-    return False
-
-
-@wp.func
 def save_row(s: Scene, i: int):
     """Save where the row of a grain begins."""
     put(s.workspace.old.start, i, at(s.neighbors.start, i))
@@ -47,19 +38,14 @@ def save_row(s: Scene, i: int):
 @wp.func
 def save_contact(s: Scene, k: int):
     """Save contact k of the list, with its corrections."""
-    c = at(s.workspace.sweep_index, k)
-    last = f64(0.0)
-    if is_accelerated(s):
-        last = at(s.contacts.last_dv, c)
-    dv = wp.vec3d(at(s.contacts.dv, c), at(s.contacts.dv_start, c), last)
+    c, contacts = at(s.workspace.sweep_index, k), s.contacts
+    dv = wp.vec3d(at(contacts.dv, c), at(contacts.dv_start, c), value_at(contacts.last_dv, c))
     put(s.workspace.old_dv, k, dv)
     put(s.workspace.old.neighbor, k, at(s.neighbors.neighbor, k))
     put(s.workspace.old_place, k, k)
     if has_friction(s):
-        last = f64(0.0)
-        if is_accelerated(s):
-            last = at(s.contacts.last_dvt, c)
-        put(s.workspace.old_dvt, k, wp.vec3d(at(s.contacts.dvt, c), at(s.contacts.dvt_start, c), last))
+        dvt = wp.vec3d(at(contacts.dvt, c), at(contacts.dvt_start, c), value_at(contacts.last_dvt, c))
+        put(s.workspace.old_dvt, k, dvt)
 
 
 @wp.func
@@ -69,7 +55,7 @@ def expire(s: Scene):
     put(s.workspace.old.start, n, at(s.neighbors.start, n))
     s.step.rebuilds = s.step.rebuilds + 1
     s.control.resuming = 0
-    if s.step.iterations > 0:
+    if has_swept(s):
         if is_accelerated(s):
             s.control.resuming = 1
         else:
@@ -81,16 +67,6 @@ def expire(s: Scene):
 def is_active(dv: wp.vec3d) -> bool:
     """Return whether a contact carries a correction, or did at the step's start or a sweep back."""
     return dv[0] != f64(0.0) or dv[1] != f64(0.0) or dv[2] != f64(0.0)
-
-
-@wp.func
-def was_active(s: Scene, i: int, j: int) -> bool:
-    """Return whether the old list has grain i at wall j with a correction; such a contact stays listed."""
-    old = s.workspace.old
-    k, end = pair_end(old, i), at(old.start, i + 1)
-    while k < end and at(old.neighbor, k) < j:
-        k += 1
-    return k < end and at(old.neighbor, k) == j and is_active(at(s.workspace.old_dv, k))
 
 
 @wp.func
@@ -126,20 +102,6 @@ def match_rows(s: Scene, i: int):
 
 
 @wp.func
-def transfer_tangential(s: Scene, k: int, c: int, i: int, j: int):
-    """Write the tangential corrections of contact k of the list, at index c of the sweeping order."""
-    k_old, dvt = at(s.workspace.old_place, k), wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
-    if k_old >= 0:
-        dvt = at(s.workspace.old_dvt, k_old)
-    put(s.contacts.dvt, c, dvt[0])
-    put(s.contacts.dvt_start, c, dvt[1])
-    if is_accelerated(s):
-        put(s.contacts.last_dvt, c, dvt[2])
-    if has_weights(s):
-        put(s.contacts.rim_weights, c, find_rim_weights(s, i, j))
-
-
-@wp.func
 def transfer_warm_start(s: Scene, i: int):
     """Write a grain's contacts in sweeping order, with the corrections of the old list, or zero."""
     k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
@@ -147,29 +109,43 @@ def transfer_warm_start(s: Scene, i: int):
         j = at(s.neighbors.neighbor, k)
         c = at(s.workspace.sweep_index, k)
         k_old = at(s.workspace.old_place, k)
-        dv = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
+        dv, dvt = wp.vec3d(), wp.vec3d()
         if k_old >= 0:
             dv = at(s.workspace.old_dv, k_old)
-        set_bodies(s.contacts.contact, c, i, j)
+            if has_friction(s):
+                dvt = at(s.workspace.old_dvt, k_old)
+        contact = Contact()
+        contact.i = wp.uint32(2 * i)
+        contact.j = wp.uint32(2 * j)
+        put(s.contacts.contact, c, contact)
         put(s.contacts.dv, c, dv[0])
         put(s.contacts.dv_start, c, dv[1])
+        if has_friction(s):
+            put(s.contacts.dvt, c, dvt[0])
+            put(s.contacts.dvt_start, c, dvt[1])
         if is_accelerated(s):
             put(s.contacts.last_dv, c, dv[2])
+            if has_friction(s):
+                put(s.contacts.last_dvt, c, dvt[2])
         if has_weights(s):
-            put(s.contacts.weights, c, mass_shares(s, i, j))
-        if has_friction(s):
-            transfer_tangential(s, k, c, i, j)
+            find_weights(s, c, i, j)
         k += 1
 
 
 @wp.func
-def mass_shares(s: Scene, i: int, j: int) -> wp.vec2d:
-    """Return the parts of a correction that grain i, and grain or wall j, take."""
-    if j >= grain_count(s):
-        return wp.vec2d(f64(1.0), f64(0.0))
-    mass_i = at(s.grains.contact_mass, i)
-    mass_j = at(s.grains.contact_mass, j)
-    return wp.vec2d(law.mass_share(mass_i, mass_j), law.mass_share(mass_j, mass_i))
+def find_weights(s: Scene, c: int, i: int, j: int):
+    """Write how much of the corrections of contact c grain i, and grain or wall j, take (eqs. 7 and 22)."""
+    mass_i, mass_j = at(s.grains.contact_mass, i), f64(0.0)
+    weight = wp.vec2d(f64(1.0), f64(0.0))
+    if j < grain_count(s):
+        mass_j = at(s.grains.contact_mass, j)
+        weight = wp.vec2d(law.mass_share(mass_i, mass_j), law.mass_share(mass_j, mass_i))
+    put(s.contacts.weights, c, weight)
+    if has_friction(s):
+        rim_i, rim_j = weight[0] * (f64(2.0) * mass_i / at(s.grains.rim_mass, i)), f64(0.0)
+        if j < grain_count(s):
+            rim_j = weight[1] * (f64(2.0) * mass_j / at(s.grains.rim_mass, j))
+        put(s.contacts.rim_weights, c, wp.vec3d(f64(1.0) / (f64(1.0) + rim_i + rim_j), rim_i, rim_j))
 
 
 @wp.func

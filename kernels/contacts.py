@@ -1,21 +1,22 @@
-"""Contacts by index: pairs, then contacts with walls; the parts over which sums are taken; one contact's law.
+"""Contacts by index: pairs, then contacts with walls; chunks over which sums are taken; one contact's law.
 
-Chunks have a fixed length, and sums are taken over each and then in order: they are the same for any number
-of threads. A chunk of pairs, or of contacts with walls, that lies in several sets is one part in each.
+Chunk q of set k has the contacts of the set among CHUNK ones from (q - k) CHUNK on, so that numbers of chunks
+follow each other from set to set. Sums are taken over each chunk and then in order: they are the same for any
+number of threads. The contacts of a grain with walls are never divided among threads, or chunks.
 """
 
 import warp as wp
 
 from . import law
-from .access import at, first_of, gap_rate_of, normal_of, put, second_of
+from .access import at, bodies_of, contact_at, put
 from .driven import change_speed
 from .record import Scene, grain_count, has_friction, has_weights, is_driven, pair_count
 from .threads import Team, thread_range
-from .types import Contacts, Floats, Vectors
+from .types import Contact, Contacts, Floats, Vectors
 
 f64 = wp.float64
 CHUNK = wp.constant(128)
-THIRD = wp.constant(f64(1.0 / 3.0))
+EQUAL_RIMS = wp.constant(wp.vec3d(1.0 / 3.0, 1.0, 1.0))  # `rim_weights` of a pair where all masses are equal
 
 
 @wp.func
@@ -26,14 +27,25 @@ def contact_count(s: Scene) -> int:
 
 @wp.func
 def set_count(s: Scene) -> int:
-    """Return the number of sets, those of contacts with walls included."""
-    return s.contacts.count.sets + s.contacts.count.wall_sets
+    """Return the number of sets: those of pairs, and that of all contacts with walls."""
+    return s.contacts.count.sets + 1
 
 
 @wp.func
 def is_wall_set(s: Scene, k: int) -> bool:
-    """Return whether a set is of contacts with walls."""
-    return k >= s.contacts.count.sets
+    """Return whether a set is that of contacts with walls."""
+    return k == s.contacts.count.sets
+
+
+@wp.func
+def next_grain(s: Scene, c: int) -> int:
+    """Return c, or the next contact with a wall that is of another grain than the contact before."""
+    k = int(c)
+    while k > pair_count(s) and k < contact_count(s):
+        if contact_at(s.contacts.contact, k).i != contact_at(s.contacts.contact, k - 1).i:
+            break
+        k += 1
+    return k
 
 
 @wp.func
@@ -48,9 +60,11 @@ def range_of_set(team: Team, s: Scene, k: int, begin: int, end: int):
 
 @wp.func
 def contacts_of(team: Team, s: Scene, k: int):
-    """Return first contact and end of this thread's part of a set."""
-    begin, end = range_of_set(team, s, k, at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1))
-    return begin, end
+    """Return first contact and end of this thread's range of a set."""
+    first, last = range_of_set(team, s, k, at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1))
+    if is_wall_set(s, k):
+        first, last = next_grain(s, first), next_grain(s, last)
+    return first, last
 
 
 @wp.func
@@ -60,20 +74,25 @@ def chunks_in(count: int) -> int:
 
 
 @wp.func
-def part_count(s: Scene) -> int:
-    """Return the number of parts of the contacts."""
-    return chunks_in(pair_count(s)) + chunks_in(s.contacts.count.walls) + set_count(s)
+def chunk_count(s: Scene) -> int:
+    """Return the number of chunks of the contacts."""
+    return chunks_in(contact_count(s)) + set_count(s)
 
 
 @wp.func
 def chunks_of_set(s: Scene, k: int):
-    """Return first chunk and end of a set, the contact that chunk 0 begins with, and the part of chunk 0."""
-    origin, part = int(0), int(k)
+    """Return first chunk and end of a set."""
+    return at(s.contacts.set_start, k) // CHUNK + k, chunks_in(at(s.contacts.set_start, k + 1)) + k
+
+
+@wp.func
+def contacts_of_chunk(s: Scene, k: int, chunk: int):
+    """Return first contact and end of a chunk of set k."""
+    begin = wp.max(at(s.contacts.set_start, k), (chunk - k) * CHUNK)
+    end = wp.min(at(s.contacts.set_start, k + 1), (chunk - k + 1) * CHUNK)
     if is_wall_set(s, k):
-        origin = pair_count(s)
-        part = chunks_in(origin) + k
-    first = (at(s.contacts.set_start, k) - origin) // CHUNK
-    return first, chunks_in(at(s.contacts.set_start, k + 1) - origin), origin, part
+        begin, end = next_grain(s, begin), next_grain(s, end)
+    return begin, end
 
 
 @wp.func
@@ -87,75 +106,60 @@ def limits_at(limits: Vectors, w: int) -> wp.vec2d:
 @wp.func
 def gap_rates_now(contacts: Contacts, c: int, v: wp.vec2d):
     """Return gap / dt on both sides of a wall, for a grain of velocity v [m/s] (eq. 18)."""
-    limits = limits_at(contacts.limits, c - contacts.count.pairs)
-    along = law.speed_along(v, normal_of(contacts.contact, c))
-    return law.round_gap_rate(gap_rate_of(contacts.contact, c), along, limits[1]), limits[0]
+    contact, limits = contact_at(contacts.contact, c), limits_at(contacts.limits, c - contacts.count.pairs)
+    return law.round_gap_rate(contact.gap_rate, law.speed_along(v, contact.n), limits[1]), limits[0]
 
 
 @wp.func
 def surface_of(s: Scene, c: int) -> wp.vec2d:
     """Return the friction of the wall of a contact, and its speed along the tangent [m/s] (eq. 23)."""
-    surface = at(s.walls.surface, second_of(s.contacts.contact, c) - grain_count(s))
+    _, j = bodies_of(contact_at(s.contacts.contact, c))
+    surface = at(s.walls.surface, j - grain_count(s))
     if s.contacts.wall_speed.shape[0] > 0:
         return wp.vec2d(surface[0], at(s.contacts.wall_speed, c - pair_count(s)))
     return surface
 
 
 @wp.func
-def apply(s: Scene, velocity: Vectors, rim: Floats, c: int, n: wp.vec2d, dv: f64, dvt: f64):
-    """Share the corrections [m/s] of a contact of normal n out to its bodies (eqs. 7, 22 and 28).
+def apply(s: Scene, velocity: Vectors, rim: Floats, contact: Contact, c: int, dv: f64, dvt: f64):
+    """Share the corrections [m/s] of contact c out to its bodies (eqs. 7, 22 and 28).
 
     They are given, because reading again what START has just written takes a tenth of a step of one sweep.
     """
-    contacts = s.contacts
-    i = first_of(contacts.contact, c)
+    i, j = bodies_of(contact)
     at_wall = c >= pair_count(s)
-    impulse = dv * n
+    impulse = dv * contact.n
     if has_friction(s):
-        impulse = impulse + dvt * law.tangent(n)
-        part = rim_weights(s, c, at_wall)
-        put(rim, i, at(rim, i) - dvt * part[1])
+        impulse = impulse + dvt * law.tangent(contact.n)
+        rims = rim_weights(s, c, at_wall)
+        put(rim, i, at(rim, i) - dvt * rims[1])
         if not at_wall:
-            j = second_of(contacts.contact, c)
-            put(rim, j, at(rim, j) - dvt * part[2])
+            put(rim, j, at(rim, j) - dvt * rims[2])
     if at_wall:
         put(velocity, i, at(velocity, i) - impulse)
         if is_driven(s):
-            change_speed(s, velocity, i, second_of(contacts.contact, c), n, dv)
+            change_speed(s, velocity, i, j, contact.n, dv)
         return
-    j, weight = second_of(contacts.contact, c), wp.vec2d(f64(0.5), f64(0.5))
+    weight = wp.vec2d(f64(0.5), f64(0.5))
     if has_weights(s):
-        weight = at(contacts.weights, c)
+        weight = at(s.contacts.weights, c)
     put(velocity, i, at(velocity, i) - impulse * weight[0])
     put(velocity, j, at(velocity, j) + impulse * weight[1])
 
 
 @wp.func
-def tangential_at(dvts: Floats, c: int) -> f64:
-    """Return a tangential correction [m/s]; 0 without friction, where the array is empty."""
-    if dvts.shape[0] > 0:
-        return at(dvts, c)
+def value_at(numbers: Floats, c: int) -> f64:
+    """Return a number of a contact; 0 where the scene has none, and the array is empty."""
+    if numbers.shape[0] > 0:
+        return at(numbers, c)
     return f64(0.0)
 
 
 @wp.func
 def rim_weights(s: Scene, c: int, at_wall: bool) -> wp.vec3d:
-    """Return 1 / K_t of a contact, and the parts of a tangential correction that its rims take (eq. 22)."""
+    """Return 1 / K_t of a contact, and how much of a tangential correction its rims take (eq. 22)."""
     if has_weights(s):
         return at(s.contacts.rim_weights, c)
     if at_wall:
-        return wp.vec3d(THIRD, f64(2.0), f64(0.0))
-    return wp.vec3d(THIRD, f64(1.0), f64(1.0))
-
-
-@wp.func
-def find_rim_weights(s: Scene, i: int, j: int) -> wp.vec3d:
-    """Compute the rim weights of a contact from the masses of grain i, and of grain or wall j."""
-    k_i = f64(2.0) * at(s.grains.contact_mass, i) / at(s.grains.rim_mass, i)
-    if j >= grain_count(s):
-        return wp.vec3d(f64(1.0) / (f64(1.0) + k_i), k_i, f64(0.0))
-    mass_i, mass_j = at(s.grains.contact_mass, i), at(s.grains.contact_mass, j)
-    k_j = f64(2.0) * mass_j / at(s.grains.rim_mass, j)
-    part_i = law.mass_share(mass_i, mass_j) * k_i
-    part_j = law.mass_share(mass_j, mass_i) * k_j
-    return wp.vec3d(f64(1.0) / (f64(1.0) + part_i + part_j), part_i, part_j)
+        return wp.vec3d(EQUAL_RIMS[0], f64(2.0), f64(0.0))
+    return EQUAL_RIMS

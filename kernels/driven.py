@@ -14,8 +14,7 @@ from math import pi
 
 import warp as wp
 
-from . import law
-from .access import at, first_of, gap_rate_of, normal_of, put, second_of
+from .access import at, put
 from .record import Scene, grain_count, is_driven
 from .types import DriveOf, Pose, PoseOf, Vectors
 
@@ -52,49 +51,10 @@ def compliance_of(s: Scene, i: int, j: int, n: wp.vec2d) -> f64:
 
 
 @wp.func
-def missing_correction(s: Scene, velocity: Vectors, c: int):
-    """Return the change that the correction of a contact still needs [m/s], and K (eq. 30)."""
-    contact = s.contacts.contact
-    i, j, n = first_of(contact, c), second_of(contact, c), normal_of(contact, c)
-    excess = closing_speed(s, velocity, i, j, n) - gap_rate_of(contact, c)
-    compliance = compliance_of(s, i, j, n)
-    return law.driven_change(excess, at(s.contacts.dv, c), compliance), compliance
-
-
-@wp.func
 def change_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f64):
     """Add the correction dv [m/s] of a contact of grain i to the speed of wall j."""
     speed = at(velocity, j)[0] + dv * share_of_wall(s, i, j, n)
     put(velocity, j, wp.vec2d(speed, f64(0.0)))
-
-
-@wp.func
-def correct_wall(
-    s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f64, gap_rate: f64, factor: f64
-) -> wp.vec3d:
-    """Correct the speed of wall j for a contact of grain i that has the correction dv [m/s] (eq. 29).
-
-    Returns the change of dv, by which grain i is still to be corrected, K, and vn - gap / dt. The change is
-    that for `factor` times this excess.
-    """
-    excess, compliance = closing_speed(s, velocity, i, j, n) - gap_rate, compliance_of(s, i, j, n)
-    change = law.driven_change(factor * excess, dv, compliance)
-    change_speed(s, velocity, i, j, n, change)
-    return wp.vec3d(change, compliance, excess)
-
-
-@wp.func
-def place_driven_walls(s: Scene):
-    """Place driven walls inside the annulus where they are now; a step freezes its contacts there."""
-    for b in range(1, s.walls.drive.shape[0]):
-        drive = at(s.walls.drive, b)
-        if drive[DriveOf.INVERSE_MASS] > f64(0.0):
-            path = at(s.grains.position, grain_count(s) + b)[0]
-            pose = Pose()
-            pose[PoseOf.COSINE] = f64(1.0)
-            pose[PoseOf.SHIFT_X] = path * drive[DriveOf.DIRECTION_X]
-            pose[PoseOf.SHIFT_Y] = path * drive[DriveOf.DIRECTION_Y]
-            put(s.walls.pose, b - 1, pose)
 
 
 @wp.func
@@ -106,20 +66,24 @@ def acceleration_of_wall(s: Scene, j: int) -> wp.vec2d:
 
 
 @wp.func
-def begin_driven_walls(s: Scene):
-    """Place the driven walls.
+def place_driven_walls(s: Scene):
+    """Place driven walls where they are now; a step freezes its contacts there.
 
     The surface of a circle that turns has the speed of its present radius (eq. 23).
     """
-    if is_driven(s) and s.walls.surface.shape[0] > 0:
-        speed = s.walls.annulus.radius_out * s.walls.annulus.angular_velocity_out
+    if not is_driven(s):
+        return
+    radius = at(s.grains.position, grain_count(s))[0]
+    s.walls.annulus.radius_out = radius
+    if s.walls.surface.shape[0] > 0:
+        speed = radius * s.walls.annulus.angular_velocity_out
         put(s.walls.surface, 0, wp.vec2d(at(s.walls.surface, 0)[0], speed))
-    place_driven_walls(s)
-
-
-@wp.func
-def end_driven_walls(s: Scene):
-    """Give the outer circle the radius to which it has moved, and the other driven walls their places."""
-    if is_driven(s):
-        s.walls.annulus.radius_out = at(s.grains.position, grain_count(s))[0]
-    place_driven_walls(s)
+    for b in range(1, s.walls.drive.shape[0]):
+        drive = at(s.walls.drive, b)
+        if drive[DriveOf.INVERSE_MASS] > f64(0.0):
+            path = at(s.grains.position, grain_count(s) + b)[0]
+            pose = Pose()
+            pose[PoseOf.COSINE] = f64(1.0)
+            pose[PoseOf.SHIFT_X] = path * drive[DriveOf.DIRECTION_X]
+            pose[PoseOf.SHIFT_Y] = path * drive[DriveOf.DIRECTION_Y]
+            put(s.walls.pose, b - 1, pose)

@@ -13,7 +13,7 @@ from .access import named
 from .contacts import set_count
 from .record import Scene, SceneRecord
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
-from .threads import TeamRecord, member
+from .threads import TeamRecord
 
 GPU_THREADS = 1 << 16
 Launched = Serial | Each | Shared
@@ -60,7 +60,8 @@ def stage_kernel(stage: Launched, module: wp.Module) -> wp.Kernel:
     run = fuse([stage])
 
     def launched(records: wp.array(dtype=SceneRecord), k: int, team: TeamRecord):
-        one = member(team, wp.tid())
+        one = team
+        one.rank = wp.tid()
         run(one, records[k])
 
     launched.__qualname__ = f"launch_{stage.stage.func.__name__}"  # a graph finds kernels by their names

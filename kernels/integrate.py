@@ -4,7 +4,7 @@ import warp as wp
 
 from . import law
 from .access import at, put
-from .driven import acceleration_of_wall, begin_driven_walls, end_driven_walls
+from .driven import acceleration_of_wall, place_driven_walls
 from .record import Scene, grain_count, rotates, time_after
 from .walls import place_walls
 
@@ -17,7 +17,7 @@ def begin_step(s: Scene):
     if s.turning.rate != f64(0.0):
         s.gravity = law.turned_gravity(s.turning.start, s.turning.rate, time_after(s, s.steps))
     place_walls(s.walls, time_after(s, s.steps), time_after(s, s.steps + wp.int64(1)))
-    begin_driven_walls(s)
+    place_driven_walls(s)
 
 
 @wp.func
@@ -29,15 +29,6 @@ def velocity_after_kick(s: Scene, v: wp.vec2d, acceleration: wp.vec2d, drag: f64
 
 
 @wp.func
-def free_rim(s: Scene, i: int):
-    """Find the rim speed without contacts: the spin obeys the law of velocities, with inertia (eq. 21)."""
-    radius, spin = at(s.grains.radius, i), wp.vec2d(at(s.grains.spin, i), f64(0.0))
-    inertia = law.inertia(at(s.grains.mass, i), radius)
-    spin = velocity_after_kick(s, spin, wp.vec2d(f64(0.0), f64(0.0)), s.spin_drag, inertia)
-    put(s.grains.free_rim, i, radius * spin[0])
-
-
-@wp.func
 def free_velocity(s: Scene, i: int):
     """Compute v* of a grain, and with friction the speed of its rim, or of a driven wall (eq. 27)."""
     v = at(s.grains.velocity, i)
@@ -46,25 +37,16 @@ def free_velocity(s: Scene, i: int):
     else:
         v = velocity_after_kick(s, v, acceleration_of_wall(s, i), f64(0.0), f64(1.0))
     put(s.grains.free_velocity, i, v)
-    if rotates(s, i):
-        free_rim(s, i)
-
-
-@wp.func
-def turn(s: Scene, i: int):
-    """Take the spin from the rim speed that contacts have corrected, and turn the grain (eq. 24)."""
-    spin = at(s.grains.next_rim, i) / at(s.grains.radius, i)
-    put(s.grains.last_spin, i, at(s.grains.spin, i))
-    put(s.grains.spin, i, spin)
-    put(s.grains.angle, i, at(s.grains.angle, i) + s.dt * spin)
+    if rotates(s, i):  # the spin obeys the law of velocities, with inertia (eq. 21)
+        radius, spin = at(s.grains.radius, i), wp.vec2d(at(s.grains.spin, i), f64(0.0))
+        inertia = f64(0.5) * at(s.grains.mass, i) * radius * radius
+        spin = velocity_after_kick(s, spin, wp.vec2d(), s.spin_drag, inertia)
+        put(s.grains.free_rim, i, radius * spin[0])
 
 
 @wp.func
 def move(s: Scene, i: int):
-    """Move a grain, or a driven wall, with the velocity that the contacts have corrected (eq. 3).
-
-    With friction, a grain turns as well.
-    """
+    """Move a grain, or a driven wall, with the velocity that the contacts have corrected (eqs. 3 and 24)."""
     x = at(s.grains.position, i)
     v = at(s.grains.next_velocity, i)
     put(s.grains.last_position, i, x)
@@ -72,14 +54,17 @@ def move(s: Scene, i: int):
     put(s.grains.position, i, x + s.dt * v)
     put(s.grains.velocity, i, v)
     if rotates(s, i):
-        turn(s, i)
+        spin = at(s.grains.next_rim, i) / at(s.grains.radius, i)
+        put(s.grains.last_spin, i, at(s.grains.spin, i))
+        put(s.grains.spin, i, spin)
+        put(s.grains.angle, i, at(s.grains.angle, i) + s.dt * spin)
 
 
 @wp.func
 def end_step(s: Scene):
     """Count the step; after one of the leapfrog, velocities are half a step behind the positions."""
     s.steps = s.steps + wp.int64(1)
-    end_driven_walls(s)
+    place_driven_walls(s)
     s.scheme.last_staggered = s.scheme.staggered
     if s.scheme.leapfrog != 0:
         s.scheme.staggered = 1

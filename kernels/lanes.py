@@ -4,9 +4,8 @@ What is a number of one pair is a vector here, with a lane for each; every lane 
 alone.
 """
 
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from types import SimpleNamespace
 
 import warp as wp
 
@@ -16,44 +15,6 @@ from .types import Contact, Floats, Vectors
 f64 = wp.float64
 Pairs = wp.array(dtype=Contact)
 FOUR = wp.constant(4)
-
-
-@dataclass(frozen=True)
-class Lanes:
-    """Functions of several pairs at once, of those from index c on.
-
-    Attributes
-    ----------
-    vector : type
-        One number of each pair.
-    numbers_at, set_numbers : wp.Function
-        Read and write numbers, `(array, c)` and `(array, c, numbers)`.
-    sum_of, product_of, larger_of : wp.Function
-        Of two numbers of each pair. Compilers do not see that Warp's own could be one instruction.
-    approach : wp.Function
-        Velocities at which pairs close their gaps, `(velocity, pairs, c)` [m/s].
-    gap_rates : wp.Function
-        Their gaps over dt, `(pairs, c)` [m/s].
-    push_apart : wp.Function
-        Share changes of corrections out to grains, `(velocity, pairs, c, dv, share_i, share_j, kept, place)`.
-    slip : wp.Function
-        Velocities at which the surfaces of pairs slip, `(velocity, rim, pairs, c)` [m/s].
-    push_and_turn : wp.Function
-        Share changes of normal and tangential corrections out to grains and their rims,
-        `(velocity, rim, pairs, c, dv, dvt, share_i, share_j, rim_i, rim_j, kept, place)`.
-    """
-
-    vector: Any
-    numbers_at: wp.Function
-    set_numbers: wp.Function
-    sum_of: wp.Function
-    product_of: wp.Function
-    larger_of: wp.Function
-    approach: wp.Function
-    gap_rates: wp.Function
-    push_apart: wp.Function
-    slip: wp.Function
-    push_and_turn: wp.Function
 
 
 @wp.func
@@ -105,11 +66,22 @@ KEEP = """
 """C++ that keeps the velocities of a pair after its correction, because a later pair may change them."""
 
 
+TURN = """
+    const wp::vec_t<2, double> t(-n[1], n[0]);
+    impulse = impulse + *(const couple *)&t * dvt.c[k];
+    rim.data[i / 2] = rim.data[i / 2] - dvt.c[k] * rim_i.c[k];
+    rim.data[j / 2] = rim.data[j / 2] - dvt.c[k] * rim_j.c[k];
+"""
+"""C++ that adds a tangential correction, and turns both grains by it."""
+
+
 @cache
-def lanes(count: int, keep: bool = False) -> Lanes:
-    """Return the functions of `count` pairs at once. With `keep`, those that push keep the velocities."""
+def lanes(count: int, friction: bool = False, keep: bool = False) -> SimpleNamespace:
+    """Return the functions of `count` pairs at once, from index c on, and `vector`, one number of each.
+
+    `push` shares changes of corrections out to grains and, with friction, to their rims (eqs. 7 and 23).
+    """
     vector = wp.types.vector(length=count, dtype=f64)
-    keeping = KEEP if keep else ""
 
     @wp.func_native(
         checked(f"""
@@ -158,28 +130,6 @@ def lanes(count: int, keep: bool = False) -> Lanes:
 
     @wp.func_native(
         checked(f"""{VELOCITIES}
-        for (int k = 0; k < {count}; k++) {{
-            const couple push = *(const couple *)&pairs.data[c + k].n * dv.c[k];
-            couple *vi = velocity_at(pairs.data[c + k].i), *vj = velocity_at(pairs.data[c + k].j);
-            *vi = *vi - push * share_i.c[k];
-            *vj = *vj + push * share_j.c[k];
-            {keeping}
-        }}
-    """)
-    )
-    def push_apart(
-        velocity: Vectors,
-        pairs: Pairs,
-        c: int,
-        dv: vector,
-        share_i: vector,
-        share_j: vector,
-        kept: Vectors,
-        place: int,
-    ): ...
-
-    @wp.func_native(
-        checked(f"""{VELOCITIES}
         wp::vec_t<{count}, double> vt;
         for (int k = 0; k < {count}; k++) {{
             const unsigned i = pairs.data[c + k].i, j = pairs.data[c + k].j;
@@ -197,18 +147,16 @@ def lanes(count: int, keep: bool = False) -> Lanes:
         for (int k = 0; k < {count}; k++) {{
             const unsigned i = pairs.data[c + k].i, j = pairs.data[c + k].j;
             const auto n = pairs.data[c + k].n;
-            const wp::vec_t<2, double> t(-n[1], n[0]);
-            const couple push = *(const couple *)&n * dv.c[k] + *(const couple *)&t * dvt.c[k];
+            couple impulse = *(const couple *)&n * dv.c[k];
+            {TURN if friction else ""}
             couple *vi = velocity_at(i), *vj = velocity_at(j);
-            *vi = *vi - push * share_i.c[k];
-            *vj = *vj + push * share_j.c[k];
-            {keeping}
-            rim.data[i / 2] = rim.data[i / 2] - dvt.c[k] * rim_i.c[k];
-            rim.data[j / 2] = rim.data[j / 2] - dvt.c[k] * rim_j.c[k];
+            *vi = *vi - impulse * share_i.c[k];
+            *vj = *vj + impulse * share_j.c[k];
+            {KEEP if keep else ""}
         }}
     """)
     )
-    def push_and_turn(
+    def push(
         velocity: Vectors,
         rim: Floats,
         pairs: Pairs,
@@ -223,16 +171,15 @@ def lanes(count: int, keep: bool = False) -> Lanes:
         place: int,
     ): ...
 
-    return Lanes(
-        vector,
-        numbers_at,
-        set_numbers,
-        sum_of,
-        product_of,
-        larger_of,
-        approach,
-        gap_rates,
-        push_apart,
-        slip,
-        push_and_turn,
+    return SimpleNamespace(
+        vector=vector,
+        numbers_at=numbers_at,
+        set_numbers=set_numbers,
+        sum_of=sum_of,
+        product_of=product_of,
+        larger_of=larger_of,
+        approach=approach,
+        gap_rates=gap_rates,
+        slip=slip,
+        push=push,
     )

@@ -95,12 +95,6 @@ def tangential_change(vt: f64, dvt: f64, limit: f64) -> f64:
 
 
 @wp.func
-def inertia(mass: f64, radius: f64) -> f64:
-    """Moment of inertia of a disc [kg m2]."""
-    return f64(0.5) * mass * radius * radius
-
-
-@wp.func
 def speed_along(v: wp.vec2d, n: wp.vec2d) -> f64:
     """Velocity along a wall of normal n [m/s]."""
     return n[0] * v[1] - n[1] * v[0]
@@ -119,12 +113,12 @@ def wall_slip(v: wp.vec2d, n: wp.vec2d, rim: f64, surface: f64) -> f64:
 
 
 @wp.func
-def round_gap_rate(gap_rate: f64, along: f64, reach: f64) -> f64:
-    """Gap / dt at a round wall, for a speed along it [m/s] (eq. 18); reach = A / dt, inf where it is flat."""
-    if reach == f64(wp.inf):
+def round_gap_rate(gap_rate: f64, along: f64, circle: f64) -> f64:
+    """Gap / dt at a round wall, for a speed along it [m/s] (eq. 18); circle = A / dt, inf at a tangent."""
+    if circle == f64(wp.inf):
         return gap_rate
-    root = wp.sqrt(wp.max(f64(0.0), reach * reach - along * along))
-    return gap_rate - (reach - root)
+    root = wp.sqrt(wp.max(f64(0.0), circle * circle - along * along))
+    return gap_rate - (circle - root)
 
 
 @wp.func
@@ -134,16 +128,11 @@ def mass_share(mass_i: f64, mass_j: f64) -> f64:
 
 
 @wp.func
-def natural_residual(vn: f64, dv: f64, gap_rate: f64) -> f64:
-    """Return the natural residual of one contact [m/s] (eq. 12)."""
-    return wp.abs(normal_change(vn, dv, gap_rate))
-
-
-@wp.func
 def wall_residual(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
-    """Return the natural residual of a contact with a wall: the larger one of its two sides [m/s]."""
-    front = natural_residual(vn, wp.max(dv, f64(0.0)), gap_rate)
-    return wp.max(front, natural_residual(-vn, wp.max(-dv, f64(0.0)), back_rate))
+    """Return the natural residual (eq. 12) of a contact with a wall, the larger of two sides [m/s]."""
+    front = normal_change(vn, wp.max(dv, f64(0.0)), gap_rate)
+    back = normal_change(-vn, wp.max(-dv, f64(0.0)), back_rate)
+    return wp.max(wp.abs(front), wp.abs(back))
 
 
 @wp.func

@@ -7,33 +7,27 @@ A sweep is coordinate descent on the dual objective of the step (MODEL.md, eq. 1
 Between two sweeps, corrections x and velocities are extrapolated along the line from the last ones,
 y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983; eq. 13).
 With beta grows the over-relaxation of the sweep (Young 1954). A sweep from y sums its cost in phi less its
-gain, and the slope of phi along the momentum, by parts of the working set (working_set.py).
+gain, and the slope of phi along the momentum, by chunks of the working set (working_set.py).
 
-Momentum stops when it points up the gradient (O'Donoghue and Candes 2015), but t is only halved: the speed is
-gone, the damping stays low, and the next run is soon as fast (Liang, Luo and Schoenlieb 2022). A sweep that
-does not make good what going on to y has cost in phi is rejected, which stops momentum as well; so phi falls
-from sweep to sweep. Over-relaxation is what most often raises it, and is worn down each time.
-
-Where grains splash, the waves of their impacts are what is left near the end, and momentum would keep them
-alive for long. So t is held back then: the less, the further zeta has fallen, and the more sweeps it took.
+A sweep that does not make good what going on to y has cost in phi is rejected, which stops momentum as well;
+so phi falls from sweep to sweep. Momentum also stops when it points up the gradient (O'Donoghue and Candes
+2015). t is only halved then, so that the next run is soon as fast (Liang, Luo and Schoenlieb 2022). Near the
+end it is held back, because momentum would keep the waves of impacts alive for long.
 
 With friction a step is no minimization, so that no objective can judge a sweep, and none is rejected.
 Without that safeguard, momentum with beta near 1 diverges, and over-relaxation does at any beta. So sweeps
 do not go too far here, beta is capped, and momentum stops where the change of a sweep, squared and summed
-in the mass metric, has grown: of 80 states of 300 and 1,000 grains with mu from 0.1 to 1, none was left
-with more than 1.5 times the residual of 200 plain sweeps, and half with less than 1 / 2.3 of it. It still
-stops where it points uphill, in the mass metric of both corrections. Steps that momentum keeps from
-converging get on by plain sweeps, so that the cap falls after 500 sweeps.
+in the mass metric, has grown. Steps that momentum keeps from converging get on by plain sweeps, so that the
+cap falls after 500 sweeps.
 
 Velocities that are corrected in place gather rounding errors, and momentum carries these on. Now and then
-they are recomputed from the corrections, and the last ones moved by as much: without that, the difference of
-the two would hold a push that no correction has, and that every sweep repeats.
+they are recomputed from the corrections, and the last ones moved by as much.
 """
 
 import warp as wp
 
 from .access import at, named, put
-from .contacts import CHUNK, chunks_in, contact_count, part_count
+from .contacts import CHUNK, chunk_count, chunks_in, contact_count
 from .record import Scene, body_count, grain_count, has_friction, has_weights, rotates
 from .threads import Team, thread_range
 from .types import Floats
@@ -92,29 +86,29 @@ def back_off(s: Scene):
 
 
 @wp.func
-def sum_of_parts(s: Scene) -> wp.vec2d:
-    """Return the sums over all contacts that a sweep has taken by parts."""
+def sum_of_chunks(s: Scene) -> wp.vec2d:
+    """Return the sums over all contacts that a sweep has taken by chunks."""
     total = wp.vec2d()
-    for k in range(part_count(s)):
-        total = total + at(s.momentum.contact_part, k)
+    for k in range(chunk_count(s)):
+        total = total + at(s.momentum.contact_sums, k)
     return total
 
 
 @wp.func
 def accept_or_reject(s: Scene, zeta: f64):
     """Reject a sweep after which phi has risen; otherwise choose t and beta of the next one."""
-    part = sum_of_parts(s)
+    total = sum_of_chunks(s)
     energy = f64(0.0)
     size = f64(0.0)
     for k in range(chunks_in(body_count(s))):
-        moving = at(s.momentum.grain_part, k)
+        moving = at(s.momentum.body_sums, k)
         energy = energy + moving[0]
         size = size + moving[1]
     beta = s.momentum.state.beta
-    rejected = beta > f64(0.0) and part[0] + beta * (f64(0.5) * energy - ROUNDING * size) > f64(0.0)
+    rejected = beta > f64(0.0) and total[0] + beta * (f64(0.5) * energy - ROUNDING * size) > f64(0.0)
     if rejected:
         s.momentum.state.relaxation = RELAXATION_BACKOFF * s.momentum.state.relaxation
-    if rejected or part[1] > f64(0.0):
+    if rejected or total[1] > f64(0.0):
         back_off(s)
     else:
         take_t_on(s, zeta)
@@ -124,7 +118,7 @@ def accept_or_reject(s: Scene, zeta: f64):
 @wp.func
 def limit_momentum(s: Scene, zeta: f64):
     """Choose t and beta of the next sweep with friction, below the cap."""
-    total = sum_of_parts(s)
+    total = sum_of_chunks(s)
     grown = s.momentum.state.beta > f64(0.0) and total[0] > GROWTH * s.momentum.state.change
     s.momentum.state.change = total[0]
     if total[1] > f64(0.0) or grown:
@@ -136,18 +130,9 @@ def limit_momentum(s: Scene, zeta: f64):
 
 
 @wp.func
-def choose_momentum(s: Scene, zeta: f64):
-    """Choose the momentum of the next sweep after one of this zeta [m/s], which may be rejected."""
-    if has_friction(s):
-        limit_momentum(s, zeta)
-    else:
-        accept_or_reject(s, zeta)
-
-
-@wp.func
-def roll_back(s: Scene, part: int):
-    """Restore the corrections that a part of the working set had before a rejected sweep."""
-    bounds = at(s.working.range, part)
+def roll_back(s: Scene, chunk: int):
+    """Restore the corrections that a chunk of the working set had before a rejected sweep."""
+    bounds = at(s.working.range, chunk)
     c = int(bounds[0])
     while c < bounds[1]:
         put(s.working.contacts.dv, c, at(s.working.contacts.last_dv, c))
@@ -232,7 +217,7 @@ def extrapolating(friction: bool) -> wp.Function:
                     size = size + m * wp.dot(v, v)
                 i += 1
             if wp.static(not friction):
-                put(s.momentum.grain_part, k, wp.vec2d(energy, size))
+                put(s.momentum.body_sums, k, wp.vec2d(energy, size))
 
     return extrapolate
 

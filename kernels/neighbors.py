@@ -8,7 +8,7 @@ import warp as wp
 
 from .access import add, at, checked, lowest_bit, put
 from .cells import AT_ONCE, bucket_of, cell_of, prefix_sum
-from .contact_list import has_wall, was_active
+from .contact_list import is_active, pair_end
 from .record import WITHOUT_ROOM, Phase, Scene, grain_count, is_driven, time_after
 from .types import CellGrid
 from .walls import are_mobile, is_near_wall, joint_reach, next_near, wall_body_count, wall_path
@@ -143,8 +143,9 @@ def find_walls(s: Scene, i: int):
     own = at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
     now = time_after(s, s.steps + wp.int64(1))  # walls are where they are at the end of the step
-    was_at_wall = has_wall(s.workspace.old, i)
-    skipping = not (are_mobile(s.walls) or was_at_wall)
+    old = s.workspace.old
+    k_old, end_old = pair_end(old, i), at(old.start, i + 1)
+    skipping = not (are_mobile(s.walls) or k_old < end_old)
     b = int(0)
     while b < wall_body_count(s.walls):
         j = grain_count(s) + b
@@ -153,8 +154,10 @@ def find_walls(s: Scene, i: int):
             its = its + lifetime * wp.length(at(s.verlet.reference_velocity, j)) + at(s.verlet.skin, j)
         reach = (own + its) * TOO_WIDE
         listed = is_near_wall(b, x, radius, s.walls, reach)
-        if was_at_wall and not listed:
-            listed = was_active(s, i, j)
+        while k_old < end_old and at(old.neighbor, k_old) < j:
+            k_old += 1
+        if k_old < end_old and at(old.neighbor, k_old) == j and is_active(at(s.workspace.old_dv, k_old)):
+            listed = True
         if listed:
             note_contact(s, i, j)
         b += 1

@@ -14,9 +14,9 @@ correction.
 import warp as wp
 
 from . import law
-from .access import at, checked, first_of, larger, lowest_bit, second_of
-from .contacts import THIRD
-from .lanes import end_of_fours, lanes
+from .access import at, bodies_of, checked, contact_at, larger, lowest_bit
+from .contacts import EQUAL_RIMS
+from .lanes import FOUR, end_of_fours, lanes
 from .momentum import ENOUGH, relaxation_factor
 from .record import Scene, has_weights
 from .types import ContactsByRef, Vectors
@@ -48,11 +48,10 @@ def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> w
     It returns the largest change of a correction, the sums of momentum.py, and bits of the pairs of large
     changes, whose velocities are kept from index `kept` on. A plain sweep has no sums, one ahead no bits.
     """
-    several = lanes(count, keep=not ahead)
+    several = lanes(count, friction, keep=not ahead)
     vector, numbers_at, set_numbers = several.vector, several.numbers_at, several.set_numbers
     sum_of, product_of, larger_of = several.sum_of, several.product_of, several.larger_of
-    approach, gap_rates, slip = several.approach, several.gap_rates, several.slip
-    push_apart, push_and_turn = several.push_apart, several.push_and_turn
+    approach, gap_rates, slip, push = several.approach, several.gap_rates, several.slip, several.push
 
     @wp.func(inline=ahead)
     def sweep(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int):
@@ -72,7 +71,7 @@ def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> w
             omega = relaxation_factor(s)
         large, half, one = least_monitored_correction(s), f64(0.5), f64(1.0)
         share_i, share_j, mass = vector(half), vector(half), vector(half)  # by unit mass where all are equal
-        rim_i, rim_j, narrow, wide = vector(one), vector(one), vector(THIRD), vector(f64(3.0))
+        rim_i, rim_j, narrow = vector(one), vector(one), vector(EQUAL_RIMS[0])
         zeta, cost, slope, bits = vector(), vector(), vector(), wp.uint64(0)
         c = int(begin)
         while c < end:
@@ -85,12 +84,10 @@ def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> w
                     if wp.static(ahead):
                         mass[k] = at(masses, c + k)
                     if wp.static(friction):
-                        part = at(rim_weights, c + k)
-                        narrow[k] = part[0]
-                        rim_i[k] = part[1]
-                        rim_j[k] = part[2]
-                        if wp.static(ahead):
-                            wide[k] = f64(1.0) / part[0]
+                        rims = at(rim_weights, c + k)
+                        narrow[k] = rims[0]
+                        rim_i[k] = rims[1]
+                        rim_j[k] = rims[2]
             x = numbers_at(dvs, c)
             y, step = x, vector()
             if wp.static(ahead):
@@ -98,7 +95,7 @@ def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> w
                 y = x + step
             gap_rate, vn = gap_rates(pairs, c), approach(velocity, pairs, c)
             excess = vn - gap_rate
-            dv = vector()
+            dv, dvt = vector(), vector()
             for k in range(wp.static(count)):
                 if wp.static(ahead and not friction):
                     dv[k] = law.normal_change(omega * excess[k], y[k], f64(0.0))
@@ -111,25 +108,23 @@ def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> w
                 if wp.static(ahead):
                     step_t = beta * (xt - numbers_at(last_dvts, c))
                     yt = xt + step_t
-                vt, dvt = slip(velocity, rim, pairs, c), vector()
+                    set_numbers(last_dvts, c, xt)
+                vt = slip(velocity, rim, pairs, c)
                 for k in range(wp.static(count)):
                     dvt[k] = law.tangential_change(narrow[k] * vt[k], yt[k], mu * (y[k] + dv[k]))
-                push_and_turn(
-                    velocity, rim, pairs, c, dv, dvt, share_i, share_j, rim_i, rim_j, kept_velocity, place
-                )
-                set_numbers(dvts, c, yt + dvt)
                 change = larger_of(change, larger_of(dvt, -dvt))
+                set_numbers(dvts, c, yt + dvt)
                 if wp.static(ahead):
-                    set_numbers(last_dvts, c, xt)
-                    wide_dvt = product_of(wide, dvt)
+                    wide_dvt = vector()
+                    for k in range(wp.static(count)):
+                        wide_dvt[k] = dvt[k] / narrow[k]
                     size = sum_of(product_of(dv, dv), product_of(wide_dvt, dvt))
                     cost = sum_of(cost, product_of(mass, size))
                     slope = sum_of(slope, product_of(mass, product_of(wide_dvt, step_t + dvt)))
-            else:
-                push_apart(velocity, pairs, c, dv, share_i, share_j, kept_velocity, place)
-                if wp.static(ahead):
-                    gain = product_of(dv, excess - half * dv)
-                    cost = sum_of(cost, product_of(mass, product_of(gap_rate, step) - ENOUGH * gain))
+            elif wp.static(ahead):
+                gain = product_of(dv, excess - half * dv)
+                cost = sum_of(cost, product_of(mass, product_of(gap_rate, step) - ENOUGH * gain))
+            push(velocity, rim, pairs, c, dv, dvt, share_i, share_j, rim_i, rim_j, kept_velocity, place)
             set_numbers(dvs, c, y + dv)
             zeta = larger_of(zeta, change)
             if wp.static(ahead):
@@ -154,46 +149,59 @@ def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
     while left != NONE:
         c = end - 1 - lowest_bit(left)
         left = left & (left - ONE)
-        i, j = first_of(contact, c), second_of(contact, c)
+        i, j = bodies_of(contact_at(contact, c))
         place = k + 2 * (c - begin)
         monitor(s, i, kept_velocity(kept, place, velocity, i))
         monitor(s, j, kept_velocity(kept, place + 1, velocity, j))
 
 
-def pairs_sweep(friction: bool, ahead: bool) -> wp.Function:
-    """Return the function that corrects pairs of [begin, end): `(scene, contacts, begin, end, kept)`.
+def sweeping_any_pairs(count: int, friction: bool, ahead: bool) -> wp.Function:
+    """Return what `sweeping_pairs` does, for scenes with and without weights."""
+    equal, weighted = (sweeping_pairs(count, flag, friction, ahead) for flag in (False, True))
+
+    @wp.func
+    def sweep_pairs(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int):
+        total, bits = wp.vec3d(), wp.uint64(0)
+        if has_weights(s):
+            total, bits = weighted(s, contacts, begin, end, kept)
+        else:
+            total, bits = equal(s, contacts, begin, end, kept)
+        return total, bits
+
+    return sweep_pairs
+
+
+def sweeping_in_fours(friction: bool) -> wp.Function:
+    """Return the function that corrects pairs of [begin, end) ahead: `(scene, contacts, begin, end, kept)`.
 
     It returns the largest change of a correction, and the sums of momentum.py.
     """
-    equal, weighted = (sweeping_pairs(4 if ahead else 1, flag, friction, ahead) for flag in (False, True))
-    rest_equal, rest_weighted = (sweeping_pairs(1, flag, friction, ahead) for flag in (False, True))
+    fours, ones = (sweeping_any_pairs(count, friction, ahead=True) for count in (FOUR, 1))
 
     @wp.func
-    def sweep_ahead(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int) -> wp.vec3d:
+    def sweep_pairs(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int) -> wp.vec3d:
         rest = end_of_fours(begin, end)
-        four, one = wp.vec3d(), wp.vec3d()
-        if has_weights(s):
-            four, _ = weighted(s, contacts, begin, rest, kept)
-            one, _ = rest_weighted(s, contacts, rest, end, kept)
-        else:
-            four, _ = equal(s, contacts, begin, rest, kept)
-            one, _ = rest_equal(s, contacts, rest, end, kept)
+        four, _ = fours(s, contacts, begin, rest, kept)
+        one, _ = ones(s, contacts, rest, end, kept)
         return wp.vec3d(larger(four[0], one[0]), four[1] + one[1], four[2] + one[2])
 
+    return sweep_pairs
+
+
+def sweeping_in_blocks(friction: bool) -> wp.Function:
+    """Return the function that corrects pairs of [begin, end) and monitors them, with the same arguments."""
+    sweep_block = sweeping_any_pairs(1, friction, ahead=False)
+
     @wp.func
-    def sweep_blocks(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int) -> wp.vec3d:
+    def sweep_pairs(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int) -> wp.vec3d:
         zeta = f64(0.0)
         c = int(begin)
         while c < end:
             stop = wp.min(c + BLOCK, end)
-            total, bits = wp.vec3d(), wp.uint64(0)
-            if has_weights(s):
-                total, bits = weighted(s, contacts, c, stop, kept)
-            else:
-                total, bits = equal(s, contacts, c, stop, kept)
+            total, bits = sweep_block(s, contacts, c, stop, kept)
             zeta = larger(zeta, total[0])
             monitor_block(s, c, stop, kept, bits)
             c = stop
         return wp.vec3d(zeta, f64(0.0), f64(0.0))
 
-    return sweep_ahead if ahead else sweep_blocks
+    return sweep_pairs

@@ -94,29 +94,22 @@ def fits(x: wp.vec2d, discs: Discs, i: int) -> bool:
 
 
 @wp.func
-def put(x: wp.vec2d, discs: Discs, i: int):
-    """Place disc i at x."""
-    level = discs.level[i]
-    width = discs.width[level]
-    cell = discs.first[level] + cell_index(x[0], discs, level) * width + cell_index(x[1], discs, level)
-    discs.position[i] = x
-    discs.follower[i] = discs.newest[cell]
-    discs.newest[cell] = i
-
-
-@wp.func
 def try_places(discs: Discs):
     """Try the places in order until all discs are placed."""
     for k in range(discs.places.shape[0]):
-        if discs.placed == discs.radius.shape[0]:
+        i, x = discs.placed, discs.places[k]
+        if i == discs.radius.shape[0]:
             return
-        x = discs.places[k]
-        if fits(x, discs, discs.placed):
-            put(x, discs, discs.placed)
-            discs.placed = discs.placed + 1
+        discs.tries = discs.tries + 1
+        if fits(x, discs, i):
+            level = discs.level[i]
+            column, row = cell_index(x[0], discs, level), cell_index(x[1], discs, level)
+            cell = discs.first[level] + column * discs.width[level] + row
+            discs.position[i] = x
+            discs.follower[i] = discs.newest[cell]
+            discs.newest[cell] = i
+            discs.placed = i + 1
             discs.tries = 0
-        else:
-            discs.tries = discs.tries + 1
 
 
 @wp.kernel

@@ -43,7 +43,7 @@ class Kind(NamedTuple):
 
 
 class Phase(IntEnum):
-    """The next part of a step. Serial stages choose it, mostly in stopping.py; conditions of step.py read it.
+    """The next part of a step. Serial stages choose it, by stopping.py and attempt.py; step.py reads it.
 
     Besides, the host answers steps that are FULL or SLOW, and `contact_list.keep_pair` repeats a search.
     """
@@ -59,12 +59,11 @@ class Phase(IntEnum):
     DECLINED = 8  # go on: the host has found no better corrections
     SWEEP = 9
     CHECK_LIST = 10  # check the list before all contacts are scanned (working_set.py)
-    MEASURE = 11  # measure the residual, which may stop the sweeps
-    RECOMPUTE = 12  # the same, and let sweeps continue from the velocities that are recomputed for it
-    RECORD = 13  # measure it for the history alone
-    SCAN = 14  # scan all contacts for the working set
-    VERIFY = 15  # verify the list and judge the step: the sweeps have stopped, or the list has not sufficed
-    EXPIRE = 16  # set aside the list, in which a contact may be missing
+    MEASURE = 11  # measure the residual; accelerated sweeps continue from velocities recomputed for it
+    RECORD = 12  # measure it for the history, or its trend, alone
+    SCAN = 13  # scan all contacts for the working set
+    VERIFY = 14  # verify the list and judge the step: the sweeps have stopped, or the list has not sufficed
+    EXPIRE = 15  # set aside the list, in which a contact may be missing
 
 
 @wp.struct
@@ -172,11 +171,10 @@ class StepSums:
 class Violation:
     """The first index outside of its array, where they are tested (access.py)."""
 
-    found: wp.int64  # 0: none; 1: one; 2: one, and the stage is known
+    found: wp.int64  # whether there was one
     array: wp.int64  # address of its first element
     length: wp.int64
     index: wp.int64
-    stage: wp.int64  # number of its name (stages.py)
 
 
 @wp.struct
@@ -271,6 +269,18 @@ def has_weights(s: Scene) -> bool:
 def pair_count(s: Scene) -> int:
     """Return the number of listed pairs."""
     return s.contacts.count.pairs
+
+
+@wp.func
+def is_cancelled(s: Scene) -> bool:
+    """Return whether the step is given up: the host wants it, or an index was outside of its array."""
+    return s.control.cancelled != 0 or s.violation.found != wp.int64(0)
+
+
+@wp.func
+def has_swept(s: Scene) -> bool:
+    """Return whether the attempt has begun to sweep: its list has not expired before."""
+    return s.step.iterations > 0
 
 
 @wp.func

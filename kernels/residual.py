@@ -18,9 +18,9 @@ list starts again from these.
 import warp as wp
 
 from . import law
-from .access import at, first_of, gap_rate_of, larger, named, normal_of, put, second_of
-from .contacts import apply, contact_count, contacts_of, gap_rates_now, rim_weights, surface_of, tangential_at
-from .driven import missing_correction
+from .access import at, bodies_of, contact_at, larger, named, put
+from .contacts import apply, contact_count, contacts_of, gap_rates_now, rim_weights, surface_of, value_at
+from .driven import closing_speed, compliance_of
 from .record import Phase, Scene, is_driven, pair_count, rotates
 from .threads import Team, thread_range, update_max
 
@@ -38,13 +38,11 @@ def begin_recomputing(s: Scene, i: int):
 @wp.func
 def recompute(team: Team, s: Scene, k: int):
     """Apply the corrections of the contacts of a set."""
+    velocity, rim = s.grains.recomputed_velocity, s.grains.recomputed_rim
     c, end = contacts_of(team, s, k)
-    contacts, grains = s.contacts, s.grains
     while c < end:
-        dv, dvt = at(contacts.dv, c), tangential_at(contacts.dvt, c)
-        apply(
-            s, grains.recomputed_velocity, grains.recomputed_rim, c, normal_of(contacts.contact, c), dv, dvt
-        )
+        dv, dvt = at(s.contacts.dv, c), value_at(s.contacts.dvt, c)
+        apply(s, velocity, rim, contact_at(s.contacts.contact, c), c, dv, dvt)
         c += 1
 
 
@@ -57,14 +55,14 @@ def measurement(friction: bool) -> wp.Function:
     @wp.func
     def residual(s: Scene, c: int) -> f64:
         """Return the residual of a contact [m/s]."""
-        velocity, contact, dv = s.grains.recomputed_velocity, s.contacts.contact, at(s.contacts.dv, c)
-        i, j = first_of(contact, c), second_of(contact, c)
-        n, gap = normal_of(contact, c), gap_rate_of(contact, c)
-        v = at(velocity, i)
+        contact, velocity = contact_at(s.contacts.contact, c), s.grains.recomputed_velocity
+        i, j = bodies_of(contact)
+        n, gap, v, dv = contact.n, f64(contact.gap_rate), at(velocity, i), at(s.contacts.dv, c)
         at_wall = c >= pair_count(s)
         change, compliance = f64(0.0), f64(1.0)
         if at_wall and is_driven(s):
-            change, compliance = missing_correction(s, velocity, c)
+            excess, compliance = closing_speed(s, velocity, i, j, n) - gap, compliance_of(s, i, j, n)
+            change = law.driven_change(excess, dv, compliance)
         elif at_wall:
             gap, back = gap_rates_now(s.contacts, c, v)
             if wp.static(not friction):  # walls have one side where there is friction

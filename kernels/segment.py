@@ -23,15 +23,15 @@ def share(x: wp.vec2d, wall: Shape) -> f64:
 @wp.func
 def nearest(x: wp.vec2d, wall: Shape) -> wp.vec2d:
     """Return the point of a segment, (start, end), that is nearest to x [m]."""
-    part = share(x, wall)
-    return wp.vec2d(wall[1] + part * (wall[3] - wall[1]), wall[2] + part * (wall[4] - wall[2]))
+    along = share(x, wall)
+    return wp.vec2d(wall[1] + along * (wall[3] - wall[1]), wall[2] + along * (wall[4] - wall[2]))
 
 
 @wp.func
 def end_of(x: wp.vec2d, wall: Shape) -> int:
     """Return which end is nearest to x: 0 the start, 1 the end, or -1 if a point between them is."""
-    part = share(x, wall)
-    return wp.where(part == f64(0.0), 0, wp.where(part == f64(1.0), 1, -1))
+    along = share(x, wall)
+    return wp.where(along == f64(0.0), 0, wp.where(along == f64(1.0), 1, -1))
 
 
 @wp.func

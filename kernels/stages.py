@@ -10,11 +10,9 @@ closure names, so sequences name theirs.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from zlib import crc32
 
 import warp as wp
 
-from .access import CHECKED
 from .contacts import set_count
 from .record import Scene
 from .threads import Team, thread_range
@@ -83,10 +81,6 @@ class While:
 
 Stage = Serial | Each | Shared | Sets | If | While
 
-WIDTH = 5  # of a sequence
-STAGE_NAMES: dict[int, str] = {}
-"""Names of stages by number, in checked mode (access.py)."""
-
 
 def fuse(stages: Sequence[Stage]) -> wp.Function:
     """Return the function that runs stages in turn, with a barrier after each."""
@@ -110,63 +104,31 @@ def _fused(stage: Stage) -> wp.Function:
             return _while(condition, fuse(stages))
 
 
-@wp.func
-def nothing(team: Team, s: Scene):
-    """Do nothing: fill up a sequence."""
-
-
-def _noting(stage: wp.Function) -> wp.Function:
-    """Return the function that, in checked mode, notes the stage of a violation and halts the step."""
-    if not CHECKED:
-        return nothing
-    number = crc32(stage.func.__name__.encode())  # the same in every process: compiled kernels contain it
-    STAGE_NAMES[number] = stage.func.__name__
-
-    @wp.func
-    def note(team: Team, s: Scene):
-        if s.violation.found == wp.int64(1):
-            s.violation.found = wp.int64(2)
-            s.violation.stage = wp.int64(number)
-            s.control.cancelled = 1
-
-    return note
-
-
 def _in_turn(runs: list[wp.Function]) -> wp.Function:
-    """Return the function that runs others in turn, a few at a time."""
+    """Return the function that runs others in turn."""
     if len(runs) == 1:
         return runs[0]
-    if len(runs) > WIDTH:
-        return _in_turn([_in_turn(runs[:WIDTH]), *runs[WIDTH:]])
-    first, second, third, fourth, fifth = [*runs, *[nothing] * WIDTH][:WIDTH]
+    first, others = runs[0], _in_turn(runs[1:])
 
     @wp.func
     def in_turn(team: Team, s: Scene):
         first(team, s)
-        second(team, s)
-        third(team, s)
-        fourth(team, s)
-        fifth(team, s)
+        others(team, s)
 
     return in_turn
 
 
 def _serial(stage: wp.Function) -> wp.Function:
-    note = _noting(stage)
-
     @wp.func(inline=False)
     def serial(team: Team, s: Scene):
         if team.rank == 0:
             stage(s)
-        note(team, s)
         barrier(team)
 
     return serial
 
 
 def _each(count: wp.Function, stage: wp.Function, atomic: bool) -> wp.Function:
-    note = _noting(stage)
-
     @wp.func(inline=False)
     def each(team: Team, s: Scene):
         begin = int(0)
@@ -179,27 +141,21 @@ def _each(count: wp.Function, stage: wp.Function, atomic: bool) -> wp.Function:
         while k < end:
             stage(s, k)
             k += 1
-        note(team, s)
         barrier(team)
 
     return each
 
 
 def _shared(stage: wp.Function) -> wp.Function:
-    note = _noting(stage)
-
     @wp.func(inline=False)
     def shared(team: Team, s: Scene):
         stage(team, s)
-        note(team, s)
         barrier(team)
 
     return shared
 
 
 def _sets(stage: wp.Function) -> wp.Function:
-    note = _noting(stage)
-
     @wp.func(inline=False)
     def sets(team: Team, s: Scene):
         k = int(0)
@@ -207,7 +163,6 @@ def _sets(stage: wp.Function) -> wp.Function:
             stage(team, s, k)
             barrier(team)
             k += 1
-        note(team, s)
 
     return sets
 

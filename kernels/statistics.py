@@ -3,10 +3,10 @@
 import warp as wp
 
 from . import law
-from .access import at, first_of, larger, put, second_of
+from .access import at, bodies_of, contact_at, larger, put
 from .contacts import contact_count
 from .record import Scene, grain_count
-from .threads import Team, partial_index, reduce_max, thread_range, update_max
+from .threads import Team, partial_index, take_max, thread_range, update_max
 from .walls import wall_overlap
 
 f64 = wp.float64
@@ -15,10 +15,10 @@ f64 = wp.float64
 @wp.func
 def overlap_of(s: Scene, c: int) -> f64:
     """Return how far grains of a contact overlap, or a grain its wall [m]; negative where they do not."""
-    i, j, n = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c), grain_count(s)
+    i, j = bodies_of(contact_at(s.contacts.contact, c))
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
-    if j >= n:
-        return wall_overlap(j - n, x, radius, s.walls)
+    if j >= grain_count(s):
+        return wall_overlap(j - grain_count(s), x, radius, s.walls)
     return -law.pair_gap(law.distance(x, at(s.grains.position, j)), radius, at(s.grains.radius, j))
 
 
@@ -38,20 +38,14 @@ def overlaps(team: Team, s: Scene):
 
 @wp.func
 def report(s: Scene):
-    """Reduce the partial results of the threads."""
+    """Reduce the partial results of the threads, and add the step to the sums of the run."""
     active = int(0)
     for k in range(s.partial.active.shape[0]):
         active += at(s.partial.active, k)
         put(s.partial.active, k, 0)
     s.step.active = active
-    s.step.overlap = reduce_max(s.partial.overlap)
-
-
-@wp.func
-def add_step(s: Scene):
-    """Add a step to the sums of the run."""
-    done = s.step
-    total = s.statistics
+    s.step.overlap = take_max(s.partial.overlap)
+    done, total = s.step, s.statistics
     total.steps = total.steps + 1
     total.iterations = total.iterations + wp.int64(done.iterations)
     total.iterations_max = wp.max(total.iterations_max, done.iterations)

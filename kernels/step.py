@@ -1,11 +1,12 @@
 """One step: a list of stages that reads as the algorithm (MODEL.md, "One step").
 
 A step returns to the host in two cases: the list exceeds its capacity (WITHOUT_ROOM), or sweeps converge too
-slowly and the host solves the step (SLOW). Conditions read the phase of the step, which stopping.py chooses.
+slowly and the host solves the step (SLOW). Conditions read the phase of the step, which attempt.py and
+stopping.py choose.
 
 If the list expires during the sweeps, accelerated ones resume with another list (`Control.resuming`): they
 keep their velocities, corrections and momentum (START). Plain ones may have missed a contact, and begin again
-with wider skins (contact_list.expire, verlet.renew_skin).
+with wider skins (contact_list.expire, skins.renew_skin).
 
 A scene without a list begins like one whose list has expired: no skin suffices, so its first attempt iterates
 nothing and asks for a list.
@@ -16,6 +17,7 @@ from functools import cache
 import warp as wp
 
 from . import (
+    attempt,
     cells,
     coloring,
     contact_list,
@@ -23,6 +25,7 @@ from . import (
     momentum,
     neighbors,
     residual,
+    skins,
     statistics,
     stopping,
     sweep,
@@ -31,7 +34,7 @@ from . import (
     working_set,
 )
 from .access import named
-from .contacts import contact_count, part_count
+from .contacts import chunk_count, contact_count
 from .record import Kind, Phase, Scene, body_count, grain_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
@@ -56,10 +59,10 @@ answered = in_phase(Phase.CORRECTED, Phase.DECLINED)
 attempting = in_phase(Phase.START, Phase.CORRECTED, Phase.DECLINED)
 sweeping = in_phase(Phase.SWEEP)
 checking_list = in_phase(Phase.CHECK_LIST)
-measuring = in_phase(Phase.MEASURE, Phase.RECOMPUTE, Phase.RECORD)
-recomputing = in_phase(Phase.RECOMPUTE)
+measuring = in_phase(Phase.MEASURE, Phase.RECORD)
+deciding = in_phase(Phase.MEASURE)
 scanning = in_phase(Phase.SCAN)
-iterating = in_phase(Phase.SWEEP, Phase.CHECK_LIST, Phase.MEASURE, Phase.RECOMPUTE, Phase.RECORD, Phase.SCAN)
+iterating = in_phase(Phase.SWEEP, Phase.CHECK_LIST, Phase.MEASURE, Phase.RECORD, Phase.SCAN)
 accepted = in_phase(Phase.ACCEPTED)
 expired = in_phase(Phase.EXPIRE)
 
@@ -100,9 +103,8 @@ SEARCH = [
 ]
 
 ORDER = [
-    Serial(coloring.group_pairs),
-    Serial(coloring.place_pairs),
-    Serial(coloring.place_walls),
+    Serial(coloring.choose_sets),
+    Serial(coloring.place_contacts),
     Each(grain_count, contact_list.transfer_warm_start),
     Serial(contact_list.find_row_sums),
 ]
@@ -114,7 +116,7 @@ START = [
     Serial(verlet.clear_check),
     Serial(verlet.find_frame),
     Each(body_count, verlet.begin_check),
-    Serial(stopping.begin_iterating),
+    Serial(attempt.begin_iterating),
 ]
 """Begin an attempt: freeze the contacts and, unless sweeps resume, apply the corrections of the last step."""
 
@@ -136,7 +138,7 @@ def plain_sweeps(has_friction: bool) -> list[Stage]:
             [
                 Sets(sweep.sweeping(has_friction, ahead=False)),
                 Serial(sweep.end_sweep),
-                If(verlet.is_sampling_due, [Serial(verlet.begin_sampling), Each(body_count, verlet.sample)]),
+                If(verlet.is_sampling_due, [Each(body_count, verlet.sample), Serial(verlet.end_sampling)]),
                 If(measuring, [*recompute(has_friction), Serial(stopping.end_measurement)]),
             ],
         ),
@@ -145,7 +147,7 @@ def plain_sweeps(has_friction: bool) -> list[Stage]:
 
 def sweep_ahead(has_friction: bool) -> list[Stage]:
     """Extrapolate and sweep the working set; without friction, a sweep may be rejected."""
-    roll_back = [Each(part_count, momentum.roll_back), Each(body_count, momentum.roll_back_velocity)]
+    roll_back = [Each(chunk_count, momentum.roll_back), Each(body_count, momentum.roll_back_velocity)]
     return [
         Shared(momentum.extrapolate_with_friction if has_friction else momentum.extrapolate),
         Sets(sweep.sweeping(has_friction, ahead=True)),
@@ -156,15 +158,15 @@ def sweep_ahead(has_friction: bool) -> list[Stage]:
 
 def accelerated_sweeps(has_friction: bool) -> list[Stage]:
     """Sweep the working set with momentum."""
-    scatter = Each(part_count, working_set.scatter)
+    scatter = Each(chunk_count, working_set.scatter)
     measure = [
         scatter,
         *recompute(has_friction),
-        If(recomputing, [Each(body_count, momentum.take_recomputed_velocity)]),
+        If(deciding, [Each(body_count, momentum.take_recomputed_velocity)]),
         Serial(stopping.end_measurement),
     ]
     return [
-        Each(part_count, working_set.empty),
+        Each(chunk_count, working_set.empty),
         If(fresh, [Shared(momentum.begin_momentum)]),
         While(
             iterating,
@@ -214,16 +216,15 @@ FINISH = [
     Serial(verlet.shift_frame),
     Shared(statistics.overlaps),
     Serial(statistics.report),
-    Serial(statistics.add_step),
 ]
 """Move the grains, and report."""
 
 EXPIRE = [
     *SAVE,
     Serial(contact_list.expire),
-    Serial(verlet.adapt_base_skin),
-    Each(body_count, verlet.renew_skin),
-    Serial(verlet.renew_numbers),
+    Serial(skins.adapt_base_skin),
+    Each(body_count, skins.renew_skin),
+    Serial(skins.renew_numbers),
 ]
 """Ask for another list."""
 
@@ -231,21 +232,21 @@ EXPIRE = [
 def step(kind: Kind) -> list[Stage]:
     """Return the stages of one step of a kind."""
     return [
-        Serial(stopping.begin),
+        Serial(attempt.begin),
         If(beginning, [Serial(integrate.begin_step), Each(body_count, integrate.free_velocity)]),
         While(
             unsolved,
             [
                 While(searching, SEARCH),
                 If(unordered, ORDER),
-                Serial(stopping.start_attempt),
+                Serial(attempt.start),
                 If(
                     attempting,
                     [
                         If(starting, START),
                         *METHODS[kind],
                         Each(body_count, verlet.verify),
-                        Serial(stopping.judge),
+                        Serial(attempt.judge),
                         If(accepted, FINISH),
                         If(expired, EXPIRE),
                     ],

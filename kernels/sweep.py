@@ -6,11 +6,11 @@ import warp as wp
 
 from .access import at, larger, named, put
 from .contacts import chunks_of_set, contacts_of, is_wall_set, range_of_set
-from .momentum import choose_momentum
-from .pair_sweep import KEPT, pairs_sweep
-from .record import Scene, is_accelerated, is_driven
+from .momentum import accept_or_reject, limit_momentum
+from .pair_sweep import KEPT, sweeping_in_blocks, sweeping_in_fours
+from .record import Scene, has_friction, is_accelerated, is_driven
 from .stopping import end_iteration
-from .threads import Team, partial_index, reduce_max, update_max
+from .threads import Team, partial_index, take_max, update_max
 from .types import ContactsByRef
 from .verlet import add_unmonitored
 from .wall_sweep import sweeping_walls
@@ -21,7 +21,7 @@ f64 = wp.float64
 @cache
 def sweeping(friction: bool, ahead: bool) -> wp.Function:
     """Return the stage that corrects the contacts of a set, those of the working set in a sweep ahead."""
-    sweep_pairs = pairs_sweep(friction, ahead)
+    sweep_pairs = sweeping_in_fours(friction) if ahead else sweeping_in_blocks(friction)
     sweep_walls, sweep_driven = (sweeping_walls(driven, friction, ahead) for driven in (False, True))
 
     @wp.func
@@ -40,12 +40,12 @@ def sweeping(friction: bool, ahead: bool) -> wp.Function:
     def sweep_set(team: Team, s: Scene, k: int):
         zeta = f64(0.0)
         if wp.static(ahead):
-            begin, end, _, part = chunks_of_set(s, k)
+            begin, end = chunks_of_set(s, k)
             first, last = range_of_set(team, s, k, begin, end)
             for chunk in range(first, last):
-                bounds = at(s.working.range, part + chunk)
+                bounds = at(s.working.range, chunk)
                 total = sweep_range(s, s.working.contacts, k, bounds[0], bounds[1], 0)
-                put(s.momentum.contact_part, part + chunk, wp.vec2d(total[1], total[2]))
+                put(s.momentum.contact_sums, chunk, wp.vec2d(total[1], total[2]))
                 zeta = larger(zeta, total[0])
         else:
             begin, end = contacts_of(team, s, k)
@@ -60,9 +60,12 @@ def sweeping(friction: bool, ahead: bool) -> wp.Function:
 @wp.func
 def end_sweep(s: Scene):
     """Count a sweep, and choose what follows; one ahead may be rejected."""
-    zeta = reduce_max(s.partial.zeta)
+    zeta = take_max(s.partial.zeta)
     if is_accelerated(s):
-        choose_momentum(s, zeta)
+        if has_friction(s):
+            limit_momentum(s, zeta)
+        else:
+            accept_or_reject(s, zeta)
         end_iteration(s, zeta)
     else:
         end_iteration(s, zeta)

@@ -4,15 +4,13 @@ On a CPU every OS thread is one thread of the team, and they meet at a barrier a
 On a GPU the team is a launch, and its end is the barrier. No result depends on the size of the team.
 """
 
-from typing import Any
-
 import warp as wp
 
 from .access import at, put, raise_to
 from .types import Floats
 
 WORDS = 24  # of a team, by which its threads wait
-GPU_PARTIALS = 64  # over which a GPU's threads spread their parts of a maximum
+GPU_PARTIALS = 64  # over which a GPU's threads spread partial maxima and sums
 
 
 @wp.struct
@@ -21,7 +19,7 @@ class TeamRecord:
 
     rank: wp.int32
     size: wp.int32
-    words: wp.array(dtype=wp.int64)  # by which CPU threads wait for each other (waiting.py); empty of one
+    words: wp.array(dtype=wp.int64)  # by which CPU threads wait for each other (waiting.py); empty on a GPU
     scene: wp.array(dtype=wp.int32)  # that the team works on (advance.py)
     going_on: wp.array(dtype=wp.int32)  # whether it goes on with it
 
@@ -31,28 +29,15 @@ Team = wp.ref[TeamRecord]
 
 def team_records(size: int) -> list[TeamRecord]:
     """Return the record of a new team of CPU threads for each of them."""
-    shared: dict[str, Any] = {
-        "scene": wp.zeros(1, dtype=wp.int32, device="cpu"),
-        "going_on": wp.zeros(1, dtype=wp.int32, device="cpu"),
-    }
-    if size > 1:
-        shared["words"] = wp.zeros(WORDS, dtype=wp.int64, device="cpu")
+    scene, going_on = (wp.zeros(1, dtype=wp.int32, device="cpu") for _ in range(2))
+    words = wp.zeros(WORDS, dtype=wp.int64, device="cpu")
     records = []
     for rank in range(size):
         record = TeamRecord()
-        record.rank, record.size = rank, size
-        for name, array in shared.items():
-            setattr(record, name, array)
+        record.rank, record.size, record.words = rank, size, words
+        record.scene, record.going_on = scene, going_on
         records.append(record)
     return records
-
-
-@wp.func
-def member(team: TeamRecord, rank: int) -> TeamRecord:
-    """Return the team's record for its thread of this rank."""
-    one = team
-    one.rank = rank
-    return one
 
 
 @wp.func
@@ -69,23 +54,20 @@ def thread_range(team: Team, begin: int, end: int):
 @wp.func
 def partial_index(team: Team, partials: int) -> int:
     """Return the index of this thread's partial maximum or sum; each CPU thread has a separate one."""
-    k = team.rank
-    if k >= partials:
-        k = k % partials
-    return k
+    return team.rank % partials
 
 
 @wp.func
-def update_max(team: Team, parts: Floats, value: wp.float64):
+def update_max(team: Team, partial: Floats, value: wp.float64):
     """Raise this thread's partial maximum to a value; write it seldom, because threads share cache lines."""
-    k = partial_index(team, parts.shape[0])
-    if value > at(parts, k):
-        raise_to(parts, k, value)
+    k = partial_index(team, partial.shape[0])
+    if value > at(partial, k):
+        raise_to(partial, k, value)
 
 
 @wp.func
-def reduce_max(partial: Floats) -> wp.float64:
-    """Return the maximum of the partial maxima, and clear these."""
+def take_max(partial: Floats) -> wp.float64:
+    """Return the maximum of the partial maxima, and reset these to 0."""
     largest = wp.float64(0.0)
     for k in range(partial.shape[0]):
         largest = wp.max(largest, at(partial, k))

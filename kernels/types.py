@@ -101,9 +101,8 @@ class ContactCount:
     """Numbers of candidate contacts, and of the independent sets in which they are swept."""
 
     pairs: wp.int32
-    sets: wp.int32  # of pairs, in the sense of `Contacts.set_start`
+    sets: wp.int32  # of pairs; one more set has the contacts with walls
     walls: wp.int32  # contacts with walls, after the pairs
-    wall_sets: wp.int32  # of them, after those of the pairs
 
 
 @wp.struct
@@ -185,7 +184,6 @@ class VerletWork:
     frame_velocity: wp.vec2d  # v_f [m/s]
     mean_velocity: wp.vec2d  # of the reference velocities v0_i [m/s]
     unmonitored_change: f64  # most that a velocity may have changed since it was last sampled [m/s]
-    sampled_change: f64  # that change when grains are sampled [m/s]
     max_row_sum: f64  # most that one iteration changes a velocity by, in units of zeta
 
 
@@ -226,25 +224,24 @@ class MomentumState:
 
 @wp.struct
 class Momentum:
-    """State before the last sweep, and sums by part (contacts.py). Empty in scenes that do not accelerate."""
+    """State before the last sweep, and sums by chunk (contacts.py). Empty if sweeps are not accelerated."""
 
     last_rim: Floats  # rim speeds that go with them
     last_velocity: Vectors  # velocities that go with them [m/s]
-    contact_part: (
-        Vectors  # cost in phi less gain (with friction: MomentumState.change); slope along the momentum
-    )
-    grain_part: Vectors  # sums of M s.(v + y) and M v.v, where y = v + beta s; unused with friction
+    # of contacts: cost in phi less gain (with friction: MomentumState.change); slope along the momentum
+    contact_sums: Vectors
+    body_sums: Vectors  # M s.(v + y) and M v.v, where y = v + beta s; unused with friction
     state: MomentumState
 
 
 @wp.struct
 class WorkingSet:
-    """The contacts that are swept, by part (working_set.py). Empty in scenes that do not accelerate."""
+    """The contacts that are swept, by chunk (working_set.py). Empty if sweeps are not accelerated."""
 
     contacts: Contacts
     index: Ints  # among all contacts
     mass: Floats  # mu_c of pairs [kg]; empty where all masses are equal
-    range: wp.array(dtype=wp.vec2i)  # first contact, and end, of every part
+    range: wp.array(dtype=wp.vec2i)  # first contact, and end, of every chunk
 
 
 @wp.struct
@@ -256,7 +253,6 @@ class Workspace:
     old_dvt: wp.array(dtype=wp.vec3d)  # the same of tangential corrections; empty without friction
     old_place: Ints  # of every contact in the list before, or -1
     sweep_index: Ints  # of every contact: its index in sweeping order
-    group: Ints  # independent set of every pair; -1 of contacts with walls
+    set_of: Ints  # independent set of every pair; -1 of contacts with walls
     row_sum: Floats  # of every grain: its shares of its contacts
-    next_level: Ints  # by grain
-    used_colors: wp.array(dtype=wp.uint64)  # by grain
+    taken: wp.array(dtype=wp.uint64)  # of every grain: the sets of its pairs so far (coloring.py)

@@ -27,15 +27,18 @@ when the residual is measured (working_set.py).
 import warp as wp
 
 from .access import at, larger, put
-from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, body_count, grain_count, is_accelerated, is_driven
+from .record import (
+    EXPIRED,
+    NOT_FINITE,
+    SOLVED,
+    Scene,
+    body_count,
+    grain_count,
+    is_driven,
+)
 
 f64 = wp.float64
-# The reach of a new list
-FORESEEN, FOUND_OUT = wp.constant(f64(1.2)), wp.constant(f64(1.6))  # skin over need, before and after a miss
-NARROWEST, WIDEST = wp.constant(f64(0.02)), wp.constant(f64(0.2))  # base skin, in radii
-WIDEST_UNSWEPT = wp.constant(f64(0.4))  # where sweeps touch the working set alone
-STILL_TO_COME = wp.constant(f64(0.6))  # skin over need so far, where a working set is swept
-LONGEST = wp.constant(f64(64.0))  # steps that a list is built for at most
+IN_MEAN = wp.constant(1024)  # grains, at most, of the mean velocity of the frame
 ROUNDED = wp.constant(f64(1.0 + 1e-13))  # above the rounding of `elapsed`, a sum of at most 64 steps
 
 
@@ -99,7 +102,7 @@ def peak_of(s: Scene, i: int) -> f64:
 def sample(s: Scene, i: int):
     """Raise the peak of grain i to the most that it may have reached unmonitored."""
     v = at(s.grains.next_velocity, i)
-    peak = wp.length(deviation(s, v, i)) + s.verlet.work.sampled_change
+    peak = wp.length(deviation(s, v, i)) + s.verlet.work.unmonitored_change
     put(s.verlet.peak_square, i, larger(at(s.verlet.peak_square, i), peak * peak))
 
 
@@ -115,16 +118,19 @@ def clear_check(s: Scene):
 def find_frame(s: Scene):
     """Find v_f, the mean of v_i - v0_i: a motion common to all grains, such as a fall, changes no gap.
 
-    In an attempt that resumes with a new list, the v0_i include it already. Driven walls do not move with it.
+    Any v_f will do, so that it is the mean of some grains. In an attempt that resumes with a new list, the
+    v0_i include it already. Driven walls do not move with it.
     """
     n = grain_count(s)
     u = wp.vec2d(f64(0.0), f64(0.0))
     if s.control.resuming == 0 and not is_driven(s):
+        stride = 1 + (n - 1) // IN_MEAN
+        count = 1 + (n - 1) // stride
         i = int(0)
         while i < n:
             w = at(s.verlet.reference_velocity, i)
-            u = u + (at(s.grains.next_velocity, i) - w) / f64(n)
-            i += 1
+            u = u + (at(s.grains.next_velocity, i) - w) / f64(count)
+            i += stride
     s.verlet.work.frame_velocity = u
 
 
@@ -212,9 +218,8 @@ def is_sampling_due(s: Scene) -> bool:
 
 
 @wp.func
-def begin_sampling(s: Scene):
-    """Reset the sum of changes that were not monitored, and keep it for `sample`."""
-    s.verlet.work.sampled_change = s.verlet.work.unmonitored_change
+def end_sampling(s: Scene):
+    """Reset the sum of changes that were not monitored."""
     s.verlet.work.unmonitored_change = f64(0.0)
 
 
@@ -230,70 +235,3 @@ def shift_frame(s: Scene):
     numbers = s.verlet.numbers
     s.verlet.numbers.frame_shift = numbers.frame_shift + s.dt * s.verlet.work.frame_velocity
     s.verlet.numbers.elapsed = numbers.elapsed + s.dt
-
-
-@wp.func
-def adapt_base_skin(s: Scene):
-    """Widen the base skin [m] after a list that did not last, narrow it after one that did."""
-    radius = s.tuning.smallest_radius
-    skin = s.verlet.numbers.base_skin
-    steps = s.verlet.numbers.elapsed / s.dt
-    if steps < f64(4.5) and (s.step.iterations == 0 or is_accelerated(s)):
-        widest = wp.where(is_accelerated(s), WIDEST_UNSWEPT, WIDEST)
-        skin = wp.min(f64(1.25) * skin, widest * radius)
-    elif steps > f64(20.5):
-        skin = wp.max(f64(0.7) * skin, NARROWEST * radius)
-    s.verlet.numbers.base_skin = skin
-
-
-@wp.func
-def renew_skin(s: Scene, i: int):
-    """Choose v0_i, and skin_i: the base skin plus a multiple of the need of this step or of the last.
-
-    v0_i is the grain's velocity now, or v0_i + v_f where plain sweeps begin again. Accelerated sweeps that
-    resume need the skin for the remaining ones only.
-    """
-    w = at(s.grains.next_velocity, i)
-    needed = at(s.verlet.recent_deviation, i)
-    margin = FORESEEN
-    if s.step.iterations > 0:
-        seen = peak_of(s, i)
-        needed = wp.max(needed, seen)
-        if is_accelerated(s):
-            margin = STILL_TO_COME
-            put(s.verlet.peak_square, i, f64(0.0))
-        else:
-            margin = FOUND_OUT
-            w = at(s.verlet.reference_velocity, i) + s.verlet.work.frame_velocity
-            put(s.verlet.recent_deviation, i, needed)  # so that skins only grow as long as the step goes on
-    put(s.verlet.skin, i, s.verlet.numbers.base_skin + margin * s.dt * needed)
-    put(s.verlet.reference_position, i, at(s.grains.position, i))
-    put(s.verlet.reference_velocity, i, w)
-
-
-@wp.func
-def renew_numbers(s: Scene):
-    """Renew the numbers of the list, so that its paths and its time begin now.
-
-    The lifetime is that of the steps in which no grain moves further than `Tuning.room` from the mean. The
-    frame's skin allows for a free fall of that duration.
-    """
-    n = body_count(s)
-    mean = wp.vec2d(f64(0.0), f64(0.0))
-    i = int(0)
-    while i < n:
-        mean = mean + at(s.verlet.reference_velocity, i) / f64(n)
-        i += 1
-    spread = f64(0.0)
-    i = int(0)
-    while i < n:
-        spread = larger(spread, wp.length_sq(at(s.verlet.reference_velocity, i) - mean))
-        i += 1
-    steps = wp.clamp(wp.floor(s.tuning.room / (s.dt * wp.sqrt(spread))), f64(1.0), LONGEST)
-    lifetime = steps * s.dt
-    fall = f64(1.2) * s.tuning.acceleration * lifetime * (f64(0.5) * lifetime + s.dt)
-    s.verlet.numbers.frame_shift = wp.vec2d(f64(0.0), f64(0.0))
-    s.verlet.numbers.elapsed = f64(0.0)
-    s.verlet.work.mean_velocity = mean
-    s.verlet.numbers.lifetime = lifetime
-    s.verlet.numbers.frame_skin = s.verlet.numbers.base_skin + fall

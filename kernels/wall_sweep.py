@@ -6,9 +6,9 @@ One loop serves all methods, by the static flags of pair_sweep.py; `driven`: a f
 import warp as wp
 
 from . import law
-from .access import at, first_of, gap_rate_of, larger, normal_of, put, second_of
+from .access import at, bodies_of, contact_at, larger, put
 from .contacts import limits_at, rim_weights, surface_of
-from .driven import correct_wall
+from .driven import change_speed, closing_speed, compliance_of
 from .momentum import ENOUGH, mass_in_phi, relaxation_factor
 from .record import Scene, pair_count
 from .types import ContactsByRef
@@ -25,7 +25,6 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
 
     @wp.func(inline=not driven)
     def sweep_walls(s: Scene, contacts: ContactsByRef, begin: int, end: int) -> wp.vec3d:
-        contact = contacts.contact
         velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
         rim = s.grains.next_rim
         beta, omega = s.momentum.state.beta, f64(1.0)
@@ -35,7 +34,9 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
         total = wp.vec3d()
         c = int(begin)
         while c < end:
-            i, n, gap_rate = first_of(contact, c), normal_of(contact, c), gap_rate_of(contact, c)
+            contact = contact_at(contacts.contact, c)
+            i, j = bodies_of(contact)
+            n, gap_rate = contact.n, f64(contact.gap_rate)
             v, x, listed = at(velocity, i), at(contacts.dv, c), c
             y = x
             if wp.static(ahead):
@@ -44,9 +45,10 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
                 listed = at(s.working.index, c)
             limits, compliance = limits_at(contacts.limits, c - first_wall), f64(1.0)
             if wp.static(driven):
-                j = second_of(contact, c)
-                found = correct_wall(s, velocity, i, j, n, y, gap_rate, omega)
-                dv, compliance, excess = found[0], found[1], found[2]
+                compliance = compliance_of(s, i, j, n)
+                excess = closing_speed(s, velocity, i, j, n) - gap_rate
+                dv = law.driven_change(omega * excess, y, compliance)
+                change_speed(s, velocity, i, j, n, dv)
             else:
                 gap_rate = law.round_gap_rate(gap_rate, law.speed_along(v, n), limits[1])
                 vn = wp.dot(v, n)
@@ -56,20 +58,20 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
             change, cost, slope = wp.abs(wide_dv), f64(0.0), wide_dv * (new - x)
             put(contacts.dv, c, new)
             if wp.static(friction):
-                surface, part = surface_of(s, listed), rim_weights(s, listed, True)
+                surface, rims = surface_of(s, listed), rim_weights(s, listed, True)
                 u, xt = at(rim, i), at(contacts.dvt, c)
                 yt = xt
                 if wp.static(ahead):
                     yt = xt + beta * (xt - at(contacts.last_dvt, c))
                     put(contacts.last_dvt, c, xt)
                 vt = law.wall_slip(v, n, u, surface[1])
-                dvt = law.tangential_change(part[0] * vt, yt, surface[0] * new)
+                dvt = law.tangential_change(rims[0] * vt, yt, surface[0] * new)
                 push = push + dvt * law.tangent(n)
-                put(rim, i, u - dvt * part[1])
+                put(rim, i, u - dvt * rims[1])
                 put(contacts.dvt, c, yt + dvt)
                 change = larger(change, wp.abs(dvt))
                 if wp.static(ahead):
-                    wide_dvt = dvt / part[0]
+                    wide_dvt = dvt / rims[0]
                     cost = wide_dv * dv + wide_dvt * dvt
                     slope = slope + wide_dvt * (yt + dvt - xt)
             elif wp.static(ahead):
@@ -84,7 +86,7 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
                 if change > large:
                     monitor(s, i, at(velocity, i))
                 if wp.static(driven):  # its changes add up: the wall has more contacts than a grain
-                    monitor(s, second_of(contact, c), at(velocity, second_of(contact, c)))
+                    monitor(s, j, at(velocity, j))
             c += 1
         return total
 

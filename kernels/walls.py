@@ -110,7 +110,7 @@ def joint_reach(walls: Walls, radius: f64) -> f64:
 
 
 @wp.func
-def frame_at_joint(b: int, x: wp.vec2d, radius: f64, n: wp.vec2d, gap: f64, walls: Walls):
+def contact_at_joint(b: int, x: wp.vec2d, radius: f64, n: wp.vec2d, gap: f64, walls: Walls):
     """Return normal and gap [m] of a grain at x at wall b, from those at its nearest point (eq. 8c)."""
     shape = at(walls.shape, b - 1)
     end = end_of(x, shape)
@@ -159,8 +159,8 @@ def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> 
 
 
 @wp.func
-def wall_frame(b: int, x: wp.vec2d, radius: f64, walls: Walls):
-    """Return normal, gap, gap on the other side, and reach [m] of the contact of a grain at x with wall b.
+def wall_contact(b: int, x: wp.vec2d, radius: f64, walls: Walls):
+    """Return normal, gap, gap on the other side, and A of eq. 18 [m] for a grain at x and wall b.
 
     A wall inside the annulus has no other side, and is its tangent: both are inf.
     """
@@ -168,11 +168,11 @@ def wall_frame(b: int, x: wp.vec2d, radius: f64, walls: Walls):
         place, shape = place_at(b, x, walls), at(walls.shape, b - 1)
         n, gap = shape_normal(place, shape), shape_gap(place, radius, shape)
         if have_joints(walls) and gap <= radius:
-            n, gap = frame_at_joint(b, place, radius, n, gap, walls)
+            n, gap = contact_at_joint(b, place, radius, n, gap, walls)
         if are_mobile(walls):
             n = from_frame(at(walls.pose, b - 1), n)
         return n, gap, f64(wp.inf), f64(wp.inf)
-    return annulus.frame(x, radius, walls.annulus)
+    return annulus.contact(x, radius, walls.annulus)
 
 
 @wp.func

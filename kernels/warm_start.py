@@ -3,11 +3,12 @@
 import warp as wp
 
 from . import law
-from .access import at, first_of, put, second_of, set_frame
-from .contacts import apply, contacts_of, is_wall_set, tangential_at
+from .access import at, bodies_of, contact_at, put
+from .contacts import apply, contacts_of, is_wall_set, value_at
 from .record import Scene, grain_count, has_friction, pair_count, rotates
 from .threads import Team
-from .walls import surface_speed, wall_frame
+from .types import Contact
+from .walls import surface_speed, wall_contact
 
 f64 = wp.float64
 
@@ -21,29 +22,29 @@ def begin_velocity(s: Scene, i: int):
 
 
 @wp.func
-def freeze(s: Scene, c: int, at_wall: bool) -> wp.vec2d:
-    """Write normal and gap of a contact (eq. 4) as grains are placed now. Returns the normal."""
-    i, j = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c)
+def frozen(s: Scene, c: int, at_wall: bool) -> Contact:
+    """Return a contact with the normal and gap (eq. 4) that it has as grains are placed now."""
+    contact = contact_at(s.contacts.contact, c)
+    i, j = bodies_of(contact)
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
     if at_wall:
         b = j - grain_count(s)
-        normal, gap, back, reach = wall_frame(b, x, radius, s.walls)
+        normal, gap, back, circle = wall_contact(b, x, radius, s.walls)
         if wp.isnan(normal[0]) and wp.min(gap, back) > f64(0.0):
-            normal = wp.vec2d(
-                f64(0.0), f64(0.0)
-            )  # no force: stopping.grain_beyond_wall checks that none is due
+            normal = wp.vec2d()  # no force: `grain_beyond_wall` checks that none is due
             s.verlet.flags.without_normal = 1
         if s.contacts.wall_speed.shape[0] > 0:
             point = x + (radius + gap) * normal
             put(s.contacts.wall_speed, c - pair_count(s), surface_speed(b, point, normal, s.walls))
         if s.contacts.limits.shape[0] > 0:
-            put(s.contacts.limits, c - pair_count(s), wp.vec2d(back / s.dt, reach / s.dt))
-        set_frame(s.contacts.contact, c, normal, gap / s.dt)
-        return normal
-    normal, distance = law.normal(x, at(s.grains.position, j))
-    gap = law.pair_gap(distance, radius, at(s.grains.radius, j))
-    set_frame(s.contacts.contact, c, normal, gap / s.dt)
-    return normal
+            put(s.contacts.limits, c - pair_count(s), wp.vec2d(back / s.dt, circle / s.dt))
+        contact.n = normal
+        contact.gap_rate = gap / s.dt
+    else:
+        normal, distance = law.normal(x, at(s.grains.position, j))
+        contact.n = normal
+        contact.gap_rate = law.pair_gap(distance, radius, at(s.grains.radius, j)) / s.dt
+    return contact
 
 
 @wp.func
@@ -52,13 +53,14 @@ def start(team: Team, s: Scene, k: int):
     c, end = contacts_of(team, s, k)
     at_wall = is_wall_set(s, k)
     while c < end:
-        n = freeze(s, c, at_wall)
+        contact = frozen(s, c, at_wall)
+        put(s.contacts.contact, c, contact)
         if s.control.resuming == 0:
-            dv, dvt = at(s.contacts.dv_start, c), tangential_at(s.contacts.dvt_start, c)
+            dv, dvt = at(s.contacts.dv_start, c), value_at(s.contacts.dvt_start, c)
             put(s.contacts.dv, c, dv)
             if has_friction(s):
                 put(s.contacts.dvt, c, dvt)
-            apply(s, s.grains.next_velocity, s.grains.next_rim, c, n, dv, dvt)
+            apply(s, s.grains.next_velocity, s.grains.next_rim, contact, c, dv, dvt)
         c += 1
 
 

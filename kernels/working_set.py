@@ -5,29 +5,19 @@ violate or nearly do, and copies them to contiguous arrays. Without friction, sw
 contacts, so that they stay in the cache. All other contacts have no correction and get none, so velocities
 between two scans do not matter to the list's proof (verlet.py).
 
-The copies of a part (contacts.py) begin at the index of its first contact: threads select in parallel.
+The copies of a chunk (contacts.py) begin at the index of its first contact: threads select in parallel.
 """
 
 import warp as wp
 
 from . import law
-from .access import (
-    at,
-    copy_contact,
-    first_of,
-    gap_rate_of,
-    larger,
-    named,
-    normal_of,
-    put,
-    second_of,
-)
-from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
+from .access import at, bodies_of, contact_at, larger, named, put
+from .contacts import chunks_of_set, contacts_of_chunk, gap_rates_now, is_wall_set
 from .driven import closing_speed
 from .lanes import FOUR, end_of_fours, lanes
-from .record import Scene, has_friction, has_weights, is_driven, pair_count
+from .record import Scene, has_friction, has_swept, has_weights, is_driven, pair_count
 from .stopping import stop_or_sweep, stops_on_zeta
-from .threads import Team, reduce_max, thread_range, update_max
+from .threads import Team, take_max, thread_range, update_max
 from .types import Floats, WorkingSet
 from .verlet import keep_peak
 
@@ -41,7 +31,7 @@ def nearness(s: Scene) -> f64:
 
     So contacts whose violation changes in the last digits only do not enter and leave the set.
     """
-    if s.step.iterations == 0:
+    if not has_swept(s):
         return f64(0.0)
     return wp.min(NEAR * s.step.zeta, s.tuning.nearest)
 
@@ -57,15 +47,15 @@ def check_peak(s: Scene, i: int):
 
 @wp.func
 def empty(s: Scene, k: int):
-    """Empty part k of the working set."""
-    put(s.momentum.contact_part, k, wp.vec2d(f64(0.0), f64(0.0)))
+    """Empty chunk k of the working set."""
+    put(s.momentum.contact_sums, k, wp.vec2d(f64(0.0), f64(0.0)))
     put(s.working.range, k, wp.vec2i(0, 0))
 
 
 @wp.func
-def scatter(s: Scene, part: int):
-    """Copy the corrections of a part of the working set back to all contacts."""
-    working, bounds = s.working, at(s.working.range, part)
+def scatter(s: Scene, chunk: int):
+    """Copy the corrections of a chunk of the working set back to all contacts."""
+    working, bounds = s.working, at(s.working.range, chunk)
     scatter_numbers(working, bounds, s.contacts.dv, working.contacts.dv)
     scatter_numbers(working, bounds, s.contacts.last_dv, working.contacts.last_dv)
     if has_friction(s):
@@ -75,7 +65,7 @@ def scatter(s: Scene, part: int):
 
 @wp.func
 def scatter_numbers(working: WorkingSet, bounds: wp.vec2i, target: Floats, source: Floats):
-    """Copy numbers of a part of the working set back to those of all contacts."""
+    """Copy numbers of a chunk of the working set back to those of all contacts."""
     c = int(bounds[0])
     while c < bounds[1]:
         put(target, at(working.index, c), at(source, c))
@@ -85,21 +75,22 @@ def scatter_numbers(working: WorkingSet, bounds: wp.vec2i, target: Floats, sourc
 @wp.func
 def select(s: Scene, c: int, k: int):
     """Copy contact k to index c of the working set."""
+    listed, swept = s.contacts, s.working.contacts
+    contact = contact_at(listed.contact, k)
     put(s.working.index, c, k)
-    copy_contact(s.working.contacts.contact, c, s.contacts.contact, k)
-    put(s.working.contacts.dv, c, at(s.contacts.dv, k))
-    put(s.working.contacts.last_dv, c, at(s.contacts.last_dv, k))
+    put(swept.contact, c, contact)
+    put(swept.dv, c, at(listed.dv, k))
+    put(swept.last_dv, c, at(listed.last_dv, k))
     if has_weights(s):
-        weight = at(s.contacts.weights, k)
-        put(s.working.contacts.weights, c, weight)
-        put(s.working.mass, c, weight[0] * at(s.grains.contact_mass, first_of(s.contacts.contact, k)))
-
-
-@wp.func
-def closing_speed_of(s: Scene, c: int) -> f64:
-    """Return vn of a pair [m/s] (eq. 5)."""
-    v, contact = s.grains.next_velocity, s.contacts.contact
-    return wp.dot(at(v, first_of(contact, c)) - at(v, second_of(contact, c)), normal_of(contact, c))
+        weight = at(listed.weights, k)
+        put(swept.weights, c, weight)
+        i, _ = bodies_of(contact)
+        put(s.working.mass, c, weight[0] * at(s.grains.contact_mass, i))
+    if has_friction(s):
+        put(swept.dvt, c, at(listed.dvt, k))
+        put(swept.last_dvt, c, at(listed.last_dvt, k))
+        if has_weights(s):
+            put(swept.rim_weights, c, at(listed.rim_weights, k))
 
 
 def selecting(count: int) -> wp.Function:
@@ -108,7 +99,7 @@ def selecting(count: int) -> wp.Function:
     It takes `(scene, begin, end, place)`, the first index in the working set, and returns the index after the
     last pair, and the largest violation of pairs that carry no correction.
     """
-    vector, numbers_at = lanes(count).vector, lanes(count).numbers_at
+    numbers_at, approach, gap_rates = lanes(count).numbers_at, lanes(count).approach, lanes(count).gap_rates
 
     @wp.func
     def select_some(s: Scene, begin: int, end: int, place: int):
@@ -118,16 +109,13 @@ def selecting(count: int) -> wp.Function:
         free = int(place)
         c = int(begin)
         while c < end:
-            vn = vector()
+            excess = approach(s.grains.next_velocity, contacts.contact, c) - gap_rates(contacts.contact, c)
+            carried = numbers_at(contacts.dv, c) + numbers_at(contacts.last_dv, c)
             for k in range(wp.static(count)):
-                vn[k] = closing_speed_of(s, c + k)
-            carried = numbers_at(contacts.dv, c) + numbers_at(s.contacts.last_dv, c)
-            for k in range(wp.static(count)):
-                excess = vn[k] - gap_rate_of(contacts.contact, c + k)
                 carries = carried[k] > f64(0.0)
-                violation = larger(violation, wp.where(carries, f64(0.0), excess))
+                violation = larger(violation, wp.where(carries, f64(0.0), excess[k]))
                 select(s, free, c + k)
-                free += wp.where(carries or excess + near > f64(0.0), 1, 0)
+                free += wp.where(carries or excess[k] + near > f64(0.0), 1, 0)
             c += wp.static(count)
         return free, violation
 
@@ -154,15 +142,17 @@ def selecting_walls(driven: bool) -> wp.Function:
 
     @named(f"select_{'driven_' if driven else ''}walls")
     def select_some(s: Scene, begin: int, end: int):
-        near, velocity, contact = nearness(s), s.grains.next_velocity, s.contacts.contact
+        near, velocity = nearness(s), s.grains.next_velocity
         violation = f64(0.0)
         free = int(begin)
         c = int(begin)
         while c < end:
-            i, n, dv = first_of(contact, c), normal_of(contact, c), at(s.contacts.dv, c)
+            contact, dv = contact_at(s.contacts.contact, c), at(s.contacts.dv, c)
+            i, j = bodies_of(contact)
+            n = contact.n
             carries = dv != f64(0.0) or at(s.contacts.last_dv, c) != f64(0.0)
             if wp.static(driven):
-                change = closing_speed(s, velocity, i, second_of(contact, c), n) - gap_rate_of(contact, c)
+                change = closing_speed(s, velocity, i, j, n) - contact.gap_rate
                 is_near = change + near > f64(0.0)
             else:
                 v = at(velocity, i)
@@ -186,29 +176,14 @@ select_walls, select_driven_walls = selecting_walls(False), selecting_walls(True
 
 
 @wp.func
-def select_tangential(s: Scene, begin: int, end: int):
-    """Copy what selected contacts have with friction, from index begin to end of the working set."""
-    c = int(begin)
-    while c < end:
-        k = at(s.working.index, c)
-        put(s.working.contacts.dvt, c, at(s.contacts.dvt, k))
-        put(s.working.contacts.last_dvt, c, at(s.contacts.last_dvt, k))
-        if has_weights(s):
-            put(s.working.contacts.rim_weights, c, at(s.contacts.rim_weights, k))
-        c += 1
-
-
-@wp.func
 def select_set(team: Team, s: Scene, k: int):
     """Select the contacts of a set that are swept, and find the largest violation of the others."""
     violation = f64(0.0)
-    start, stop = at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1)
-    first_chunk, end_chunk, origin, part = chunks_of_set(s, k)
-    first, last = thread_range(team, first_chunk, end_chunk)
+    begin_chunks, end_chunks = chunks_of_set(s, k)
+    first, last = thread_range(team, begin_chunks, end_chunks)
     at_wall = is_wall_set(s, k)
     for chunk in range(first, last):
-        begin = wp.max(start, origin + chunk * CHUNK)
-        end = wp.min(stop, origin + (chunk + 1) * CHUNK)
+        begin, end = contacts_of_chunk(s, k, chunk)
         after, worst = int(begin), f64(0.0)
         if at_wall and is_driven(s):
             after, worst = select_driven_walls(s, begin, end)
@@ -217,9 +192,7 @@ def select_set(team: Team, s: Scene, k: int):
         else:
             after, worst = select_pairs(s, begin, end)
         violation = larger(violation, worst)
-        if has_friction(s):
-            select_tangential(s, begin, after)
-        put(s.working.range, part + chunk, wp.vec2i(begin, after))
+        put(s.working.range, chunk, wp.vec2i(begin, after))
     update_max(team, s.partial.zeta, violation)
 
 
@@ -229,9 +202,9 @@ def end_scan(s: Scene):
 
     If the tolerance is on zeta, the violation of contacts outside the set counts as a change still to come.
     """
-    violation = reduce_max(s.partial.zeta)
+    violation = take_max(s.partial.zeta)
     iterations = s.step.iterations
-    if iterations > 0 and stops_on_zeta(s) and s.control.rejected == 0:
+    if has_swept(s) and stops_on_zeta(s) and s.control.rejected == 0:
         s.step.zeta = wp.max(s.step.zeta, violation)
         if iterations <= s.history.zeta.shape[0]:
             put(s.history.zeta, iterations - 1, s.step.zeta)

@@ -33,13 +33,15 @@ COLUMNS = ("file", "line", "old", "new", "effect", "detected by", "seconds")
 TIME_LIMIT = 300.0  # seconds a mutant: one that never ends is detected as well
 DECIDING = {
     "verlet": ("verlet", "monitoring", "missing_contacts", "driven_walls"),
-    "neighbors": ("driven_walls",),
+    "skins": ("verlet", "missing_contacts"),
+    "neighbors": ("contact_list", "driven_walls"),
     "wall_sweep": ("driven_walls", "reference"),
     "contact_list": ("contact_list", "missing_contacts"),
     "working_set": ("accelerated_stages", "working_set"),
     "momentum": ("momentum", "accelerated_stages", "working_set"),
     "stopping": ("momentum", "accelerated_stages", "working_set", "monitoring", "missing_contacts"),
     "coloring": ("coloring",),
+    "contacts": ("accelerated_stages",),
 }
 """Test files of tests/kernels that decide on the mutants of a file, the fastest first."""
 NONE, LATE, UNBUILT = "none", "time limit", "cannot be built"

@@ -1,4 +1,4 @@
-"""Checked mode: the first index outside of its array is reported, with stage, array and index."""
+"""Checked mode: the first index outside of its array is reported, with array and index."""
 
 import os
 import re
@@ -27,11 +27,11 @@ for name, length, threads in {cases}:
     except wg.SimulationError as error:
         print(error)
 """
-CASES = {
-    ("contacts.set_start", 3, 1): "place_walls uses index 3 of",
-    ("momentum.last_velocity", 5, 1): r"begin_momentum uses index \d+ of",
-    ("grains.next_velocity", 40, 2): r"begin_velocity uses index \d+ of",
-}
+CASES = [
+    ("contacts.set_start", 3, 1),
+    ("momentum.last_velocity", 5, 1),
+    ("grains.next_velocity", 40, 2),
+]
 
 
 def checked(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -41,10 +41,10 @@ def checked(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_first_violation_is_reported() -> None:
-    done = checked("-c", TOO_SHORT.format(cases=list(CASES)))
+    done = checked("-c", TOO_SHORT.format(cases=CASES))
     assert done.returncode == 0, done.stderr
-    for line, ((name, length, _), use) in zip(done.stdout.splitlines(), CASES.items(), strict=True):
-        reported = rf"{use} {re.escape(name)}, which has length {length}"
+    for line, (name, length, _) in zip(done.stdout.splitlines(), CASES, strict=True):
+        reported = rf"index \d+ of {re.escape(name)}, which has length {length}, was used"
         assert re.fullmatch(rf"step \d+: {reported}: please report this defect with the scene.*", line), line
 
 
@@ -70,13 +70,6 @@ def test_every_access_is_checked() -> None:
         assert not re.findall(r"\bs\.[a-z_]+\.[a-z_.]+(?<!shape)\[", source), (
             f"{file.name} indexes an array itself"
         )
-
-
-def test_command_line(tmp_path: Path) -> None:
-    run = ("-m", "warpgrains", "run", "annulus", "--method", "accelerated", "--steps", "5", "--check-bounds")
-    done = subprocess.run([sys.executable, *run], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert "every index within its array" in done.stdout
 
 
 @pytest.mark.slow

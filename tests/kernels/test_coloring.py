@@ -3,10 +3,10 @@
 import graphs
 import numpy as np
 import pytest
-from stages import OneRecord, grain_total, listed, record_of_graph
+from stages import OneRecord, grain_total, record_of_graph
 
 from warpgrains.arrays import IntArray
-from warpgrains.kernels.coloring import group_pairs, place_pairs, place_walls
+from warpgrains.kernels.coloring import choose_sets, place_contacts
 from warpgrains.kernels.stages import Serial
 
 GRAPHS = {
@@ -43,10 +43,10 @@ def grouped(
     """Return the record with every pair at its index, and the set of every pair."""
     record = record_of_graph(pairs, at_walls)
     record.record["by_color"], record.record["merge"] = by_color, merge
-    record.run(Serial(group_pairs), Serial(place_pairs))
+    record.run(Serial(choose_sets), Serial(place_contacts))
     assert record.record["contacts"]["count"]["pairs"] == len(pairs)
-    group = of_pairs(record, "group")
-    assert (record["workspace.group"][of_walls(record)] == -1).all()
+    group = of_pairs(record, "set_of")
+    assert (record["workspace.set_of"][of_walls(record)] == -1).all()
     return record, group
 
 
@@ -102,18 +102,12 @@ def test_every_pair_has_its_index(pairs: IntArray, at_walls: IntArray, by_color:
 @pytest.mark.parametrize("merge", [False, True])
 @pytest.mark.parametrize("most", [0, 1, 2])
 def test_walls_come_last(pairs: IntArray, by_color: bool, merge: bool, most: int) -> None:
-    """The first contacts of all grains with walls are a set, the second ones the next, each by grain."""
+    """Contacts with walls are one set, in the order of the list."""
     at_walls = np.random.default_rng(4).integers(0, most + 1, grain_total(pairs))
     record, _ = grouped(pairs, at_walls, by_color, merge)
-    index, count = of_pairs(record, "sweep_index"), record.record["contacts"]["count"]
-    start = record["contacts.set_start"][: count["sets"] + 1].tolist()
-    record.run(Serial(place_walls))
-    assert np.array_equal(of_pairs(record, "sweep_index"), index)
-    body = listed(pairs, at_walls)
-    walls = body[body[:, 1] >= len(at_walls)]
-    at = record["workspace.sweep_index"][of_walls(record)]
-    assert np.array_equal(at, len(pairs) + np.argsort(np.lexsort(walls.T)))
-    sets = at_walls.max()
-    assert (count["pairs"], count["walls"], count["wall_sets"]) == (len(pairs), len(walls), sets)
-    start += (len(pairs) + np.cumsum([(at_walls > k).sum() for k in range(sets)], dtype=int)).tolist()
-    assert record["contacts.set_start"][: len(start)].tolist() == start
+    count, walls = record.record["contacts"]["count"], at_walls.sum()
+    assert count.tolist()[0] == len(pairs)
+    assert count.tolist()[2] == walls
+    index = record["workspace.sweep_index"][of_walls(record)]
+    assert np.array_equal(index, len(pairs) + np.arange(walls))
+    assert record["contacts.set_start"][count["sets"] :][:2].tolist() == [len(pairs), len(pairs) + walls]

@@ -180,7 +180,7 @@ def test_list_that_expires(iterations: int, method: str) -> None:
 
 @wp.func
 def note_pair_end(s: SceneOnDevice, i: int):
-    put(s.workspace.next_level, i, contact_list.pair_end(s.neighbors, i))
+    put(s.neighbors.firsts, i, contact_list.pair_end(s.neighbors, i))
 
 
 @pytest.mark.parametrize("at_walls", [[0, 0, 0, 0], [2, 0, 1, 2], [0, 2, 0, 1], [1, 1, 1, 1]])
@@ -190,7 +190,7 @@ def test_pairs_of_a_row_end_where_its_walls_begin(pairs: list[Bodies], at_walls:
     record.run(Each(grain_count, note_pair_end))
     bodies = listed(np.array(pairs), np.array(at_walls)).tolist()
     ends = [sum(k < i or (k == i and j < 4) for k, j in bodies) for i in range(4)]
-    assert record["workspace.next_level"].tolist() == ends
+    assert record["neighbors.firsts"].tolist() == ends
 
 
 def test_step_waits_for_capacity() -> None:

@@ -35,7 +35,7 @@ def swept(pairs: IntArray) -> OneRecord:
     record["contacts.limits"][:] = np.stack([rng.uniform(-0.1, 0.3, n), np.full(n, np.inf)], axis=1)
     record["contacts.dv"][:] = 0.0
     record["contacts.set_start"][:3] = 0, len(pairs), len(contacts)
-    record.record["contacts"]["count"] = len(pairs), 1, n, 1
+    record.record["contacts"]["count"] = len(pairs), 1, n
     for name in ("grains.next_velocity", "verlet.reference_velocity"):
         record[name][:] = rng.normal(0.0, 1.0, record[name].shape)
     record["verlet.peak_square"][:], record["verlet.peak_limit"][:] = 0.0, np.inf

@@ -193,10 +193,9 @@ class AcceleratedTwin:
             if rebuilding or quiet or k == scene.max_iterations:
                 rebuilt = self._made_by_corrections()
                 self.residual = max(c.residual(rebuilt) for c in self._contacts)
-                if rebuilding:
-                    zipped = zip(self._v_last, rebuilt, self._v, strict=True)
-                    self._v_last = [last + (new - v) for last, new, v in zipped]
-                    self._v = rebuilt
+                zipped = zip(self._v_last, rebuilt, self._v, strict=True)
+                self._v_last = [last + (new - v) for last, new, v in zipped]
+                self._v = rebuilt
                 if on_residual and self.residual <= scene.tolerance:
                     return
             if k in (1, 2, 4, 8) or k % 10 == 0 or quiet or k == scene.max_iterations:

@@ -106,12 +106,11 @@ def record_of_graph(pairs: IntArray, at_walls: IntArray | None = None) -> OneRec
     record = OneRecord(grains_apart(n).replace(wall="round"), len(contacts) + 1)  # whose walls have limits
     write_rows(record, contacts)
     for name in (
-        "group",
+        "set_of",
         "sweep_index",
-        "next_level",
     ):
         record[f"workspace.{name}"][:] = -7
-    record["workspace.used_colors"][:] = 2**64 - 1
+    record["workspace.taken"][:] = 2**64 - 1
     record["contacts.set_start"][:] = -7
-    record.record["contacts"]["count"] = -7, -7, -7, -7
+    record.record["contacts"]["count"] = -7, -7, -7
     return record

@@ -1,6 +1,5 @@
 """The commands and their options, read from commands.toml."""
 
-import os
 import tomllib
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Iterator
@@ -44,16 +43,9 @@ class Command(NamedTuple):
     def do(self, arguments: Namespace) -> int:
         """Execute the command and return the exit code. The command's module is imported only here."""
         module, _, function = self.home.partition(".")
-        _pass_to_kernels(arguments)
         with exit_on_interrupt():
             do = getattr(import_module(f"warpgrains.cli.{module}"), function)
         return int(do(arguments))
-
-
-def _pass_to_kernels(arguments: Namespace) -> None:
-    """Set the environment variable of --check-bounds, which is read when the kernels are imported."""
-    if getattr(arguments, "check_bounds", False):
-        os.environ["WARPGRAINS_CHECK_BOUNDS"] = "1"
 
 
 def _outputs() -> Iterator[Option]:

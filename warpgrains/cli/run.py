@@ -22,7 +22,6 @@ from warpgrains.drawing.kinds import RECORDING
 from warpgrains.errors import InputError
 from warpgrains.files import require_writable_path
 from warpgrains.frame_log import log_of
-from warpgrains.kernels.access import CHECKED
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
@@ -188,8 +187,6 @@ def results_of(run: OpenRun) -> dict[str, Any]:
         "overlap_in_radii": summary.overlap / scene.smallest_radius,
         "overlaps_at_start": overlaps._asdict(),
     }
-    if CHECKED:
-        results["bounds_checked"] = True
     if options.until is not None:
         results["until"] = options.until
     if run.times is not None:
@@ -214,7 +211,6 @@ def summary_lines(results: dict[str, Any]) -> str:
         "worst overlap": f"{results['overlap']:.2e} m ({results['overlap_in_radii']:.2e} smallest radii)",
         "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall{largest}",
         "time": f"{results['seconds']:.2f} s, {results['steps'] / results['seconds']:.0f} steps/s",
-        **({"bounds": "every index within its array"} if "bounds_checked" in results else {}),
         "output": shown,
     }
     return in_columns(rows)

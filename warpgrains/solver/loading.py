@@ -160,7 +160,7 @@ def _write_list(
     """Write the list: pairs in lexicographic order and wall contacts, with their corrections."""
     count, scene = len(pair) + len(wall), records.scenes[k]
     records.reserve_contacts(k, count)
-    records.host[k]["contacts"]["count"] = len(pair), 0, len(wall), 0  # the step puts them into sets
+    records.host[k]["contacts"]["count"] = len(pair), 0, len(wall)  # the step puts them into sets
     if count == 0:
         for rows in ("neighbors", "workspace.old"):
             records.array(k, f"{rows}.start")[:] = 0

@@ -15,7 +15,6 @@ from warpgrains.errors import SimulationError
 from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.neighbors import MOST_CONTACTS
 from warpgrains.kernels.record import SceneRecord
-from warpgrains.kernels.stages import STAGE_NAMES
 from warpgrains.kernels.stopping import StopOn
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, BlockLayout, array_fields, bytes_needed
@@ -93,9 +92,7 @@ class SceneRecords:
             for number, field in enumerate(array_fields())
             if field.of(self.host)["data"][k] == found["array"] and self._length[number, k] == found["length"]
         ]
-        stage = STAGE_NAMES.get(int(found["stage"]), "a stage")
-        where = f"index {found['index']} of {' or '.join(names)}"
-        return f"{stage} uses {where}, which has length {found['length']}"
+        return f"index {found['index']} of {' or '.join(names)}, which has length {found['length']}, was used"
 
     def has_stepped(self, k: int) -> bool:
         """Return True if scene k has taken a step since its state was loaded."""

@@ -114,7 +114,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
     friction = size.friction
     ahead = size.accelerated
     at_walls = np.minimum(n * size.walls, contacts)
-    parts = contacts + contacts // CHUNK + 2 + size.walls
+    chunks = contacts + contacts // CHUNK + 2
     listed = {
         **dict.fromkeys(("contact", "dv", "dv_start"), contacts),
         **dict.fromkeys(("dvt", "dvt_start"), friction * contacts),
@@ -124,7 +124,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "rim_weights": friction * contacts * size.weighted,
         "limits": size.limited * at_walls,
         "wall_speed": friction * size.mobile * at_walls,
-        "set_start": contacts + 2 + size.walls,
+        "set_start": contacts + 2,
     }
     not_swept = dict.fromkeys(("dv_start", "dvt_start", "wall_speed", "set_start"), 0)
     return {
@@ -152,15 +152,15 @@ def lengths(size: Sizes) -> dict[str, Any]:
         },
         "momentum": {
             "last_rim": ahead * friction * n,
-            "contact_part": ahead * parts,
+            "contact_sums": ahead * chunks,
             "last_velocity": ahead * bodies,
-            "grain_part": ahead * -(-bodies // CHUNK),
+            "body_sums": ahead * -(-bodies // CHUNK),
         },
         "working": {
             "contacts": {name: ahead * length for name, length in listed.items()} | not_swept,
             "index": ahead * contacts,
             "mass": ahead * contacts * size.weighted,
-            "range": ahead * parts,
+            "range": ahead * chunks,
         },
         "grid": {
             "cell_start": cells,
@@ -171,9 +171,9 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "workspace": {
             "old": rows | dict.fromkeys(search, 0),
             **dict.fromkeys(("old_dv", "old_place"), contacts),
-            **dict.fromkeys(("sweep_index", "group"), contacts),
+            **dict.fromkeys(("sweep_index", "set_of"), contacts),
             "old_dvt": friction * contacts,
-            **dict.fromkeys(("row_sum", "next_level", "used_colors"), n),
+            **dict.fromkeys(("row_sum", "taken"), n),
         },
         "partial": {
             **dict.fromkeys(("zeta", "residual", "overlap", "active"), size.partials),
