@@ -28,7 +28,8 @@ def few(**changes: object) -> Scene:
     scene, twelve = Scene.load("annulus"), slice(12)
     position, mass = scene.position[twelve], np.geomspace(0.1, 30.0, 12)[::-1]
     radius = np.linspace(0.06, 0.1, 12)
-    return scene.replace(position=position, velocity=None, radius=radius, mass=mass, radius_in=0.0, **changes)
+    smaller = {"position": position, "velocity": None, "spin": None, "radius": radius, "mass": mass}
+    return scene.replace(**smaller, radius_in=0.0, **changes)
 
 
 def tower(n: int, tolerance: float) -> Scene:
