@@ -183,11 +183,6 @@ def test_a_step_that_is_not_solved_ends_no_worse_than_by_sweeps() -> None:
     [
         ({"exact_time": 0.0}, "exact_time is 0.0"),
         ({"exact_time": float("nan")}, "exact_time is nan"),
-        ({"method": "accelerated"}, "exact_time is 1000.0: it is for method 'exact' with friction"),
-        (
-            {"friction": 0.0, "wall_friction": 0.0, "angular_velocity_out": 0.0},
-            "it is for method 'exact' with friction",
-        ),
         ({"stop": "zeta"}, "method 'exact' stops on the residual"),
         ({"pressure": 1.0, "wall": "tangent"}, "pressure is given and method is 'exact'"),
     ],

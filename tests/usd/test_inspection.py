@@ -119,6 +119,18 @@ def begin_at_one(stage):
             attribute.ClearAtTime(code)
 
 
+def scale(name, number):
+    """Return a damage of a scale: a text instead of a number."""
+
+    def damage(stage):
+        layer = stage.GetRootLayer()
+        data = layer.customLayerData
+        data["warpgrains"][name][number] = "x"
+        layer.customLayerData = data
+
+    return damage
+
+
 OF_THE_STAGE = [
     (lambda stage: stage.RemovePrim(GRAINS), "no UsdGeom.Points or PointInstancer at /World/Grains"),
     (leave_a_gap_in_time, "the time codes of the grains are not 0, 1, 2, ..."),
@@ -132,6 +144,9 @@ OF_THE_STAGE = [
     (lambda stage: stage.ClearMetadata("metersPerUnit"), "metersPerUnit is 0.01, not 1"),
     (lambda stage: stage.ClearMetadata("kilogramsPerUnit"), "kilogramsPerUnit is missing"),
     (lambda stage: stage.ClearDefaultPrim(), "defaultPrim is missing"),
+    (lambda stage: stage.RemovePrim("/World/Walls"), "no walls at /World/Walls"),
+    (scale("colors", "low"), "the scale of colors is damaged: low of colors is 'x': it must be a number"),
+    (scale("forces", "force"), "the scale of forces is damaged: force of forces is 'x': it must be a number"),
 ]
 
 
@@ -168,10 +183,12 @@ def test_names_what_is_broken_of_rotation(tmp_path, name, damage, problem):
         (begin_at_one, "holds frame 0 at time code 1: it must be 0"),
         (lambda stage: stage.SetTimeCodesPerSecond(5e-324), "is damaged: OverflowError"),
         (lambda stage: stage.SetTimeCodesPerSecond(0), "frames per second is 0.0"),
+        (scale("colors", "high"), "high of colors is 'x': it must be a number"),
+        (scale("forces", "width"), "width of forces is 'x': it must be a number"),
     ],
-    ids=["a gap", "a later start", "endless frames", "no rate"],
+    ids=["a gap", "a later start", "endless frames", "no rate", "colors", "forces"],
 )
-def test_times_that_no_recording_has_are_refused(recording, damage, complaint):
+def test_times_and_scales_that_no_recording_has_are_refused(recording, damage, complaint):
     with pytest.raises(InputError, match=complaint):
         Recording(damaged(recording, damage))
 

@@ -64,15 +64,18 @@ def _step_by_step(arguments: Namespace) -> bool:
     for name in _given(arguments, *FLAGS, "resume", "json"):
         raise InputError(f"{FLAGS.get(name, f'--{name}')} cannot be combined with --step-by-step")
     scene = _scene(arguments)
+    if arguments.separate:
+        scene = _separated(scene)
     step_by_step(scene, _steps(scene, arguments), arguments)
     return False
 
 
 def _scene(arguments: Namespace) -> Scene:
     solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
-    scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
-    if not arguments.separate:
-        return scene
+    return Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
+
+
+def _separated(scene: Scene) -> Scene:
     with stdout_to_stderr():
         from warpgrains.packings.separate import separate
 
@@ -113,12 +116,13 @@ def _begin(arguments: Namespace) -> tuple[OpenRun, None]:
     every = given.pop("every", None)
     require_needed(given, FLAGS.__getitem__)
     given |= _spacing(every, arguments.checkpoint, arguments.series)
+    scene = _scene(arguments)
+    run = OpenRun(scene, RunOptions(steps=_steps(scene, arguments), **given))
     if arguments.separate:  # which may take long
         for name in given.keys() & {"record", "checkpoint", "series"}:
             require_writable_path("output", Path(given[name]))
-    scene = _scene(arguments)
-    options = RunOptions(steps=_steps(scene, arguments), **given)
-    return OpenRun(scene, options), None
+        run = OpenRun(_separated(scene), run.options)
+    return run, None
 
 
 def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:

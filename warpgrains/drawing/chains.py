@@ -9,6 +9,7 @@ import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, IntArray
 from warpgrains.drawing.colorings import pressure_scale
+from warpgrains.scene import checks
 from warpgrains.scene.geometry import left_of, pair_normals
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ class ChainScale(NamedTuple):
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> ChainScale:
-        return cls(described["force"], described["width"])
+        return cls(*(checks.positive(f"{name} of forces", described[name]) for name in cls._fields))
 
 
 class Chains(NamedTuple):

@@ -95,7 +95,7 @@ class ColorScale:
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> Self:
         name = checks.one_of("quantity of colors", described["quantity"], COLORINGS)
-        return cls(name, described["low"], described["high"])
+        return cls(name, *(checks.number(f"{end} of colors", described[end]) for end in ("low", "high")))
 
     def levels(self, values: FloatArray) -> IndexArray:
         """Return the index into `colors` of each value, shape (n,)."""

@@ -143,8 +143,6 @@ def _of_driven_walls(scene: Scene) -> Iterator[str]:
 
 
 def _of_methods(scene: Scene) -> Iterator[str]:
-    if scene.exact_time is not None and not (scene.method == "exact" and scene.has_friction):
-        yield f"exact_time is {scene.exact_time}: it is for method 'exact' with friction"
     if scene.method == "exact" and scene.stops_on != "residual":
         yield f"stop is {scene.stop!r}: method 'exact' stops on the residual"
 

@@ -9,6 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
+from warpgrains.drawing.chains import ChainScale
+from warpgrains.drawing.colors import ColorScale
+from warpgrains.errors import InputError
 from warpgrains.shown import number_of
 from warpgrains.usd.grains import (
     ANGLE,
@@ -22,7 +25,14 @@ from warpgrains.usd.grains import (
     quaternions,
 )
 from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, WALLS
-from warpgrains.usd.stage import Values, open_recording, refusing_untrusted_content, too_coarse, values_of
+from warpgrains.usd.stage import (
+    RECORDED_BY,
+    Values,
+    open_recording,
+    refusing_untrusted_content,
+    too_coarse,
+    values_of,
+)
 
 _HALF = 1e-3  # of a quaternion: half precision, and angles as float32 up to 1e4 rad
 _FINITE, _POSITIVE = (-np.inf, np.inf, "finite"), (0.0, np.inf, "positive and finite")
@@ -64,7 +74,7 @@ def _problems(stage: Usd.Stage) -> list[str]:
     codes, rows = position_of(prim).GetTimeSamples(), _table(stage)
     if not codes:
         return ["the grains have no time samples"]
-    problems = _stage_problems(stage, codes)
+    problems = [*_stage_problems(stage, codes), *_scale_problems(stage)]
     for row in rows:
         name, samples = row.attribute.GetName(), row.attribute.GetTimeSamples()
         if row.is_still and samples:
@@ -98,8 +108,20 @@ def _stage_problems(stage: Usd.Stage, codes: list[float]) -> list[str]:
         "the time codes of the grains are not 0, 1, 2, ...": codes != list(range(len(codes))),
         f"startTimeCode and endTimeCode are {ends}, but the frames are {frames}": ends != frames,
         f"ids are not unique: {repeated} of {len(ids)} repeat another": repeated > 0,
+        f"no walls at {WALLS}": not stage.GetPrimAtPath(WALLS),
     }
     return [problem for problem, is_found in found.items() if is_found]
+
+
+def _scale_problems(stage: Usd.Stage) -> Iterator[str]:
+    """Yield what is wrong with the scales of colors and forces, if the recording has any."""
+    data = stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
+    for name, scale in (("colors", ColorScale), ("forces", ChainScale)):
+        if name in data:
+            try:
+                scale.read(data[name])
+            except (InputError, LookupError, TypeError) as error:
+                yield f"the scale of {name} is damaged: {error}"
 
 
 def _table(stage: Usd.Stage) -> list[Row]:
