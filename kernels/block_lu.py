@@ -1,9 +1,9 @@
 """LU factors of a sparse matrix of 3 x 3 blocks, a row and a column of blocks for every grain.
 
 The pattern is symmetric and fixed: that of the Cholesky factors of the graph of grains. Blocks in it that are
-0 are left out. Pivots are chosen within the blocks on the diagonal, among all nine entries. The inverse of
-such a block loses digits where its entries are far apart, as 1 / eps and 1 are here (path.py), so that each
-quotient by it is refined once.
+0 are left out. Nothing is pivoted. Blocks on the diagonal are inverted by a QR decomposition. Such an inverse
+loses digits where its entries are far apart, as 1 / eps and 1 are here (path.py). So each quotient by it is
+refined once.
 """
 
 import warp as wp

@@ -13,6 +13,7 @@ import argparse
 import resource
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import product
 from math import ceil
 from pathlib import Path
 from time import process_time
@@ -170,6 +171,28 @@ def shipped(options: argparse.Namespace) -> Iterator[dict[str, str]]:
         yield row(subject, [done.unconverged], "steps not there", target="<= 0")
 
 
+def with_friction(options: argparse.Namespace) -> Iterator[dict[str, str]]:
+    """Steps short of their tolerance in runs of the shipped scenes with friction, and their times."""
+    for name, tolerance in product(("rotating_drum", "couette", "hopper", "collapse"), (1e-4, 1e-6)):
+        scene = Scene.load(name).replace(tolerance=tolerance)
+        steps = min(scene.steps, options.steps)
+        short: list[int] = []
+        taken: list[float] = []
+        for changes in (
+            {"method": "exact", "exact_time": 20.0 * 1e-4 / tolerance},
+            {"method": "accelerated"},
+        ):
+            simulation = Simulation(scene.replace(**changes), threads=1)
+            simulation.compile()
+            begun = process_time()
+            short.append(simulation.advance(steps).unconverged)
+            taken.append(process_time() - begun)
+        subject = Subject(f"{name}, {steps} steps to {tolerance:g} m/s", scene.n, scene.order)
+        most = f"<= {steps // 500}" if tolerance == 1e-6 else ""
+        yield row(subject, [short[0]], "steps not there", "accelerated", [short[1]], target=most)
+        yield row(subject, [taken[0]], "s", "accelerated", [taken[1]])
+
+
 PARTS: dict[str, Callable[[argparse.Namespace], Iterator[dict[str, str]]]] = {
     "small": partial(against_sweeps, "poly", 1_000, "resting", (1e-9, 1e-6), ">= 5"),
     "crystal": partial(against_sweeps, "mono", 1_000, "resting", (1e-9, 1e-6), ""),
@@ -179,6 +202,7 @@ PARTS: dict[str, Callable[[argparse.Namespace], Iterator[dict[str, str]]]] = {
     "settling": partial(against_sweeps, "poly", 10_000, "settling", (1e-6, 1e-6), ">= 0.91"),
     "largest": largest,
     "shipped": shipped,
+    "friction": with_friction,
 }
 
 

@@ -24,7 +24,7 @@ from warpgrains.solver.exact.listed import ListedContacts
 if TYPE_CHECKING:
     from warpgrains.solver.records import SceneRecords
 
-ASKED = 0.5  # of the tolerance; leaves a margin for rounding in the kernels
+ASKED = 0.9  # of the tolerance; leaves a margin for rounding in the kernels
 FINEST, COARSEST = 1e-6, 10.0  # compliances
 FINER, COARSER = 3.0, 5.0  # factors of the compliance after a pass that was followed to its end, and others
 DRIFTING = 1e-8  # compliance of a pass after one at the finest that left more than
@@ -104,11 +104,9 @@ class FrictionStep:
         matrix = sparse.csc_matrix(edge + sparse.eye_array(n))  # positive definite: only its pattern matters
         lower, _, self._grain = qdldl.Solver(matrix, upper=True).factors()
         length = np.diff(lower.indptr).astype(np.int64)
-        blocks, factoring = (
-            len(lower.indices),
-            int((length * (length + 1)).sum()) + 3 * (len(lower.indices) + n),
-        )
-        self._beginning, self._pivoting = factoring, factoring // updates + 3 * (blocks + n) // 2  # work
+        blocks = len(lower.indices)
+        self._beginning = int((length * (length + 1)).sum()) + 3 * (blocks + n)  # work of a factorization
+        self._pivoting = self._beginning // updates + 3 * (blocks + n) // 2
         column = np.empty(n, np.int32)
         column[self._grain] = np.arange(n)
         ends = np.sort(np.stack([column[i], column[j]]).astype(np.int64), axis=0)
@@ -116,10 +114,8 @@ class FrictionStep:
         mass, k = inertia[:, 0], inertia[:, 0] / inertia[:, 2]
         share_i = np.where(is_pair, mass[j] / (mass[i] + mass[j]), 1.0)
         compliance = 1.0 + share_i * k[i] + np.where(is_pair, (1.0 - share_i) * k[j], 0.0)
-        owner, owned = (
-            np.append(column[i], column[j[is_pair]]),
-            np.append(np.arange(m), np.flatnonzero(is_pair)),
-        )
+        owner = np.append(column[i], column[j[is_pair]])
+        owned = np.append(np.arange(m), np.flatnonzero(is_pair))
         empty, numbers = np.empty, np.int32
         self._host: dict[str, Array] = {
             "first": column[i],
