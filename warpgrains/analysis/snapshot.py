@@ -96,7 +96,7 @@ def snapshot_of(now: LoadedScene, left: float = 0.0, has_contacts: bool = True) 
             angle=now.angle,
             start=position - scene.dt * velocity,
             start_scene=scene,
-            start_staggered=scene.scheme == "leapfrog" and now.steps > 1,
+            start_staggered=now.last_staggered,
             places=places,
         )
     if left == 0.0:

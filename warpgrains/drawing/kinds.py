@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 
 RECORDINGS = (".usdc", ".usda", ".usdz")
 STILLS = (".png", ".pdf", ".svg")
-DRAWN_AS = ("points", "discs", "spheres")
-"""Forms of the grains in a recording."""
-
 
 _SMALLEST, _LARGEST = 64, 8192  # pixels of a side of a picture
 

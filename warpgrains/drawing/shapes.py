@@ -87,7 +87,7 @@ def sphere(is_marked: bool = False) -> Shape:
 
 
 SHAPES: dict[str, Callable[..., Shape] | None] = {"points": None, "discs": disc, "spheres": sphere}
-"""Meshes of a grain by the form in which recordings have it, see `kinds.DRAWN_AS`."""
+"""Meshes of a grain by the form in which recordings have it, which `draw_as` names."""
 
 
 def mark() -> FloatArray:

@@ -283,7 +283,7 @@ class Simulation(LoadedScene, Shown):
         self._require_step()
         position, velocity = (self._grains(name) for name in ("last_position", "last_velocity"))
         spin = self._grains("last_spin") if self.scene.has_friction else None
-        return StepStart(position, velocity, bool(self._records.host["scheme"]["last_staggered"][0]), spin)
+        return StepStart(position, velocity, self.last_staggered, spin)
 
     def _require_step(self) -> None:
         if not self._records.has_stepped(0):

@@ -65,6 +65,11 @@ class LoadedScene:
         return checks.frozen(self._records.array(self._k, f"grains.{name}")[: self.scene.n].copy())
 
     @property
+    def last_staggered(self) -> bool:
+        """Whether velocities were half a step behind before the last step, as in `State`."""
+        return bool(self._records.host["scheme"]["last_staggered"][self._k])
+
+    @property
     def driven(self) -> FloatArray | None:
         """Coordinates [m] and speeds [m/s] of walls as in `State.driven`; None if no force drives one."""
         if not self.scene.has_driven_walls:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,6 @@ from warpgrains.drawing.shapes import WALL_COLOR, moved_walls, wall_mesh
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.usd.stage import as_float32, bind_material, covering_extent, define_mesh, set_kind, triples
-
-if TYPE_CHECKING:
-    pass
 
 WALLS = Sdf.Path("/World/Walls")
 PLACES = "warpgrains:places"
