@@ -13,7 +13,7 @@ from warpgrains import Arc, Disc, Scene, Segment, Simulation
 from warpgrains.scene.bodies import Joints
 from warpgrains.scene.wall import Wall
 from warpgrains.solver import tuning
-from warpgrains.solver.loading import listed_walls
+from warpgrains.solver.exact.listed import listed_walls
 
 LEFT, RIGHT, UP = (-2.0, 0.0), (2.0, 0.0), (2.0, 1.0)
 

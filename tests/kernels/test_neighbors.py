@@ -12,7 +12,7 @@ from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.neighbors import MOST_CONTACTS
 from warpgrains.kernels.record import Phase
 from warpgrains.kernels.step import SEARCH
-from warpgrains.solver import loading
+from warpgrains.solver.exact import listed
 
 TOO_WIDE = 1e-12  # by which the search may reach too far (kernels/neighbors.py)
 
@@ -81,7 +81,7 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     poison(record)
     record.run(*SEARCH)
     assert record.record["control"]["phase"] == Phase.LISTED
-    return loading.listed_pairs(record.records, 0)[0]
+    return listed.listed_pairs(record.records, 0)[0]
 
 
 def pairs_within_reach(sought: Cloud, wider: float = 0.0) -> IntArray:

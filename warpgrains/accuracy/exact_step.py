@@ -42,7 +42,7 @@ from warpgrains.errors import SimulationError
 from warpgrains.scene.geometry import left_of, pair_gaps
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
-from warpgrains.solver.constraints import StepConstraints, every_wall
+from warpgrains.solver.exact.constraints import StepConstraints, every_wall
 from warpgrains.solver.exact.projection import Projection, projection_of
 
 TOLERANCE = 1e-14  # requested from the library, which stops earlier if rounding prevents it

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, Indices
-from warpgrains.solver.constraints import StepConstraints, every_wall
+from warpgrains.solver.exact.constraints import StepConstraints, every_wall
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -11,34 +11,13 @@ from warpgrains.kernels.record import Phase
 from warpgrains.scene.annulus import OUTER
 from warpgrains.scene.state import VERLET_NUMBERS, Corrections, State, VerletList
 from warpgrains.solver import tuning
+from warpgrains.solver.exact.listed import listed_pairs, listed_walls
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.records import SceneRecords
 
 VERLET = ("skin", "recent_deviation", "reference_position", "reference_velocity")
-
-
-def listed_pairs(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
-    """Return the listed pairs in lexicographic order, shape (m, 2), and their indices, shape (m,)."""
-    body, index = _listed(records, k)
-    is_pair = body[:, 1] < records.scenes[k].n
-    return body[is_pair], index[is_pair]
-
-
-def listed_walls(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
-    """Return grains and the device's walls of the listed contacts, shape (m, 2), and their indices."""
-    (body, index), n = _listed(records, k), records.scenes[k].n
-    is_wall = body[:, 1] >= n
-    return body[is_wall] - np.array([0, n], np.int32), index[is_wall]
-
-
-def _listed(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
-    """Return grain and other body of the listed contacts in lexicographic order, and their indices."""
-    rows = np.diff(records.array(k, "neighbors.start"))
-    first = np.repeat(np.arange(len(rows), dtype=np.int32), rows)
-    body = np.stack([first, records.array(k, "neighbors.neighbor")[: len(first)]], axis=1)
-    return body, records.array(k, "workspace.sweep_index")[: len(first)]
 
 
 def corrections_of(records: SceneRecords, k: int) -> Corrections:

@@ -13,9 +13,9 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.kernels.record import Phase
-from warpgrains.solver.constraints import StepConstraints
 from warpgrains.solver.exact import active_set, interior_point
 from warpgrains.solver.exact.bordered import BorderedMatrix
+from warpgrains.solver.exact.constraints import StepConstraints
 from warpgrains.solver.exact.listed import ListedContacts
 from warpgrains.solver.exact.projection import NormalMatrix, Projection, Solution, projection_of
 

@@ -18,7 +18,7 @@ from warpgrains.host_kernels import Array, launch, shared
 from warpgrains.kernels import path as kernels
 from warpgrains.kernels.block_lu import Factors
 from warpgrains.kernels.record import Phase
-from warpgrains.solver.constraints import StepConstraints
+from warpgrains.solver.exact.constraints import StepConstraints
 from warpgrains.solver.exact.listed import ListedContacts
 
 if TYPE_CHECKING:
