@@ -174,6 +174,8 @@ class Scene(SceneFields, Shown):
         for name in changes:
             checks.one_of("field of a scene", name, FIELDS)
         given: dict[str, Any] = {"text": self.text_after(changes), **changes}
+        if "position" in changes and not self.has_friction:
+            given.setdefault("spin", None)  # it is 0, for any number of grains
         return replace(self, **given)
 
     def summary(self) -> dict[str, str]:

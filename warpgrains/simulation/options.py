@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Self, TypedDict
 
 from warpgrains.described import described, described_fields
 from warpgrains.drawing.kinds import FILM, FILMS, KINDS, Kind, described_kinds, frame_of, size_of
-from warpgrains.drawing.shapes import SHAPES
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link, suffix_of
 from warpgrains.scene import checks
@@ -113,7 +112,7 @@ class RunOptions:
     )
     forces: bool = _option("Draw force chains.", checks.boolean, default=False, needs="record")
     draw_as: str = _option(
-        f"Form of the grains in a USD file: {', '.join([*SHAPES][:-1])} or {[*SHAPES][-1]}.",
+        "Form of the grains in a USD file: points, discs or spheres.",
         checks.text,
         "FORM",
         flag="--as",
