@@ -182,6 +182,8 @@ INVALID = [
             ("state", {"staggered": 1}, "staggered is 1"),
             ("state", [], "holds an invalid state"),
             ("state", None, "holds an invalid state"),
+            ("version", VERSION - 1, f"reads version {VERSION}"),
+            ("version", VERSION + 1, f"reads version {VERSION}"),
             ("scene", {"name": 3}, "name is 3"),
             ("scene", {"text": []}, "text is"),
             ("scene", {"cohesion": 1.0}, "cohesion"),

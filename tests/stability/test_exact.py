@@ -150,7 +150,9 @@ def test_velocities_are_those_of_another_library(name: str) -> None:
     simulation = Simulation(SCENES[name](), **SOON)
     for _ in range(5):
         simulation.step()
-        assert certify(simulation).error is None
+        bound = certify(simulation)
+        assert bound.error is None
+        assert bound.solver_error <= 1e-5  # [m/s], as far as clarabel proves its own velocities
 
 
 def test_a_pile_at_rest_takes_few_factorizations() -> None:
