@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hard_scenes import heap, past_the_origin, random_masses, stack
 from launched import launched_state
-from same_bits import at_annulus, contents, dense_pair_correction
+from same_bits import assert_same_bits_however_run, at_annulus, contents, dense_pair_correction, run_of
 from sample_scenes import SUDDEN, chain, dense_start
 from schemes import contact_mass
 from scipy import sparse
@@ -222,28 +222,16 @@ def test_where_too_many_contacts_change_the_interior_point_method_goes_on(
         assert_optimal(simulation)
 
 
-def run_of(scene: Scene, steps: int, **options) -> Simulation:
-    simulation = Simulation(scene, **options)
-    simulation.advance(steps)
-    return simulation
-
-
 @pytest.mark.parametrize("order", ["sequential", "color"])
 def test_the_same_bits_however_it_is_run(order: str) -> None:
-    """Alone, with threads, in a batch among others, from a state in another simulation."""
-    scenes = [
-        heap(60, spacing=2.0, order=order, **SOON),
-        random_masses(40, 100.0).replace(order=order, **SOON),
-    ]
-    expected = [contents(run_of(scene, 25).state()) for scene in scenes]
-    assert contents(run_of(scenes[0], 25, threads=2).state()) == expected[0]
-    batch = Batch([scenes[1], scenes[0], Scene.load("annulus")], threads=2)
-    batch.run(steps=25)
-    assert [contents(batch.state(k)) for k in (1, 0)] == expected
-    resumed = Simulation(scenes[0])
-    resumed.restore(run_of(scenes[0], 11).state())
-    resumed.advance(14)
-    assert contents(resumed.state()) == expected[0]
+    masses = random_masses(40, 100.0).replace(order=order, **SOON)
+    assert_same_bits_however_run(heap(60, spacing=2.0, order=order, **SOON), masses, steps=25, before=11)
+
+
+def test_what_the_host_takes_for_solved_is_not_asked_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Projection, "residual", lambda *_: 0.0)
+    scene = heap(60, spacing=2.0, **SOON).replace(max_iterations=200, tolerance=1e-17)
+    assert not run_of(scene, 1).step().converged
 
 
 def test_stages_launched_as_on_a_gpu_give_the_same_bits() -> None:

@@ -85,7 +85,7 @@ class ConvexSolver:
         is_better = before > tolerance and left <= max(BETTER * before, tolerance)
         if is_better:
             contacts.write("dv", q / problem.unit)
-        if left > tolerance:
+        if left > tolerance or not is_better:
             record["step"]["patience"] = 0  # the methods have done what they can
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
 
