@@ -101,7 +101,7 @@ def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> w
                     dv[k] = law.normal_change(omega * excess[k], y[k], f64(0.0))
                 else:
                     dv[k] = law.normal_change(vn[k], y[k], gap_rate[k])
-            change = larger_of(dv, -dv)
+            change = wp.abs(dv)
             if wp.static(friction):
                 xt = numbers_at(dvts, c)
                 yt, step_t = xt, vector()
@@ -112,7 +112,7 @@ def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> w
                 vt = slip(velocity, rim, pairs, c)
                 for k in range(wp.static(count)):
                     dvt[k] = law.tangential_change(narrow[k] * vt[k], yt[k], mu * (y[k] + dv[k]))
-                change = larger_of(change, larger_of(dvt, -dvt))
+                change = larger_of(change, wp.abs(dvt))
                 set_numbers(dvts, c, yt + dvt)
                 if wp.static(ahead):
                     wide_dvt = vector()
