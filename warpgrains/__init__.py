@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from warpgrains.packings.separate import Separation, separate
     from warpgrains.scene.arc import Arc
     from warpgrains.scene.disc import Disc
+    from warpgrains.scene.polyline import Polyline
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.segment import Segment
     from warpgrains.scene.state import State
-    from warpgrains.scene.wall_kinds import Polyline
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.statistics import StepReport, Summary
     from warpgrains.usd.recording import Recording
@@ -68,10 +68,10 @@ _NAMES = {
     "errors": ("InputError", "NoAreaError", "OutputError", "SimulationError"),
     "scene.arc": ("Arc",),
     "scene.disc": ("Disc",),
+    "scene.polyline": ("Polyline",),
     "scene.scene": ("Scene",),
     "scene.segment": ("Segment",),
     "scene.state": ("State",),
-    "scene.wall_kinds": ("Polyline",),
     "simulation.simulation": ("Simulation",),
     "solver.statistics": ("StepReport", "Summary"),
 }
