@@ -6,8 +6,8 @@ every stage that treats velocities treats it as well. A scene with a driven wall
 walls; those that no force drives have the speed 0, which nothing changes.
 
 The coordinate of the outer circle is its radius, and that of another wall its way along a direction. All
-contacts of a driven wall share its speed. So all contacts with walls are one set, which one thread sweeps in
-the order of the loop over grains.
+contacts of a driven wall share its speed. So one thread sweeps all contacts with walls, in the order of the
+loop over grains.
 """
 
 from math import pi

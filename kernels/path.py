@@ -38,10 +38,10 @@ class Step:
     second: Ints  # -1 at walls
     normal: Vectors
     gap_rate: Floats  # gap / dt [m/s]
-    reach: Floats  # A / dt at a round wall, or inf [m/s] (eq. 18)
+    circle: Floats  # A / dt at a round wall, or inf [m/s] (eq. 18)
     friction: Floats
     surface: Floats  # speed of the surface along the tangent [m/s]
-    compliance: Floats  # K_t (eq. 22)
+    k_t: Floats  # K_t (eq. 22)
     mass: Floats  # mu_c [kg]
     block: Ints  # of a pair in the factors
     contact_start: Ints  # contacts of grain i: contact[k], contact_start[i] <= k < contact_start[i + 1]
@@ -158,7 +158,7 @@ def gap_now(step: Step, c: int, u: Triples) -> f64:
     """Return gap / dt of a contact for the velocity of its first grain (eq. 18)."""
     own = at(u, at(step.first, c))
     along = law.speed_along(wp.vec2d(own[0], own[1]), at(step.normal, c))
-    return law.round_gap_rate(at(step.gap_rate, c), along, at(step.reach, c))
+    return law.round_gap_rate(at(step.gap_rate, c), along, at(step.circle, c))
 
 
 @wp.func
@@ -211,7 +211,7 @@ def assemble(step: Step, path: Path, factors: Factors, eps: f64):
     for c in range(step.first.shape[0]):
         piece = at(path.piece, c)
         if piece != OPEN:
-            x, friction, share = at(step.normal, c), at(step.friction, c), f64(1.0) / at(step.compliance, c)
+            x, friction, share = at(step.normal, c), at(step.friction, c), f64(1.0) / at(step.k_t, c)
             by_n = at(step.mass, c) * carried(piece, wp.vec2d(f64(1.0), f64(0.0)), friction, eps)
             by_t = at(step.mass, c) * carried(piece, wp.vec2d(f64(0.0), share), friction, eps)
             slope = wp.vec3d(by_n[0], by_n[1], by_t[1])
@@ -234,7 +234,7 @@ def find_excess(step: Step, path: Path, s: f64, sigma: f64, eps: f64):
     for c in range(step.first.shape[0]):
         v, error = relative(path.velocity, step, c), s * at(path.error, c) + sigma * at(path.opening, c)
         a = eps * at(path.dv, c) + v[0] - at(path.gap, c) - error[0]
-        b = eps * at(path.dvt, c) + (v[1] - at(step.surface, c) - error[1]) / at(step.compliance, c)
+        b = eps * at(path.dvt, c) + (v[1] - at(step.surface, c) - error[1]) / at(step.k_t, c)
         put(path.excess, c, wp.vec2d(a, b))
 
 
@@ -267,7 +267,7 @@ def find_way(step: Step, path: Path, factors: Factors, drive: Vectors, updates: 
     for c in range(step.first.shape[0]):
         rate = at(drive, c)
         if rate[0] != f64(0.0) or rate[1] != f64(0.0):
-            rate[1] = rate[1] / at(step.compliance, c)
+            rate[1] = rate[1] / at(step.k_t, c)
             push(path.way, step, c, carried(at(path.piece, c), rate, at(step.friction, c), eps))
     solve_updated(step, path, factors, path.way, updates)
 
@@ -282,7 +282,7 @@ def next_kink(step: Step, path: Path, drive: Vectors, lead: f64, last: int):
     c = int(0)
     while c < step.first.shape[0]:
         v = relative(path.way, step, c) - at(drive, c)
-        rate = wp.vec2d(lead * v[0], lead * v[1] / at(step.compliance, c))
+        rate = wp.vec2d(lead * v[0], lead * v[1] / at(step.k_t, c))
         put(path.rate, c, rate)
         piece, friction = at(path.piece, c), at(step.friction, c)
         if c != last:
@@ -389,7 +389,7 @@ def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int, most_l
         p = margin(old, side, wp.vec2d(f64(1.0), f64(0.0)), friction)
         q = margin(old, side, wp.vec2d(f64(0.0), f64(1.0)), friction)
         across = wp.vec2d(p, q) / (p * p + q * q)  # by which the margin changes by 1
-        gradient = wp.vec2d(p, q / at(step.compliance, c))
+        gradient = wp.vec2d(p, q / at(step.k_t, c))
         clear(path.change)
         push(path.change, step, c, carried(new, across, friction, eps) - carried(old, across, friction, eps))
         solve_updated(step, path, factors, path.change, updates)
@@ -438,9 +438,9 @@ def measure(step: Step, path: Path):
     find_velocity(step, path)
     worst = f64(0.0)
     for c in range(step.first.shape[0]):
-        v, compliance = relative(path.velocity, step, c), at(step.compliance, c)
+        v, k_t = relative(path.velocity, step, c), at(step.k_t, c)
         change = law.normal_change(v[0], at(path.dv, c), gap_now(step, c, path.velocity))
         limit = at(step.friction, c) * (at(path.dv, c) + change)
-        slip = law.tangential_change((v[1] - at(step.surface, c)) / compliance, at(path.dvt, c), limit)
-        worst = wp.max(worst, wp.max(wp.abs(change), compliance * wp.abs(slip)))
+        slip = law.tangential_change((v[1] - at(step.surface, c)) / k_t, at(path.dvt, c), limit)
+        worst = wp.max(worst, wp.max(wp.abs(change), k_t * wp.abs(slip)))
     put(path.residual, 0, worst)

@@ -45,7 +45,8 @@ class Kind(NamedTuple):
 class Phase(IntEnum):
     """The next part of a step. Serial stages choose it, by stopping.py and attempt.py; step.py reads it.
 
-    Besides, the host answers steps that are FULL or SLOW, and `contact_list.keep_pair` repeats a search.
+    Besides, the list's own stages choose SEARCH, LISTED and FULL, `contact_list.keep_pair` repeats a search,
+    and the host answers steps that are FULL or SLOW.
     """
 
     ENDED = 0  # nothing: no step has begun, the last one was refused, or the host solves it
@@ -79,9 +80,7 @@ class StepState:
     restarts: wp.int32  # attempts that a missing contact made void
     factorizations: wp.int32  # by the host
     measured: wp.int32  # last iteration after which the residual was measured
-    patience: (
-        wp.int32
-    )  # `StoppingCriterion.patience`; 0 once the host is done, -1 if it is only to end the step
+    patience: wp.int32  # `StoppingCriterion.patience`; 0: the host is done, -1: it is only to end the step
     trend_residual: f64  # eta with which the next one is compared, by which it falls too slowly [m/s]
     converged: wp.int32  # whether it has met the tolerance
     outcome: wp.int32

@@ -116,8 +116,8 @@ class Contacts:
     dv: Floats  # accumulated corrections dv_c [m/s]; < 0 only where the other side of a wall pushes
     dv_start: Floats  # dv_c of the last good step, with which a step starts, again if need be
     last_dv: Floats  # dv_c before the last sweep [m/s]; empty without acceleration
-    weights: Vectors  # mass shares of i and j; empty where they are equal (`has_equal_shares`)
-    limits: Vectors  # at walls: gap / dt on the other side, A_i / dt of eq. 18 [m/s]; or empty (`has_limits`)
+    weights: Vectors  # mass shares of i and j; empty where all masses are equal
+    limits: Vectors  # at walls: gap / dt on the other side, A_i / dt of eq. 18 [m/s]; or empty
     wall_speed: Floats  # of contacts with walls: that of the surface [m/s] (eq. 23); empty if none is mobile
     dvt: Floats  # accumulated tangential corrections [m/s]; empty without friction
     dvt_start: Floats  # those with which a step starts

@@ -27,15 +27,7 @@ when the residual is measured (working_set.py).
 import warp as wp
 
 from .access import at, larger, put
-from .record import (
-    EXPIRED,
-    NOT_FINITE,
-    SOLVED,
-    Scene,
-    body_count,
-    grain_count,
-    is_driven,
-)
+from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, body_count, grain_count, is_driven
 
 f64 = wp.float64
 IN_MEAN = wp.constant(1024)  # grains, at most, of the mean velocity of the frame

@@ -49,7 +49,10 @@ def frozen(s: Scene, c: int, at_wall: bool) -> Contact:
 
 @wp.func
 def start(team: Team, s: Scene, k: int):
-    """Freeze the contacts of a set, and apply their corrections unless sweeps resume."""
+    """Freeze the contacts of a set, and apply their corrections unless sweeps resume.
+
+    Other threads may read the grain of a contact meanwhile (`next_grain`), which is written as it is.
+    """
     c, end = contacts_of(team, s, k)
     at_wall = is_wall_set(s, k)
     while c < end:

@@ -147,9 +147,7 @@ for how, changes in FRICTION.items():
 for corners, walls in CORNERS.items():
     for changes in ({}, {**LEAPFROG, **COLOR, "friction": 0.4, "wall_friction": 0.6, "radius_in": 0.1}):
         make = partial(cornered, walls, 40, **changes)
-        CASES[f"corners, {corners}, {changes}"] = Case(
-            make, 100, meets=lambda met: bool(met.touched - {0, 1})
-        )
+        CASES[f"corners, {corners}, {changes}"] = Case(make, 100, meets=touches_corners)
 
 
 @cache

@@ -16,7 +16,7 @@ import pytest
 from launched import launched_state
 from same_bits import contents
 from schemes import SECOND_ORDER
-from walled_scenes import DRIVEN, TURNING, cloud, pressed, stirred
+from walled_scenes import CORNERS, DRIVEN, TURNING, around, cloud, cornered, pressed, stirred
 
 from warpgrains import Batch, Scene, Simulation, State
 from warpgrains.scene.fields import METHODS, ORDERS
@@ -41,6 +41,9 @@ for order in ORDERS:
         SCENES[f"driven walls, {method}, {order}"] = driven
     SCENES[f"friction, {order}"] = partial(cloud, 100, order=order)
     SCENES[f"moving walls, {order}"] = partial(stirred, order=order, time=-0.2, **TURNING)
+    SCENES[f"walls begin to move, {order}"] = partial(stirred, order=order, time=0.05, **TURNING)
+    SCENES[f"walls, {order}"] = partial(around, 110, order=order)
+    SCENES[f"corners, {order}"] = partial(cornered, CORNERS["chute"], 40, order=order)
 
 
 @cache

@@ -71,7 +71,7 @@ class StepConstraints:
         return replace(self, gap_rate=np.append(self.gap_rate[: len(self.second)], gap / self.scene.dt))
 
     @property
-    def reach(self) -> FloatArray:
+    def circle(self) -> FloatArray:
         """A / dt of eq. 18 at a round outer wall, else inf [m/s], shape (m,)."""
         scene, found = self.scene, np.full(len(self.first), np.inf)
         if scene.wall == "round":

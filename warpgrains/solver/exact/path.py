@@ -28,7 +28,7 @@ ASKED = 0.9  # of the tolerance; leaves a margin for rounding in the kernels
 FINEST, COARSEST = 1e-6, 10.0  # compliances
 FINER, COARSER = 3.0, 5.0  # factors of the compliance after a pass that was followed to its end, and others
 DRIFTING = 1e-8  # compliance of a pass after one at the finest that left more than
-SLOW = 0.5  # of the residual: corrections drift that nearly balance, r / eps a pass
+STALLED = 0.5  # of the residual: corrections drift that nearly balance, r / eps a pass
 WORSE = 10.0  # residual after a pass that is kept, in residuals before it
 PASSES = 200  # of an attempt
 EXACT_TIME = 20.0  # default of `Scene.exact_time`
@@ -37,15 +37,15 @@ EXACT_TIME = 20.0  # default of `Scene.exact_time`
 class Attempt(NamedTuple):
     """How a path is followed."""
 
-    compliance: float = 1e-3
-    """At the start."""
+    eps: float = 1e-3
+    """Compliance at the start."""
     local: int = 20
     """Pivots in which a fold must be passed."""
     nearby: int = 2
     """Grains from a fold within which gaps are opened."""
 
 
-ATTEMPTS = (Attempt(), Attempt(nearby=1), Attempt(compliance=1e-2, local=60), Attempt(nearby=3))
+ATTEMPTS = (Attempt(), Attempt(nearby=1), Attempt(eps=1e-2, local=60), Attempt(nearby=3))
 
 
 class Contacts(NamedTuple):
@@ -57,7 +57,7 @@ class Contacts(NamedTuple):
     normal: FloatArray
     gap_rate: FloatArray
     """gap / dt [m/s]."""
-    reach: FloatArray
+    circle: FloatArray
     """A / dt of eq. 18 at a round wall, else inf [m/s]."""
     friction: FloatArray
     surface: FloatArray
@@ -67,7 +67,7 @@ class Contacts(NamedTuple):
     def of(cls, constraints: StepConstraints) -> Contacts:
         """Return the contacts of constraints."""
         second = np.append(constraints.second, np.full(len(constraints.wall), -1))
-        own = constraints.normal, constraints.gap_rate, constraints.reach, constraints.friction
+        own = constraints.normal, constraints.gap_rate, constraints.circle, constraints.friction
         return cls(constraints.first, second, *own, constraints.surface_speed)
 
 
@@ -113,20 +113,20 @@ class FrictionStep:
         block = np.searchsorted(np.repeat(np.arange(n), length) * n + lower.indices, ends[0] * n + ends[1])
         mass, k = inertia[:, 0], inertia[:, 0] / inertia[:, 2]
         share_i = np.where(is_pair, mass[j] / (mass[i] + mass[j]), 1.0)
-        compliance = 1.0 + share_i * k[i] + np.where(is_pair, (1.0 - share_i) * k[j], 0.0)
+        k_t = 1.0 + share_i * k[i] + np.where(is_pair, (1.0 - share_i) * k[j], 0.0)
         owner = np.append(column[i], column[j[is_pair]])
         owned = np.append(np.arange(m), np.flatnonzero(is_pair))
         empty, numbers = np.empty, np.int32
         self._host: dict[str, Array] = {
             "first": column[i],
             "second": np.where(is_pair, column[j], -1).astype(numbers),
-            **{name: empty(m) for name in ("gap_rate", "reach", "friction", "surface", "dv", "dvt", "gap")},
+            **{name: empty(m) for name in ("gap_rate", "circle", "friction", "surface", "dv", "dvt", "gap")},
             **{name: empty((m, 2)) for name in ("normal", "error", "opening", "excess", "rate")},
             **{name: empty((n, 3)) for name in ("free", "velocity", "saved", "way", "change")},
             **{name: empty((n, 3, 3)) for name in ("diagonal", "inverse")},
             **{name: empty((blocks, 3, 3)) for name in ("lower", "upper")},
             **{name: empty(n, numbers) for name in ("near", "found", "used_end")},
-            "compliance": compliance,
+            "k_t": k_t,
             "mass": mass[i] * share_i,
             "block": block.astype(numbers),
             "contact_start": np.append(0, np.cumsum(np.bincount(owner, minlength=n))).astype(numbers),
@@ -181,7 +181,7 @@ class FrictionStep:
 
         It ends with the best corrections found when the work exceeds the budget. They may be those given.
         """
-        eps, first = attempt.compliance, self.residual(dv, dvt)
+        eps, first = attempt.eps, self.residual(dv, dvt)
         best, last, work, factorizations = Answer(dv, dvt, first), first, 0, 0
         for _ in range(PASSES):
             left = (budget - work - self._beginning) / self._pivoting
@@ -196,7 +196,7 @@ class FrictionStep:
             work += self._beginning + pivots * self._pivoting
             factorizations += factored
             is_kept = residual <= max(WORSE * last, first) and outcome != kernels.UNBOUNDED
-            is_drifting = eps == FINEST and residual > SLOW * last
+            is_drifting = eps == FINEST and residual > STALLED * last
             if is_kept:
                 (dv, dvt), last = found, residual
                 best = min(best, Answer(dv, dvt, residual), key=lambda one: one.residual)
