@@ -19,24 +19,33 @@ from warpgrains.usd.check import inspect_recording
 FLOAT32 = float(np.finfo(np.float32).eps)
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    path = tmp_path_factory.mktemp("recorded") / "run.usdc"
-    simulation = Simulation(Scene.load("polydisperse"), drag=0.03)
-    simulation.run(steps=60, record=path, fps=10, forces=True)
+RUNS = {
+    "smooth": ("polydisperse", 60, {"drag": 0.03}),
+    "rolling": ("annulus", 200, {"friction": 0.5, "angular_velocity_out": 3.0}),
+}
+
+
+@pytest.fixture(scope="module", params=RUNS)
+def recorded(request, tmp_path_factory):
+    path, (name, steps, changes) = tmp_path_factory.mktemp("recorded") / "run.usdc", RUNS[request.param]
+    simulation = Simulation(Scene.load(name), **changes)
+    simulation.run(steps=steps, record=path, fps=10, forces=True)
     return path, simulation
 
 
 def test_recording_as_arrays(recorded):
     path, simulation = recorded
+    assert inspect_recording(path) == []
     found = wg.Recording(path)
-    assert len(found) == 7
-    assert found.time == pytest.approx(0.1 * np.arange(7), rel=4 * np.finfo(float).eps)
-    assert found.position.shape == found.velocity.shape == (7, 80, 2)
+    frames, n = 1 + simulation.steps // 10, simulation.scene.n
+    assert len(found) == frames
+    assert found.time == pytest.approx(0.1 * np.arange(frames), rel=4 * np.finfo(float).eps)
+    assert found.position.shape == found.velocity.shape == (frames, n, 2)
     assert np.array_equal(found.position[-1], simulation.position.astype(np.float32))
     assert np.array_equal(found.velocity[-1], simulation.velocity.astype(np.float32))
     assert np.array_equal(found.position[0], simulation.scene.position.astype(np.float32))
-    assert repr(found) == "Recording(run.usdc of 80 grains, frames 7, time 0.6 s, forces recorded)"
+    told = f"run.usdc of {n} grains, frames {frames}, time {simulation.time:g} s, forces recorded"
+    assert repr(found) == f"Recording({told})"
 
 
 def test_recorded_scene_is_that_of_the_run(recorded):
@@ -117,7 +126,11 @@ def test_a_frame_is_analysed_as_the_simulation_was(recorded):
     frame, moment = wg.Recording(path).frame(-1), analysis.snapshot(simulation)
     assert np.array_equal(frame.pair, moment.pair)
     assert analysis.coordination_number(frame) == analysis.coordination_number(moment)
-    assert frame.force == pytest.approx(moment.force, rel=FLOAT32)
+    for name in ("force", "wall_force", "tangential_force", "wall_tangential_force", "spin", "angle"):
+        assert getattr(frame, name) == pytest.approx(getattr(moment, name), rel=FLOAT32)
+    if simulation.scene.has_friction:
+        assert np.abs(moment.wall_tangential_force).max() > 0.1
+        assert np.abs(moment.angle).max() > 1.0
     assert analysis.wall_forces(frame) == pytest.approx(analysis.wall_forces(moment), rel=FLOAT32)
     # centers within the domain of 1 m are rounded by FLOAT32 / 2, and normals by as much over a distance
     off = 4.0 * FLOAT32 / simulation.scene.radius.min()
@@ -144,11 +157,13 @@ def test_what_is_not_recorded_is_not_made_up(tmp_path):
 def test_recording_as_dataset(recorded):
     found = wg.Recording(recorded[0])
     dataset = found.to_xarray()
-    assert dict(dataset.sizes) == {"time": 7, "grain": 80}
+    assert dict(dataset.sizes) == {"time": len(found), "grain": found.scene.n}
+    assert np.array_equal(dataset.angle, found.angle)
     assert np.array_equal(np.stack([dataset.x, dataset.y], axis=-1), found.position)
     assert np.array_equal(dataset.mass[3], found.scene.mass)
-    assert (dataset.vx.attrs["units"], dataset.time.attrs["units"]) == ("m/s", "s")
-    assert dataset.sel(time=0.3, method="nearest").x.shape == (80,)
+    units = {"vx": "m/s", "time": "s", "spin": "rad/s"}
+    assert {name: dataset[name].attrs["units"] for name in units} == units
+    assert dataset.sel(time=0.3, method="nearest").x.shape == (found.scene.n,)
     contacts = found.to_xarray("contacts")
     assert np.array_equal(contacts.force, found.to_pandas("contacts").force)
     assert contacts.force.attrs["units"] == "N"
@@ -158,8 +173,8 @@ def test_contacts_of_all_frames_as_tables(recorded):
     """Rows of a frame are the contacts of its snapshot, those at walls in a table of their own."""
     found = wg.Recording(recorded[0])
     tables = {table: found.to_pandas(table) for table in ("grains", "contacts", "wall_contacts")}
-    assert len(tables["grains"]) == 7 * 80
-    for k in (0, 6):
+    assert len(tables["grains"]) == len(found) * found.scene.n
+    for k in (0, len(found) - 1):
         frame, rows = found.frame(k), {name: table[table.frame == k] for name, table in tables.items()}
         assert (rows["grains"].time == found.time[k]).all()
         assert np.array_equal(rows["grains"][["x", "y"]], frame.position)
@@ -168,8 +183,10 @@ def test_contacts_of_all_frames_as_tables(recorded):
         assert np.array_equal(rows["contacts"][["i", "j"]], frame.pair)
         assert np.array_equal(rows["contacts"][["normal_x", "normal_y"]], frame.normal)
         assert np.array_equal(rows["contacts"].force, frame.force)
+        assert np.array_equal(rows["contacts"].tangential_force, frame.tangential_force)
         assert np.array_equal(rows["wall_contacts"][["grain", "wall"]], frame.wall)
         assert np.array_equal(rows["wall_contacts"].force, frame.wall_force)
+        assert np.array_equal(rows["wall_contacts"].tangential_force, frame.wall_tangential_force)
         assert len(frame.force) > 0 or k == 0
         grain, normal = frame.wall[:, 0], rows["wall_contacts"][["normal_x", "normal_y"]].to_numpy()
         outward = frame.start[grain] / np.hypot(*frame.start[grain].T)[:, np.newaxis]
@@ -188,7 +205,7 @@ def test_a_snapshot_as_tables_and_dataset(recorded):
         found, expected = moment.to_pandas(table), other.to_pandas()
         assert found.equals(expected[list(found)][expected.force > 0.0].reset_index(drop=True))
         assert len(found) > 0
-    ours, last = wg.Recording(path).frame(6).to_xarray(), wg.Recording(path).to_xarray().isel(time=6)
+    ours, last = wg.Recording(path).frame(-1).to_xarray(), wg.Recording(path).to_xarray().isel(time=-1)
     assert ours.data_vars.keys() == last.data_vars.keys()
     for name in ours.data_vars:
         assert np.array_equal(ours[name], last[name]), name
@@ -211,9 +228,9 @@ def exported(path):
 def test_vtk_reads_every_frame_back(recorded, capfd):
     """Also the first one, in which no contact carries a force."""
     source, found = wg.Recording(recorded[0]), [*exported(recorded[0])]
-    assert capfd.readouterr().out == f"{recorded[0].with_suffix('.pvd')}: 7 frames\n"
+    assert capfd.readouterr().out == f"{recorded[0].with_suffix('.pvd')}: {len(source)} frames\n"
     assert [time for time, _ in found] == source.time.tolist()
-    scene, walls = source.scene, found[0][1]["Walls"]
+    scene, walls, n = source.scene, found[0][1]["Walls"], source.scene.n
     rho = np.hypot(*walls.points[:, :2].T)
     assert walls.n_cells > 100
     assert rho.min() == pytest.approx(
@@ -222,11 +239,15 @@ def test_vtk_reads_every_frame_back(recorded, capfd):
     assert rho.max() == pytest.approx(1.02 * scene.radius_out)
     for k, (_, blocks) in enumerate(found):
         frame, grains, contacts = source.frame(k), blocks["Grains"], blocks["Contacts"]
-        assert (grains.n_points, grains.n_verts, contacts.n_verts) == (80, 80, 0)
+        assert (grains.n_points, grains.n_verts, contacts.n_verts) == (n, n, 0)
         assert np.array_equal(grains.points[:, :2], frame.position)
-        pressure = np.bincount(frame.loads.grain, frame.loads.force, 80) / (2 * np.pi * scene.radius)
-        values = {"grain": np.arange(80), "radius": scene.radius, "mass": scene.mass}
+        pressure = np.bincount(frame.loads.grain, frame.loads.force, n) / (2 * np.pi * scene.radius)
+        values = {"grain": np.arange(n), "radius": scene.radius, "mass": scene.mass}
         values["velocity"] = np.insert(frame.velocity, 2, 0.0, axis=1)
+        if scene.has_friction:
+            values |= {"spin": frame.spin, "angle": frame.angle, "mobilized": frame.recorded["mobilized"]}
+            tangential = np.concatenate([frame.tangential_force, frame.wall_tangential_force])
+            assert np.array_equal(contacts.cell_data["tangential_force"], tangential)
         assert {*grains.point_data} == {*values, "speed", "pressure"}
         for name, value in values.items():
             assert np.array_equal(grains.point_data[name], value)
@@ -242,7 +263,7 @@ def test_vtk_reads_every_frame_back(recorded, capfd):
         # touched to what overlaps a converged step leaves, and rounding to float32
         radius = np.where(other[other < 0] == -2, scene.radius_in, scene.radius_out)
         assert np.hypot(*ends[other < 0, 1].T) == pytest.approx(radius, abs=1e-3)
-    assert any(len(frame.wall) for frame in map(source.frame, range(7)))
+    assert any(len(frame.wall) for frame in map(source.frame, range(len(source))))
 
 
 @pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.1, 0.0)], ids=["walls at rest", "a wall that moves"])

@@ -24,36 +24,17 @@ from warpgrains import Scene, Simulation
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, how long it runs, and what is expected of it beside the invariants of every step.
-
-    Attributes
-    ----------
-    name : str
-    scene : callable
-        Makes the scene.
-    steps, long_steps : int
-        Steps of the normal run, and of the one behind the marker `slow`.
-    expectation : str
-        In words.
-    outcome : callable, optional
-        Asserts of the last state what the words say.
-    is_hard : bool
-        Whether most of its first 60 steps need more than 20 iterations.
-    refused : bool
-        Whether a round wall refuses its first step: grains that are parted fly out of its circle.
-    then : dict
-        What changes in the scene once it has run so many steps; it then goes on for as many again.
-    """
+    """A scene, how long it runs, and what is expected of it beside the invariants of every step."""
 
     name: str
     scene: Callable[[], Scene]
     steps: int
-    long_steps: int
+    long_steps: int  # of the run behind the marker `slow`
     expectation: str
-    outcome: Callable[[Simulation], None] = lambda simulation: None
-    is_hard: bool = False
-    refused: bool = False
-    then: dict[str, Any] = field(default_factory=dict)
+    outcome: Callable[[Simulation], None] = lambda simulation: None  # asserts what the words say
+    is_hard: bool = False  # most of its first 60 steps need more than 20 iterations
+    refused: bool = False  # a round wall refuses its first step: grains that are parted leave its circle
+    then: dict[str, Any] = field(default_factory=dict)  # changes after these steps, followed by as many
 
 
 def rests_upright(simulation: Simulation) -> None:

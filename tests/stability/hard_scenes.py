@@ -10,6 +10,14 @@ from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import column, lattice
 
 RADIUS_OUT = 1.0  # m
+ROUGH: dict[str, Any] = {
+    "method": "exact",
+    "tolerance": 1e-9,
+    "max_iterations": 320,
+    "friction": 0.5,
+    "exact_time": 1e3,
+}
+"""Friction by the exact method, whose host is asked early."""
 
 
 def stack(count: int) -> Scene:
@@ -89,3 +97,17 @@ def past_the_origin(radius: float) -> Scene:
         radius_out=RADIUS_OUT,
         gravity=(0.0, 0.0),
     )
+
+
+def drum(**changes: Any) -> Scene:
+    """A half-full drum that turns."""
+    scene = heap(60, spacing=2.0, wall="round", scheme="leapfrog", drag=0.1, dt=0.01, **ROUGH)
+    return scene.replace(**{"wall_friction": 0.8, "angular_velocity_out": 0.5, **changes})
+
+
+def couette(**changes: Any) -> Scene:
+    """Grains of unlike masses around a wall that turns."""
+    place, radius = lattice(Annulus(0.3, 1.0), radius=0.06, count=60, spacing=2.02)
+    mass = 0.1 * 10.0 ** np.random.default_rng(2).uniform(0.0, 1.0, len(place))
+    circles = {"radius_in": 0.3, "radius_out": 1.0, "angular_velocity_in": 5.0}
+    return Scene(position=place, radius=radius, mass=mass, **{**circles, **ROUGH, **changes})

@@ -4,10 +4,11 @@ import sys
 from collections.abc import Callable
 from functools import lru_cache, partial
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
-from hard_scenes import heap, past_the_origin, random_masses, stack
+from hard_scenes import couette, drum, heap, past_the_origin, random_masses, stack
 from launched import launched_state
 from same_bits import assert_same_bits_however_run, at_annulus, contents, dense_pair_correction, run_of
 from sample_scenes import SUDDEN, chain, dense_start
@@ -21,15 +22,13 @@ from warpgrains.scene.annulus import OUTER
 from warpgrains.solver.exact import active_set, bordered, convex, interior_point
 from warpgrains.solver.exact.bordered import BorderedMatrix
 from warpgrains.solver.exact.convex import Matrices
+from warpgrains.solver.exact.path import FrictionStep
 from warpgrains.solver.exact.projection import NormalMatrix, Projection, Solution
 
 TOLERANCE = 1e-10  # m/s
 EPS = np.finfo(float).eps
-SOON = {
-    "method": "exact",
-    "tolerance": TOLERANCE,
-    "max_iterations": 3,
-}  # so that the host is asked after 3 sweeps
+SOON: dict[str, Any] = {"method": "exact", "tolerance": TOLERANCE, "max_iterations": 3}
+"""The host is asked after 3 sweeps."""
 
 
 def few(n: int, **changes) -> Scene:
@@ -223,7 +222,11 @@ def test_where_too_many_contacts_change_the_interior_point_method_goes_on(
 
 
 @pytest.mark.parametrize("order", ["sequential", "color"])
-def test_the_same_bits_however_it_is_run(order: str) -> None:
+@pytest.mark.parametrize("rough", [False, True])
+def test_the_same_bits_however_it_is_run(rough: bool, order: str) -> None:
+    if rough:
+        assert_same_bits_however_run(drum(order=order), couette(order=order), steps=40, before=31)
+        return
     masses = random_masses(40, 100.0).replace(order=order, **SOON)
     assert_same_bits_however_run(heap(60, spacing=2.0, order=order, **SOON), masses, steps=25, before=11)
 
@@ -234,27 +237,36 @@ def test_what_the_host_takes_for_solved_is_not_asked_for_ever(monkeypatch: pytes
     assert not run_of(scene, 1).step().converged
 
 
-def test_stages_launched_as_on_a_gpu_give_the_same_bits() -> None:
-    scene = heap(60, spacing=2.0, **SOON)
-    assert contents(launched_state(scene, 8)) == contents(run_of(scene, 8).state())
+HOSTED: dict[str, tuple[Callable[[], Scene], int, Any]] = {
+    "smooth": (partial(heap, 60, spacing=2.0, **SOON), 8, convex),
+    "rough": (drum, 20, FrictionStep),
+}
+"""Scenes that the host solves, steps of them, and what has the function `solve`."""
 
 
-def test_an_interrupted_solve_leaves_the_step_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    simulation = run_of(heap(60, spacing=2.0, **SOON), 10)
-    before = contents(simulation.state().corrections)
+@pytest.mark.parametrize("which", HOSTED)
+def test_stages_launched_as_on_a_gpu_give_the_same_bits(which: str) -> None:
+    make, steps, _ = HOSTED[which]
+    assert contents(launched_state(make(), steps)) == contents(run_of(make(), steps).state())
+
+
+@pytest.mark.parametrize("which", HOSTED)
+def test_an_interrupted_solve_leaves_the_step_before(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    make, _, solver = HOSTED[which]
+    simulation = Simulation(make())
+    while simulation.step().factorizations == 0:
+        pass
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(convex, "solve", interrupted)
+        patch.setattr(solver, "solve", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            simulation.step()
-    after = simulation.state()
-    assert contents(after.corrections) == before
-    assert after.steps == 10
-    simulation.advance(5)
-    assert contents(simulation.state()) == contents(run_of(simulation.scene, 15).state())
+            simulation.advance(100)
+    for more in (0, 5):
+        simulation.advance(more)
+        assert contents(simulation.state()) == contents(run_of(make(), simulation.steps).state())
 
 
 def test_what_cannot_fit_is_named_and_keeps_the_sweeps_answer() -> None:
@@ -296,11 +308,6 @@ def test_one_bound_in_closed_form(scale: float, method: ModuleType, matrix: Call
     found = method.solve(problem, matrix(), np.zeros(1), 1e-12 * scale)
     assert abs(found.q[0] - (n @ free - bound)) <= 1e-12 * scale
     assert found.residual <= 1e-12 * scale
-
-
-def test_stop_on_zeta_is_refused() -> None:
-    with pytest.raises(InputError, match="stop is 'zeta': method 'exact' stops on the residual"):
-        heap(10, method="exact", stop="zeta")
 
 
 @pytest.mark.parametrize("make", [Simulation, lambda scene: Batch([scene])])

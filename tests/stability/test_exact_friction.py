@@ -6,15 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hard_scenes import heap
-from launched import launched_state
-from same_bits import assert_same_bits_however_run, contents, run_of
+from hard_scenes import couette, drum
+from same_bits import contents
 
-from warpgrains import InputError, Scene, Simulation
+from warpgrains import Simulation
 from warpgrains.accuracy import certify
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.annulus import Annulus
-from warpgrains.scene.layouts import lattice
 from warpgrains.solver.exact import path
 from warpgrains.solver.exact.path import ATTEMPTS, Contacts, FrictionStep
 
@@ -22,13 +19,6 @@ EPS = np.finfo(float).eps
 STEPS = Path(__file__).parent / "friction_steps"
 """Steps of runs in which 300 sweeps end above 2 % of g dt; dv and dvt are the corrections then."""
 NAMES = sorted(file.stem for file in STEPS.glob("*.npz"))
-SOON: dict[str, Any] = {
-    "method": "exact",
-    "tolerance": 1e-9,
-    "max_iterations": 320,
-    "friction": 0.5,
-    "exact_time": 1e3,
-}
 
 
 def hard_step(name: str) -> tuple[FrictionStep, Contacts, dict[str, FloatArray]]:
@@ -94,20 +84,6 @@ def test_the_work_ends_within_the_budget_and_never_worse(
     assert step.residual(answer.dv, answer.dvt) == answer.residual
 
 
-def drum(**changes: Any) -> Scene:
-    """A half-full drum that turns."""
-    scene = heap(60, spacing=2.0, wall="round", scheme="leapfrog", drag=0.1, dt=0.01, **SOON)
-    return scene.replace(**{"wall_friction": 0.8, "angular_velocity_out": 0.5, **changes})
-
-
-def couette(**changes: Any) -> Scene:
-    """Grains of unlike masses around a wall that turns."""
-    place, radius = lattice(Annulus(0.3, 1.0), radius=0.06, count=60, spacing=2.02)
-    mass = 0.1 * 10.0 ** np.random.default_rng(2).uniform(0.0, 1.0, len(place))
-    circles = {"radius_in": 0.3, "radius_out": 1.0, "angular_velocity_in": 5.0}
-    return Scene(position=place, radius=radius, mass=mass, **{**circles, **SOON, **changes})
-
-
 @pytest.mark.parametrize("make", [drum, couette, partial(drum, friction=0.0), partial(drum, wall="tangent")])
 def test_steps_are_solutions_of_coulombs_law(make: Any) -> None:
     """The residual of the kernels meets the tolerance, and another library finds the same velocities."""
@@ -122,34 +98,6 @@ def test_steps_are_solutions_of_coulombs_law(make: Any) -> None:
     assert bound.solver_error <= 1e-5  # [m/s], as far as clarabel proves its own velocities
 
 
-@pytest.mark.parametrize("order", ["sequential", "color"])
-def test_the_same_bits_however_it_is_run(order: str) -> None:
-    assert_same_bits_however_run(drum(order=order), couette(order=order), steps=40, before=31)
-
-
-def test_stages_launched_as_on_a_gpu_give_the_same_bits() -> None:
-    assert contents(launched_state(drum(), 20)) == contents(run_of(drum(), 20).state())
-
-
-def test_an_interrupted_solve_leaves_the_step_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    simulation = Simulation(drum())
-    while simulation.step().factorizations == 0:
-        pass
-    before, done = contents(simulation.state()), simulation.steps
-
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(FrictionStep, "solve", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            simulation.advance(100)
-    interrupted_at = simulation.steps
-    assert contents(simulation.state()) == before or interrupted_at > done
-    simulation.advance(done + 10 - interrupted_at)
-    assert contents(simulation.state()) == contents(run_of(drum(), done + 10).state())
-
-
 def test_a_step_that_is_not_solved_ends_no_worse_than_by_sweeps() -> None:
     """With a budget too small for one factorization the bits are those of sweeps alone."""
     scene = drum(exact_time=1e-6)
@@ -162,17 +110,3 @@ def test_a_step_that_is_not_solved_ends_no_worse_than_by_sweeps() -> None:
         one.restore(state)
         other.restore(state)
         assert one.step().residual <= other.step().residual
-
-
-@pytest.mark.parametrize(
-    ("changes", "complaint"),
-    [
-        ({"exact_time": 0.0}, "exact_time is 0.0"),
-        ({"exact_time": float("nan")}, "exact_time is nan"),
-        ({"stop": "zeta"}, "method 'exact' stops on the residual"),
-        ({"pressure": 1.0, "wall": "tangent"}, "pressure is given and method is 'exact'"),
-    ],
-)
-def test_bad_options_are_refused(changes: dict[str, Any], complaint: str) -> None:
-    with pytest.raises(InputError, match=complaint):
-        drum(**changes)

@@ -106,6 +106,7 @@ class TestLog:
         with recorder_of(tmp_path / "run.usdc") as recorder:
             append(recorder, frames[:3])
             before = recorder.log.read_bytes()
+            assert len(list(LogReader(recorder.log))) == 3  # a process that is killed now loses none
             file = recorder._frames._file
 
             class FullDisk:
@@ -368,3 +369,14 @@ class TestResume:
     def test_refuses_what_is_not_there(self, tmp_path):
         with pytest.raises(InputError, match="does not exist"):
             recorder_of(tmp_path / "run.usdc", resume_at=4)
+
+    def test_recover_needs_frames(self, tmp_path):
+        log = tmp_path / "run.usdc.frames"
+        for name in ("run.usdc", log.name):
+            with pytest.raises(InputError, match="is not the log of a recording"):
+                recover(tmp_path / name)
+        for content in (b"", b"PK", b"warpgrains frames 1\n", bytes(100)):
+            log.write_bytes(content)
+            with pytest.raises(InputError, match="is not a log of frames"):
+                recover(log)
+        assert list(tmp_path.iterdir()) == [log]
