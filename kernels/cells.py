@@ -38,6 +38,16 @@ def prefix_sum(count: Ints, end: Ints):
 
 
 @wp.func
+def wrapped(s: Scene, x: wp.vec2d) -> wp.vec2d:
+    """Return the image of a point that is between 0 and the period in each periodic direction [m]."""
+    period, place = s.walls.period, x
+    for k in range(2):
+        if period[k] > f64(0.0):
+            place[k] = x[k] - period[k] * wp.floor(x[k] / period[k])
+    return place
+
+
+@wp.func
 def bucket_count(s: Scene) -> int:
     """Return the number of buckets plus one."""
     return s.grid.cell_start.shape[0]
@@ -52,7 +62,7 @@ def clear_cell(s: Scene, b: int):
 @wp.func
 def count_in_cell(s: Scene, i: int):
     """Count a grain in its bucket, in cell_start, and reset its numbers of contacts for the search."""
-    x, inverse_size = at(s.grains.position, i), s.grid.inverse_size
+    x, inverse_size = wrapped(s, at(s.grains.position, i)), s.grid.inverse_size
     bucket = bucket_of(cell_of(x[0], inverse_size), cell_of(x[1], inverse_size), s.grid.width)
     put(s.grid.bucket, i, bucket)
     add(s.grid.cell_start, bucket, 1)
@@ -73,7 +83,7 @@ def end_cells(s: Scene):
 def fill_cell(s: Scene, i: int):
     """Put a grain in its bucket, with its extent; cell_start counts down to where the bucket starts."""
     k = add(s.grid.cell_start, at(s.grid.bucket, i), -1) - 1
-    x = at(s.grains.position, i)
+    x = wrapped(s, at(s.grains.position, i))
     w = at(s.verlet.reference_velocity, i) - s.verlet.work.mean_velocity
     skin = at(s.grains.radius, i) + at(s.verlet.skin, i)
     put(s.grid.grain, k, i)

@@ -7,7 +7,7 @@ from .access import at, put, raise_to
 from .contacts import value_at
 from .record import Phase, Scene, grain_count, has_friction, has_swept, has_weights, is_accelerated
 from .types import Contact, NeighborList
-from .walls import wall_body_count
+from .walls import wall_body_count, way
 
 f64 = wp.float64
 ROOT_TWO = wp.constant(f64(2.0**0.5))
@@ -73,7 +73,7 @@ def is_active(dv: wp.vec3d) -> bool:
 def keep_pair(s: Scene, i: int, j: int, k_old: int):
     """Keep a pair of the old list that carries a correction: widen both skins, and search again."""
     if is_active(at(s.workspace.old_dv, k_old)):
-        half = f64(0.5) * wp.length(at(s.grains.position, j) - at(s.grains.position, i))
+        half = f64(0.5) * wp.length(way(at(s.grains.position, i), at(s.grains.position, j), s.walls))
         raise_to(s.verlet.skin, i, half)
         raise_to(s.verlet.skin, j, half)
         s.control.phase = Phase.SEARCH

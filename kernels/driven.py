@@ -15,8 +15,9 @@ from math import pi
 import warp as wp
 
 from .access import at, put
+from .motion import pose_at
 from .record import Scene, grain_count, is_driven
-from .types import DriveOf, Pose, PoseOf, Vectors
+from .types import DriveOf, PoseOf, Vectors
 
 f64 = wp.float64
 TURN = wp.constant(f64(2.0 * pi))
@@ -66,10 +67,11 @@ def acceleration_of_wall(s: Scene, j: int) -> wp.vec2d:
 
 
 @wp.func
-def place_driven_walls(s: Scene):
+def place_driven_walls(s: Scene, begin: f64, end: f64):
     """Place driven walls where they are now; a step freezes its contacts there.
 
-    The surface of a circle that turns has the speed of its present radius (eq. 23).
+    What moves as given besides, along the wall, is where it is at the end of a step from time begin to time
+    end [s]. The surface of a circle that turns has the speed of its present radius (eq. 23).
     """
     if not is_driven(s):
         return
@@ -82,8 +84,7 @@ def place_driven_walls(s: Scene):
         drive = at(s.walls.drive, b)
         if drive[DriveOf.INVERSE_MASS] > f64(0.0):
             path = at(s.grains.position, grain_count(s) + b)[0]
-            pose = Pose()
-            pose[PoseOf.COSINE] = f64(1.0)
-            pose[PoseOf.SHIFT_X] = path * drive[DriveOf.DIRECTION_X]
-            pose[PoseOf.SHIFT_Y] = path * drive[DriveOf.DIRECTION_Y]
+            pose = pose_at(at(s.walls.motion, b - 1), begin, end)
+            pose[PoseOf.SHIFT_X] = pose[PoseOf.SHIFT_X] + path * drive[DriveOf.DIRECTION_X]
+            pose[PoseOf.SHIFT_Y] = pose[PoseOf.SHIFT_Y] + path * drive[DriveOf.DIRECTION_Y]
             put(s.walls.pose, b - 1, pose)

@@ -16,8 +16,9 @@ def begin_step(s: Scene):
     """Turn gravity, and place the walls that move."""
     if s.turning.rate != f64(0.0):
         s.gravity = law.turned_gravity(s.turning.start, s.turning.rate, time_after(s, s.steps))
-    place_walls(s.walls, time_after(s, s.steps), time_after(s, s.steps + wp.int64(1)))
-    place_driven_walls(s)
+    begin, end = time_after(s, s.steps), time_after(s, s.steps + wp.int64(1))
+    place_walls(s.walls, begin, end)
+    place_driven_walls(s, begin, end)
 
 
 @wp.func
@@ -64,7 +65,7 @@ def move(s: Scene, i: int):
 def end_step(s: Scene):
     """Count the step; after one of the leapfrog, velocities are half a step behind the positions."""
     s.steps = s.steps + wp.int64(1)
-    place_driven_walls(s)
+    place_driven_walls(s, time_after(s, s.steps - wp.int64(1)), time_after(s, s.steps))
     s.scheme.last_staggered = s.scheme.staggered
     if s.scheme.leapfrog != 0:
         s.scheme.staggered = 1

@@ -38,6 +38,17 @@ def distance(tail: wp.vec2d, head: wp.vec2d) -> f64:
 
 
 @wp.func
+def nearest_image(d: wp.vec2d, period: wp.vec2d) -> wp.vec2d:
+    """Return the shortest of a way and its periodic images [m] (eq. 32); a period of 0 has none."""
+    x, y = d[0], d[1]
+    if period[0] > f64(0.0):
+        x -= period[0] * wp.rint(x / period[0])
+    if period[1] > f64(0.0):
+        y -= period[1] * wp.rint(y / period[1])
+    return wp.vec2d(x, y)
+
+
+@wp.func
 def normal(tail: wp.vec2d, head: wp.vec2d):
     """Unit normal from tail to head, and their distance [m] (eq. 4)."""
     d = head - tail

@@ -11,7 +11,7 @@ from .cells import AT_ONCE, bucket_of, cell_of, prefix_sum
 from .contact_list import is_active, pair_end
 from .record import WITHOUT_ROOM, Phase, Scene, grain_count, is_driven, time_after
 from .types import CellGrid
-from .walls import are_mobile, is_near_wall, joint_reach, next_near, wall_body_count, wall_path
+from .walls import are_mobile, is_near_wall, is_periodic, joint_reach, next_near, wall_body_count, wall_path
 
 f64 = wp.float64
 Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has eight tests
@@ -38,7 +38,7 @@ def note_contact(s: Scene, i: int, j: int):
 
 
 NEAR = """
-    const double own_x = grid.x.data[k], own_y = grid.y.data[k], own = grid.extent.data[k];
+    const double own_x = place[0], own_y = place[1], own = grid.extent.data[k];
     const double *x = &grid.x.data[begin], *y = &grid.y.data[begin], *extent = &grid.extent.data[begin];
     unsigned near = 0;
 #if defined(__CUDA_ARCH__)
@@ -64,8 +64,10 @@ NEAR = """
 
 
 @wp.func_native(checked(NEAR))
-def near_mask(grid: CellGrid, k: int, begin: int, end: int, wide: f64) -> wp.uint64:
+def near_mask(grid: CellGrid, k: int, place: wp.vec2d, begin: int, end: int, wide: f64) -> wp.uint64:
     """Return a bit for each of the eight indices from `begin` on: whether the grain at k may find its grain.
+
+    `place` is that of the grain, or of an image of it [m].
 
     The index is below `end`, and the grains are near. Of two grains the one of larger extent finds the pair,
     or, of equals, the one that comes first.
@@ -74,8 +76,18 @@ def near_mask(grid: CellGrid, k: int, begin: int, end: int, wide: f64) -> wp.uin
 
 
 @wp.func
-def note_pairs(s: Scene, k: int, near: wp.uint64, begins: Begins):
-    """Write those of the possible pairs of the grain at index k that are within reach."""
+def is_nearest_image(s: Scene, d: wp.vec2d, shift: wp.vec2d) -> bool:
+    """Return whether a grain's image, shifted by so much [m], is the nearest to another, which is d away."""
+    period, nearest = s.walls.period, bool(True)
+    for k in range(2):
+        if period[k] > f64(0.0):
+            nearest = nearest and period[k] * wp.rint(d[k] / period[k]) == shift[k]
+    return nearest
+
+
+@wp.func
+def note_pairs(s: Scene, k: int, shift: wp.vec2d, near: wp.uint64, begins: Begins):
+    """Write those of the possible pairs of the grain at index k that are within reach, if it is shifted."""
     x, y, velocity, skin, grain = s.grid.x, s.grid.y, s.grid.velocity, s.grid.skin, s.grid.grain
     left = near
     while left != wp.uint64(0):
@@ -85,23 +97,44 @@ def note_pairs(s: Scene, k: int, near: wp.uint64, begins: Begins):
         w = at(velocity, other) - at(velocity, k)
         path = s.verlet.numbers.lifetime * wp.length(w)
         reach = (at(skin, k) + at(skin, other) + path) * TOO_WIDE
-        d = wp.vec2d(at(x, other) - at(x, k), at(y, other) - at(y, k))
-        if wp.dot(d, d) <= reach * reach:
+        apart = wp.vec2d(at(x, other) - at(x, k), at(y, other) - at(y, k))
+        d = apart - shift
+        if wp.dot(d, d) <= reach * reach and is_nearest_image(s, apart, shift):
             a, b = at(grain, k), at(grain, other)
             note_contact(s, wp.min(a, b), wp.max(a, b))
 
 
 @wp.func
+def is_near_domain(place: wp.vec2d, radius: f64, period: wp.vec2d) -> bool:
+    """Return whether a place is within a radius [m] of where wrapped grains are (cells.wrapped)."""
+    near = bool(True)
+    for d in range(2):
+        if period[d] > f64(0.0):
+            near = near and place[d] > -radius and place[d] < period[d] + radius
+    return near
+
+
+@wp.func
 def find_pairs(s: Scene, k: int):
-    """Find the pairs of the grain at index k in the cells around it, each pair once.
+    """Find the pairs of the grain at index k, each pair once, around it and around its periodic images."""
+    own, period = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)), s.walls.period
+    radius = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE
+    for column in range(wp.where(period[0] > f64(0.0), 3, 1)):
+        for row in range(wp.where(period[1] > f64(0.0), 3, 1)):
+            shift = wp.vec2d(f64((column + 1) % 3 - 1) * period[0], f64((row + 1) % 3 - 1) * period[1])
+            if is_near_domain(own + shift, radius, period) and not is_too_long(s):
+                find_pairs_around(s, k, shift, radius)
+
+
+@wp.func
+def find_pairs_around(s: Scene, k: int, shift: wp.vec2d, radius: f64):
+    """Find the pairs of the grain at index k, shifted by so much [m], in the cells around it.
 
     A row of cells is one range of indices, or two where it is wrapped around. Eight indices are tested at
     once, and the hits of eight such tests are checked together.
     """
-    if is_too_long(s):
-        return
-    x, y = at(s.grid.x, k), at(s.grid.y, k)
-    radius = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE
+    place = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)) + shift
+    x, y = place[0], place[1]
     width, start, inverse_size = s.grid.width, s.grid.cell_start, s.grid.inverse_size
     first_x, last_x = cell_of(x - radius, inverse_size), cell_of(x + radius, inverse_size)
     first_y, last_y = cell_of(y - radius, inverse_size), cell_of(y + radius, inverse_size)
@@ -122,17 +155,17 @@ def find_pairs(s: Scene, k: int):
             begin = at(start, row + left)
             stop = at(start, row + right)
             while begin < stop:
-                found = near_mask(s.grid, k, begin, stop, TOO_WIDE)
+                found = near_mask(s.grid, k, place, begin, stop, TOO_WIDE)
                 near = near | (found << wp.uint64(AT_ONCE * tests))
                 begins[tests] = begin
                 begin += AT_ONCE
                 tests += 1
                 if tests == 8:
-                    note_pairs(s, k, near, begins)
+                    note_pairs(s, k, shift, near, begins)
                     near = wp.uint64(0)
                     tests = 0
             cy += 1
-    note_pairs(s, k, near, begins)
+    note_pairs(s, k, shift, near, begins)
 
 
 @wp.func
@@ -145,7 +178,7 @@ def find_walls(s: Scene, i: int):
     now = time_after(s, s.steps + wp.int64(1))  # walls are where they are at the end of the step
     old = s.workspace.old
     k_old, end_old = pair_end(old, i), at(old.start, i + 1)
-    skipping = not (are_mobile(s.walls) or k_old < end_old)
+    skipping = not (are_mobile(s.walls) or is_periodic(s.walls) or k_old < end_old)
     b = int(0)
     while b < wall_body_count(s.walls):
         j = grain_count(s) + b

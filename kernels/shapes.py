@@ -6,7 +6,7 @@ the gap of a grain and the normal into the wall. Functions here choose by shape[
 
 import warp as wp
 
-from . import arc, disc, law, segment
+from . import arc, disc, law, line, row, segment
 from .types import Shape
 
 f64 = wp.float64
@@ -30,6 +30,10 @@ def shape_gap(x: wp.vec2d, radius: f64, shape: Shape) -> f64:
     """Return the free distance between a grain at x and a wall inside the annulus [m]."""
     if shape[0] == disc.KIND:
         return disc.gap(x, radius, shape)
+    if shape[0] == line.KIND:
+        return line.gap(x, radius, shape)
+    if shape[0] == row.KIND:
+        return law.pair_gap(law.distance(x, row.nearest_center(x, shape)), radius, shape[5])
     return law.distance(x, nearest_on(x, shape)) - radius
 
 
@@ -38,6 +42,11 @@ def shape_normal(x: wp.vec2d, shape: Shape) -> wp.vec2d:
     """Return the unit normal from a grain at x into a wall inside the annulus."""
     if shape[0] == disc.KIND:
         return disc.normal(x, shape)
+    if shape[0] == line.KIND:
+        return line.normal(shape)
+    if shape[0] == row.KIND:
+        n, _ = law.normal(x, row.nearest_center(x, shape))
+        return n
     n, _ = law.normal(x, nearest_on(x, shape))
     return n
 
@@ -69,6 +78,8 @@ def face_normal(p: wp.vec2d, x: wp.vec2d, shape: Shape) -> wp.vec2d:
     if shape[0] == segment.KIND:
         left = law.tangent(segment.inwards(0, shape))
         return wp.where(wp.dot(shape_normal(x, shape), left) > f64(0.0), left, -left)
+    if shape[0] == line.KIND:
+        return line.normal(shape)
     center = wp.vec2d(shape[1], shape[2])
     radial, _ = law.normal(center, p)
     return wp.where(law.distance(center, x) < shape[3], radial, wp.vec2d(f64(0.0), f64(0.0)))

@@ -7,7 +7,7 @@ from .access import at, bodies_of, contact_at, larger, put
 from .contacts import contact_count
 from .record import Scene, grain_count
 from .threads import Team, partial_index, take_max, thread_range, update_max
-from .walls import wall_overlap
+from .walls import wall_overlap, way
 
 f64 = wp.float64
 
@@ -19,7 +19,9 @@ def overlap_of(s: Scene, c: int) -> f64:
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
     if j >= grain_count(s):
         return wall_overlap(j - grain_count(s), x, radius, s.walls)
-    return -law.pair_gap(law.distance(x, at(s.grains.position, j)), radius, at(s.grains.radius, j))
+    return -law.pair_gap(
+        law.distance(wp.vec2d(), way(x, at(s.grains.position, j), s.walls)), radius, at(s.grains.radius, j)
+    )
 
 
 @wp.func

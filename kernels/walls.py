@@ -25,6 +25,7 @@ class Walls:
     """The walls of a scene, by kind."""
 
     annulus: Annulus
+    period: wp.vec2d  # of the domain along x and y [m]; 0 where it is not periodic
     shape: wp.array(dtype=Shape)  # of the walls inside it
     joint_start: Ints  # of their ends, 0 and 1 of each: where the walls of the joint begin in `joint`,
     joint: Ints  # which has other walls inside by number; both empty if no end is a joint
@@ -63,11 +64,29 @@ def wall_path(b: int, walls: Walls, begin: f64, end: f64) -> f64:
 
 
 @wp.func
+def is_periodic(walls: Walls) -> bool:
+    """Return whether the domain is periodic in a direction."""
+    return walls.period[0] > f64(0.0) or walls.period[1] > f64(0.0)
+
+
+@wp.func
+def way(tail: wp.vec2d, head: wp.vec2d, walls: Walls) -> wp.vec2d:
+    """Return the way from a point to the nearest image of another [m]."""
+    return law.nearest_image(head - tail, walls.period)
+
+
+@wp.func
 def place_at(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return the place of a point x in the frame of wall b > 0 [m]."""
+    """Return the place of a point x in the frame of wall b > 0, as the image that is nearest to it [m]."""
+    place = x
     if are_mobile(walls):
-        return to_frame(at(walls.pose, b - 1), x)
-    return x
+        place = to_frame(at(walls.pose, b - 1), x)
+    if is_periodic(walls):
+        shape = at(walls.shape, b - 1)
+        if shape[CIRCLE_RADIUS] < f64(wp.inf):
+            center = wp.vec2d(shape[CIRCLE_RADIUS - 2], shape[CIRCLE_RADIUS - 1])
+            place = center + way(center, place, walls)
+    return place
 
 
 IS_NEAR = f"""

@@ -8,7 +8,7 @@ from .contacts import apply, contacts_of, is_wall_set, value_at
 from .record import Scene, grain_count, has_friction, pair_count, rotates
 from .threads import Team
 from .types import Contact
-from .walls import surface_speed, wall_contact
+from .walls import surface_speed, wall_contact, way
 
 f64 = wp.float64
 
@@ -41,7 +41,7 @@ def frozen(s: Scene, c: int, at_wall: bool) -> Contact:
         contact.n = normal
         contact.gap_rate = gap / s.dt
     else:
-        normal, distance = law.normal(x, at(s.grains.position, j))
+        normal, distance = law.normal(wp.vec2d(), way(x, at(s.grains.position, j), s.walls))
         contact.n = normal
         contact.gap_rate = law.pair_gap(distance, radius, at(s.grains.radius, j)) / s.dt
     return contact

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from warpgrains.packings.pack import Rest, pack
     from warpgrains.packings.separate import Separation, separate
     from warpgrains.scene.arc import Arc
+    from warpgrains.scene.box import Box
     from warpgrains.scene.disc import Disc
+    from warpgrains.scene.line import Line
     from warpgrains.scene.polyline import Polyline
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.segment import Segment
@@ -36,8 +38,10 @@ if TYPE_CHECKING:
 __all__ = [
     "Arc",
     "Batch",
+    "Box",
     "Disc",
     "InputError",
+    "Line",
     "NoAreaError",
     "OutputError",
     "Packing",
@@ -67,7 +71,9 @@ _NAMES = {
     "batch.batch": ("Batch",),
     "errors": ("InputError", "NoAreaError", "OutputError", "SimulationError"),
     "scene.arc": ("Arc",),
+    "scene.box": ("Box",),
     "scene.disc": ("Disc",),
+    "scene.line": ("Line",),
     "scene.polyline": ("Polyline",),
     "scene.scene": ("Scene",),
     "scene.segment": ("Segment",),

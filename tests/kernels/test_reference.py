@@ -12,6 +12,7 @@ from schemes import SECOND_ORDER, TEXTS
 from simulate import Simulate
 from swept_order import Followed, follow_reference
 from walled_scenes import (
+    BOXES,
     CORNERS,
     DRIVEN,
     ROUGH,
@@ -20,6 +21,7 @@ from walled_scenes import (
     STIRRED_ROUGH,
     TURNING,
     around,
+    boxed,
     cloud,
     cornered,
     pressed,
@@ -72,6 +74,10 @@ def restarts(met: Followed) -> bool:
 
 def touches_corners(met: Followed) -> bool:
     return bool(met.touched - {0, 1})
+
+
+def touches_all(met: Followed) -> bool:
+    return met.touched >= {*met.scene.numbered_walls}
 
 
 def touches(*walls: int) -> Callable[[Followed], bool]:
@@ -148,6 +154,9 @@ for corners, walls in CORNERS.items():
     for changes in ({}, {**LEAPFROG, **COLOR, "friction": 0.4, "wall_friction": 0.6, "radius_in": 0.1}):
         make = partial(cornered, walls, 40, **changes)
         CASES[f"corners, {corners}, {changes}"] = Case(make, 100, meets=touches_corners)
+for kind in BOXES:
+    for changes in ({}, LEAPFROG | COLOR):
+        CASES[f"box, {kind}, {changes}"] = Case(partial(boxed, kind, **changes), 120, meets=touches_all)
 
 
 @cache

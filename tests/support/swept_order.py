@@ -11,7 +11,6 @@ from same_bits import assert_same_bits
 from warpgrains import Scene, Simulation, State, StepReport
 from warpgrains.arrays import IntArray
 from warpgrains.reference.reference import Reference, pair_index
-from warpgrains.scene.geometry import pair_gaps
 
 
 def swept_pairs(simulation: Simulation) -> IntArray:
@@ -50,7 +49,7 @@ def worst_overlap(simulation: Simulation) -> float:
     """Measure the overlaps of all pairs and of all grains with the circles [m]."""
     now, x = simulation.present_scene, simulation.position
     gaps = [now.side(wall, x, now.radius).gap for wall in now.wall_numbers]
-    gaps.append(pair_gaps(x, now.radius, *np.triu_indices(now.n, 1)))
+    gaps.append(now.pair_frames(x, np.stack(np.triu_indices(now.n, 1), axis=1))[1])
     return max(0.0, -float(np.concatenate(gaps).min()))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains import Arc, Disc, Scene, Segment
+from warpgrains import Arc, Box, Disc, Scene, Segment
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.wall import Wall
 
@@ -114,3 +114,48 @@ def cornered(walls: Sequence[Wall], n: int = 60, **changes: Any) -> Scene:
     """Return a scene of grains that fall from within 0.65 m on walls with joints."""
     areas = (0.65**2 * 0.1, 0.65**2)
     return scattered(n, 5, areas, walls, **{"radius_out": 1.2, "max_iterations": 60} | changes)
+
+
+BUMPS = {"radius": 0.02, "spacing": 0.1}
+LID = {"pressure": 30.0, "mass": 1.0, "velocity": (0.5, 0.0), "friction": 0.7}
+FALL = {"gravity": (1.0, -9.81)}
+BOXES: dict[str, dict[str, Any]] = {
+    "closed": FALL,
+    "periodic": {"periodic": "x", **FALL},
+    "everywhere": {"periodic": "xy"},
+    "conveyor": {
+        "periodic": "x",
+        "bottom": {"velocity": (1.0, 0.0), "friction": 0.5},
+        "friction": 0.3,
+        **FALL,
+    },
+    "piston": {"left": {"velocity": (0.4, 0.0), "to_time": 0.2}, **FALL},
+    "lid": {"periodic": "x", "top": LID, "friction": 0.4},
+    "smooth lid": {"periodic": "x", "top": {"pressure": 30.0, "mass": 1.0}},
+    "rough": {"periodic": "x", "bottom": {"roughness": BUMPS}, "friction": 0.4, **FALL},
+    "shear": {"periodic": "x", "top": {"velocity": (-0.7, 0.0), "roughness": BUMPS}, "friction": 0.4},
+    "walls": {
+        "periodic": "xy",
+        "walls": (
+            Disc((0.02, 0.1), 0.1),
+            Disc((0.5, 0.6), 0.1, velocity=(0.3, 0.5)),
+            Segment((0.8, 0.3), (1.1, 0.35)),
+            Arc((0.4, 0.1), 0.15, 0.0, 3.0),
+        ),
+    },
+    "ramp": {"walls": (Segment((0.0, 0.3), (0.4, 0.0)), Segment((1.0, 0.5), (0.7, 0.2))), **FALL},
+}
+
+
+def boxed(kind: str, n: int = 60, seed: int = 1, **changes: Any) -> Scene:
+    """Return a scene of grains of random velocities in a box, one of `BOXES`."""
+    fields: dict[str, Any] = {"gravity": (0.0, 0.0), "walls": ()} | BOXES[kind] | changes
+    sides = {key: fields.pop(key) for key in ("periodic", "left", "bottom", "top") if key in fields}
+    rng = np.random.default_rng(seed)
+    position = rng.uniform((0.05, 0.05), (0.95, 0.65), (n, 2))
+    for wall in fields["walls"]:
+        position = position[~wall.covers(position)]
+    radius = rng.uniform(0.02, 0.04, len(position))
+    own = {"velocity": rng.normal(0.0, 0.5, position.shape), "radius": radius, "mass": 80.0 * radius**2}
+    common = {"dt": 0.005, "max_iterations": 60, "domain": Box((0.0, 1.0), (0.0, 0.7), **sides)}
+    return Scene(position=position, **own | common | fields)

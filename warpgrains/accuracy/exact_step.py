@@ -39,7 +39,7 @@ from scipy.spatial import cKDTree
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
-from warpgrains.scene.geometry import left_of, pair_gaps
+from warpgrains.scene.geometry import left_of, wrapped
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.solver.exact.constraints import StepConstraints, every_wall
@@ -79,20 +79,23 @@ class StepProblem:
     def constraints(self, speed: FloatArray, sliding: FloatArray) -> StepConstraints:
         """Return the constraints that grains up to a `speed` [m/s] can violate; round gaps by eq. 18."""
         scene, position = self.scene, self.position
-        pair = pairs_within(position, scene.radius, scene.dt * speed)
+        pair = pairs_within(scene, position, scene.dt * speed)
         wall = every_wall(scene)
         every = StepConstraints.at(scene, position, pair, wall, self.time).sliding(scene.dt * sliding)
         return every.only(every.gap_rate[len(pair) :] <= speed[every.wall[:, 0]])
 
 
-def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) -> IndexArray:
-    """Return the pairs i < j of discs whose gap is at most the sum of their reaches, shape (m, 2)."""
-    around = cKDTree(position).query_ball_point(position, radius + radius.max() + 2.0 * reach)
+def pairs_within(scene: Scene, position: FloatArray, reach: FloatArray) -> IndexArray:
+    """Return the pairs i < j of grains whose gap is at most the sum of their reaches, shape (m, 2)."""
+    radius, places = scene.radius, wrapped(position, scene.period)
+    around = cKDTree(places, boxsize=scene.period).query_ball_point(
+        places, radius + radius.max() + 2.0 * reach
+    )
     i = np.repeat(np.arange(len(position)), [len(found) for found in around])
     j = np.concatenate([np.array(found, dtype=np.int64) for found in around])
     pair = np.unique(np.sort(np.stack([i, j], axis=1)[i != j], axis=1), axis=0)
     i, j = pair.T
-    return pair[pair_gaps(position, radius, i, j) <= reach[i] + reach[j]]
+    return pair[scene.pair_frames(position, pair)[1] <= reach[i] + reach[j]]
 
 
 class ExactStep(NamedTuple):

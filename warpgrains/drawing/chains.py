@@ -10,7 +10,7 @@ import numpy as np
 from warpgrains.arrays import BoolArray, FloatArray, IntArray
 from warpgrains.drawing.colorings import pressure_scale
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import left_of, pair_normals
+from warpgrains.scene.geometry import left_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -104,7 +104,7 @@ def contact_lines(now: Snapshot, pair: IntArray) -> tuple[FloatArray, FloatArray
     """
     between, pairs, wall = pairs_and_walls(pair)
     normal, (i, j), center = np.zeros(pair.shape), pair.T, now.position
-    normal[between] = pair_normals(center, *pairs.T)
+    normal[between], _ = now.scene.pair_frames(center, pairs)
     normal[~between], _ = now.scene.wall_frames(center, wall, time=now.time)
     foot = center[i] + now.scene.radius[i, np.newaxis] * normal
     return center[i], np.where(between[:, np.newaxis], center[np.maximum(j, 0)], foot), normal

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from warpgrains.errors import InputError, requiring
 from warpgrains.scene import checks
-from warpgrains.scene.box import Box
+from warpgrains.scene.bounds import Bounds
 
 if TYPE_CHECKING:
     from warpgrains.drawing.frames import FrameTimes
@@ -112,11 +112,11 @@ def described_kinds() -> str:
     return f"{', '.join(first)} or {last}"
 
 
-def frame_of(field: str, text: Any) -> Box:
+def frame_of(field: str, text: Any) -> Bounds:
     """Return the rectangle of a text "X0,Y0,X1,Y1" [m]. Raises InputError unless X0 < X1 and Y0 < Y1."""
     words = checks.text(field, text).split(",")
     try:
-        box = Box(*(checks.number(field, float(word)) for word in words))
+        box = Bounds(*(checks.number(field, float(word)) for word in words))
     except (TypeError, ValueError):
         raise InputError(f"{field} is {text!r}: it must be X0,Y0,X1,Y1 in m, such as -0.5,0,0.5,1") from None
     if not (0.0 < box.width < float("inf") and 0.0 < box.height < float("inf")):

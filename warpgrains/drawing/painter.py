@@ -12,7 +12,7 @@ from warpgrains.drawing.colors import GrainColors
 from warpgrains.drawing.kinds import frame_of
 from warpgrains.drawing.shapes import drawn_walls
 from warpgrains.scene.band import Band
-from warpgrains.scene.box import Box
+from warpgrains.scene.bounds import Bounds
 from warpgrains.scene.extent import box_of_discs
 
 if TYPE_CHECKING:
@@ -61,4 +61,4 @@ class Painter:
         """Widen the rectangle to contain all grains of snapshots, unless it was given."""
         if not self._is_framed:
             boxes = [box_of_discs(now.position, now.scene.radius) for now in snapshots]
-            self.view = reduce(Box.covering, boxes, self.view)
+            self.view = reduce(Bounds.covering, boxes, self.view)

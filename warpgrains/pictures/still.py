@@ -27,7 +27,7 @@ from warpgrains.drawing.shapes import WALL_COLOR, marks, moved_walls
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.scene.band import Band
-from warpgrains.scene.box import Box
+from warpgrains.scene.bounds import Bounds
 from warpgrains.scene.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def _add_chain_legend(axes: Axes, scale: ChainScale, painter: Painter) -> None:
     axes.text(left + 1.1 * length, middle, force, va="center", fontsize="small")
 
 
-def shares(view: Box) -> tuple[float, float]:
+def shares(view: Bounds) -> tuple[float, float]:
     """Return width and height of the axes of a view, in their longer side, with room for legends."""
     across, along = (max(length / (2.0 * view.half), _LEAST_SHARE) for length in (view.width, view.height))
     return across, along

@@ -29,6 +29,7 @@ typedef struct {
     int driven;                     /* whether a force drives a wall; if so, of the annulus and then of each wall: */
     double *drives;                 /* 1 / mass, force, pressure and direction, */
     double *places, *speeds;        /* and coordinate and speed */
+    double period[2];               /* of the domain along x and y; 0 where it is not periodic */
 #endif
 } femGrains;
 

@@ -29,6 +29,7 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->friction = theGrains->wallFriction = 0.0;
     theGrains->turning = theGrains->start = 0.0;
     theGrains->rough = theGrains->driven = 0;
+    theGrains->period[0] = theGrains->period[1] = 0.0;
     theGrains->x = malloc(n * sizeof(double));
     theGrains->y = malloc(n * sizeof(double));
     theGrains->vx = calloc(n, sizeof(double));
@@ -81,10 +82,17 @@ static double frictionChange(double *dvt, double vt, double w, double limit, int
     return change;
 }
 
+/* The shortest of a way and its periodic images (eq. 32). */
+static void nearestImage(const femGrains *g, double *dx, double *dy) {
+    if (g->period[0] > 0.0) *dx -= g->period[0] * rint(*dx / g->period[0]);
+    if (g->period[1] > 0.0) *dy -= g->period[1] * rint(*dy / g->period[1]);
+}
+
 /* The contact of grains i < j; dvc and dtc are its accumulated corrections. Returns the larger change. */
 static double contactPair(femGrains *g, int i, int j, double *dvc, double *dtc, double dt, int iter) {
     double dx = g->x[j] - g->x[i];
     double dy = g->y[j] - g->y[i];
+    nearestImage(g, &dx, &dy);
     double r = sqrt(dx * dx + dy * dy);
     double nx = dx / r;
     double ny = dy / r;
@@ -181,7 +189,7 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
 }
 
 /* Kinds of walls inside the annulus, and the numbers of one: first its kind. */
-enum { DISC = 1, SEGMENT = 2, ARC = 3, SHAPE = 10 };
+enum { DISC = 1, SEGMENT = 2, ARC = 3, LINE = 4, ROW = 5, SHAPE = 10 };
 
 /* The point (px, py) of a wall that is nearest to (x, y): of a segment (both ends) or an arc (center, radius, direction of
  * the middle, and cosine of half of it); the center of a disc; else NAN. Returns the end that it is, 0 or 1, or -1. */
@@ -207,19 +215,31 @@ static int nearestPoint(const double *wall, double x, double y, double *px, doub
         if (rho == 0.0) *px = wall[1] + wall[3] * mx, *py = wall[2] + wall[3] * my;
         return onArc ? -1 : isFirst ? 0 : 1;
     }
-    if (wall[0] != DISC) *px = NAN;
+    if (wall[0] == ROW) {
+        double dx = wall[3], dy = wall[4];
+        double discs = rint(((x - wall[1]) * dx + (y - wall[2]) * dy) / (dx * dx + dy * dy));
+        *px = wall[1] + discs * dx;
+        *py = wall[2] + discs * dy;
+    } else if (wall[0] != DISC) *px = NAN;
     return -1;
 }
 
 /* Gap of a grain at (x, y), and the normal into a wall; a disc (center, radius, whether grains are inside) has no nearest
- * point. At an unknown kind both are NaN. */
+ * point, nor has a line (point, unit vector to the grains); a row of discs (a center, way to the next, radius) has its
+ * nearest center. At an unknown kind both are NaN. */
 static double wallGap(const double *wall, double x, double y, double r, double *nx, double *ny) {
     double px, py;
+    if (wall[0] == LINE) {
+        *nx = -wall[3];
+        *ny = -wall[4];
+        return (x - wall[1]) * wall[3] + (y - wall[2]) * wall[4] - r;
+    }
     nearestPoint(wall, x, y, &px, &py);
     double dx = px - x, dy = py - y;
     double distance = sqrt(dx * dx + dy * dy);
     *nx = dx / distance;
     *ny = dy / distance;
+    if (wall[0] == ROW) return distance - (r + wall[5]);
     if (wall[0] != DISC) return distance - r;
     if (wall[4] == 0.0) return distance - (r + wall[3]);
     *nx = distance > 0.0 ? -*nx : 0.0;
@@ -227,9 +247,15 @@ static double wallGap(const double *wall, double x, double y, double r, double *
     return wall[3] - distance - r;
 }
 
-/* The same of wall k, where its nearest point may be a joint (eq. 8c). */
+/* The same of wall k, of the image of the grain that is nearest to it, where its nearest point may be a joint (eq. 8c). */
 static double jointGap(const femGrains *g, int k, double x, double y, double r, double *nx, double *ny) {
     const double *wall = &g->walls[SHAPE * k], *other = wall;
+    double ax = x - wall[SHAPE - 3], ay = y - wall[SHAPE - 2];
+    if ((g->period[0] > 0.0 || g->period[1] > 0.0) && wall[SHAPE - 1] < INFINITY) {
+        nearestImage(g, &ax, &ay);
+        x = wall[SHAPE - 3] + ax;
+        y = wall[SHAPE - 2] + ay;
+    }
     double px, py, ox, oy, cx, cy, gap = wallGap(wall, x, y, r, nx, ny), least = gap;
     int end = nearestPoint(wall, x, y, &px, &py), nearest = k;
     if (!g->joints || end < 0 || gap > r) return gap;
@@ -260,7 +286,7 @@ static double jointGap(const femGrains *g, int k, double x, double y, double r, 
         int isLeft = ox * -(ey / length) + oy * (ex / length) > 0.0;
         ox = isLeft ? -(ey / length) : ey / length;
         oy = isLeft ? ex / length : -(ex / length);
-    } else {
+    } else if (other[0] != LINE) {
         double mx = x - other[1], my = y - other[2];
         rises = rises && sqrt(mx * mx + my * my) < other[3];
         ox = px - other[1];
@@ -281,20 +307,30 @@ static double jointGap(const femGrains *g, int k, double x, double y, double r, 
     return fmax(fabs(height) - r, least);
 }
 
+/* Whether a force drives wall k inside the annulus. */
+static int isDriven(const femGrains *g, int k) {
+    return g->driven && g->drives[5 * (k + 1)] > 0.0;
+}
+
 /* For how long a wall has moved at a time, from motion[5] to motion[6]. */
 static double movingTime(const double *motion, double time) {
     return fmin(fmax(time, motion[5]), motion[6]) - motion[5];
 }
 
-/* The same at the end of the step where the wall moves (eq. 26); *speed gets that of its surface along the tangent. */
+/* The same where the wall is at the end of the step (eq. 26), or is driven (eq. 28); *speed gets that of its surface along the tangent. */
 static double movingWallGap(const femGrains *g, int k, double begin, double end, double x, double y, double r, double *nx,
                             double *ny, double *speed) {
     const double *motion = &g->motions[7 * k];
     double px = motion[0], py = motion[1], vx = motion[2], vy = motion[3], w = motion[4];
     double moved = movingTime(motion, end), before = movingTime(motion, begin);
     double c = cos(w * moved), s = sin(w * moved);
-    double dx = x - (px - (c * px - s * py) + vx * moved);
-    double dy = y - (py - (s * px + c * py) + vy * moved);
+    double shiftX = px - (c * px - s * py) + vx * moved;
+    double shiftY = py - (s * px + c * py) + vy * moved;
+    if (isDriven(g, k)) {
+        shiftX += g->places[k + 1] * g->drives[5 * (k + 1) + 3];
+        shiftY += g->places[k + 1] * g->drives[5 * (k + 1) + 4];
+    }
+    double dx = x - shiftX, dy = y - shiftY;
     double mx, my;
     double gap = jointGap(g, k, c * dx + s * dy, c * dy - s * dx, r, &mx, &my);
     *nx = c * mx - s * my;
@@ -312,10 +348,7 @@ static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
     double nx, ny, gap;
     double *dvw = &g->dvWalls[i * g->nWalls + k];
     double speed = hasFriction(g) ? g->speedWalls[k] : 0.0;
-    if (g->driven && g->drives[5 * (k + 1)] > 0.0) {
-        const double *along = &g->drives[5 * (k + 1) + 3], way = g->places[k + 1];
-        gap = wallGap(&g->walls[SHAPE * k], g->x[i] - way * along[0], g->y[i] - way * along[1], g->r[i], &nx, &ny);
-    } else if (g->moving)
+    if (g->moving || isDriven(g, k))
         gap = movingWallGap(g, k, g->start + g->steps * dt, g->start + (g->steps + 1) * dt, g->x[i], g->y[i], g->r[i], &nx,
                             &ny, &speed);
     else

@@ -46,6 +46,7 @@ class Grains(ctypes.Structure):
         *((name, _Doubles) for name in ("motions", *_ROTATING)),
         ("driven", ctypes.c_int),
         *((name, _Doubles) for name in _DRIVEN),
+        ("period", ctypes.c_double * 2),
     )
 
 
@@ -99,6 +100,7 @@ class Reference:
         self._arrays["frictionWalls"], self._arrays["speedWalls"] = bodies.surfaces[1:].T.copy()
         self._arrays["motions"] = np.array([np.hstack(wall.motion) for wall in walls]).ravel()
         self._grains.rough, self._grains.moving = scene.has_friction, scene.has_moving_walls
+        self._grains.period[:] = scene.period
         self._grains.turning, self._grains.start = scene.gravity_rate, scene.time
         rotating = (
             scene.spin.copy(),

@@ -15,6 +15,7 @@ from warpgrains.scene.geometry import ROUNDING, Circle, area_below, directions, 
 
 SMALLEST, LARGEST = 1e-140, 1e150  # m, of the radius of the outer wall
 WALLS = ("tangent", "round")
+NO_WALL = "none"  # of the circle about a box
 OUTER, INNER, INSIDE = 0, 1, 2
 """Numbers of the circles of the annulus, and of the first wall inside."""
 
@@ -36,7 +37,7 @@ class Annulus(NamedTuple):
     radius_out: float
     """Radius of the outer wall [m]."""
     wall: str = "tangent"
-    """Model of the outer wall within a step: its "tangent", or "round"."""
+    """Model of the outer wall within a step: its "tangent", or "round"; "none" if no grain touches it."""
 
     @classmethod
     def checked(cls, radius_in: Any, radius_out: Any, wall: Any = "tangent") -> Self:
@@ -87,8 +88,10 @@ class Annulus(NamedTuple):
     ) -> Side:
         """Return normals and gaps at a circle, see `Scene.side`; those at a missing one are inf."""
         rho, normal = distance(position), directions(position)
+        nowhere = np.full_like(rho, np.inf)
+        if self.wall == NO_WALL:
+            return Side(normal, nowhere)
         if number == INNER:
-            nowhere = np.full_like(rho, np.inf)
             return Side(-normal, rho - self.radius_in - radius if self.radius_in > 0.0 else nowhere)
         gap = self.radius_out - rho - radius
         if move is not None and self.wall == "round":

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
-from warpgrains.scene.annulus import INNER, OUTER, Annulus, Side
+from warpgrains.scene.annulus import INNER, NO_WALL, OUTER, Annulus, Side
 from warpgrains.scene.disc import Disc
 from warpgrains.scene.geometry import distance, left_of
 from warpgrains.scene.wall import Drive, Wall
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 
+NO_CIRCLE = 1e100  # m, radius of the outer wall of the device where there is a box
 CLOSE = 1e-9  # how far an end may be off the other wall, as a part of the size of the larger one
 FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as in kernels/walls.py
 
@@ -41,7 +42,12 @@ class Joints:
             off = np.abs(wall.side(ends, np.zeros(len(ends))).gap)
             for end in np.flatnonzero(off <= CLOSE * np.maximum(np.array(size)[owner], size[other])).tolist():
                 own = walls[k := owner[end]]
-                if k != other and own.path == wall.path and not (own.drive or wall.drive):
+                if (
+                    k != other
+                    and wall.takes_joints
+                    and own.path == wall.path
+                    and not (own.drive or wall.drive)
+                ):
                     found[2 * k + (end > 0 and k == owner[end - 1])].append(other)
         self.others = found if any(found) else []
 
@@ -100,6 +106,8 @@ class Bodies:
     def annulus(self) -> Annulus:
         """The annulus as body 0, without an inner circle that is another body."""
         annulus = self._scene.annulus
+        if annulus.wall == NO_WALL:
+            return annulus._replace(radius_out=NO_CIRCLE)
         return annulus._replace(radius_in=0.0) if self.two_circles else annulus
 
     @property

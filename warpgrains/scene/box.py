@@ -1,51 +1,188 @@
-"""Boxes with sides along the axes. The command line parses them, without NumPy."""
+"""A box as the domain of a scene: its sides are walls, or periodic."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Self
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from math import hypot
+from typing import Any, ClassVar
 
-if TYPE_CHECKING:
-    from warpgrains.arrays import FloatArray
+from warpgrains.described import checked, described, described_fields, documented
+from warpgrains.errors import InputError
+from warpgrains.scene import checks
+from warpgrains.scene.annulus import NO_WALL, Annulus
+from warpgrains.scene.line import Line
+from warpgrains.scene.region import Region
+from warpgrains.scene.row import Row
+from warpgrains.scene.wall import Wall
+
+Ends = tuple[float, float]
+PERIODIC = ("", "x", "y", "xy")
+SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1.0)}
+"""The sides, and the component and sign of the direction from each to the grains."""
+_OF_LINES = ("velocity", "from_time", "to_time", "friction")
 
 
-class Box(NamedTuple):
-    """A rectangle with sides along the axes [m]."""
+def _ends(field: str, value: Any) -> Ends:
+    low, high = checks.vector(field, value)
+    if low >= high:
+        raise InputError(f"{field} is ({low}, {high}) m: the smaller one comes first")
+    return low, high
 
-    left: float
-    bottom: float
-    right: float
-    top: float
 
-    @classmethod
-    def around(cls, points: FloatArray) -> Self:
-        """Return the smallest box that contains points [m], shape (k, 2)."""
-        return cls(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
+def _side(field: str, value: Any) -> dict[str, Any]:
+    """Return the keys of a side; their values are checked with its wall."""
+    if not isinstance(value, Mapping):
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a table such as {{friction = 0.3}}")
+    for key in value:
+        checks.one_of(f"key of {field}", key, ("pressure", "mass", "roughness", *_OF_LINES))
+    return dict(value)
 
-    def grown(self, width: float) -> Self:
-        """Return the box with a border of a width [m]."""
-        return type(self)(self.left - width, self.bottom - width, self.right + width, self.top + width)
 
-    def covering(self, other: Box) -> Self:
-        """Return the smallest box that contains both."""
-        least = map(min, self[:2], other[:2])
-        return type(self)(*least, *map(max, self[2:], other[2:]))
+def _side_field(which: str) -> Any:
+    meaning = (
+        f"The {which} side, unless it is periodic: a table of the keys of a wall ({', '.join(_OF_LINES)}),"
+        " pressure [N/m] and mass [kg] of a side that a pressure drives, and roughness, half discs on it of a"
+        " radius and a spacing [m], {radius = ..., spacing = ...}."
+    )
+    return described(meaning, check=_side, default=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """A rectangle with sides along the axes, of which two opposite ones, or all, may be periodic.
+
+    What leaves the box through a periodic side comes in through the opposite one. Positions in states are
+    continuous: they go on beyond such a side.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    InputError
+        A value is invalid.
+
+    Examples
+    --------
+    >>> shear = wg.Box((0.0, 1.0), (0.0, 0.5), periodic="x", top={"velocity": (0.2, 0.0)})
+    >>> scene = wg.Scene(position=[[0.1, 0.2]], radius=0.1, mass=0.1, domain=shear, friction=0.5)
+    >>> scene.wall_names
+    ('Outer', 'Inner', 'bottom', 'top')
+    """
+
+    kind: ClassVar[str] = "box"
+    x: Ends = described("Where the box begins and ends along x [m].", check=_ends)  # noqa: RUF009
+    y: Ends = described("The same along y [m].", check=_ends)  # noqa: RUF009
+    periodic: str = described(
+        'Directions in which the box is periodic: "x", "y" or "xy"; by default none.',
+        check=lambda field, value: checks.one_of(field, value, PERIODIC),
+        default="",
+    )
+    left: Mapping[str, Any] | None = _side_field("left")
+    right: Mapping[str, Any] | None = _side_field("right")
+    bottom: Mapping[str, Any] | None = _side_field("lower")
+    top: Mapping[str, Any] | None = _side_field("upper")
+
+    def __post_init__(self) -> None:
+        for name, own in described_fields(type(self)).items():
+            vars(self)[name] = checked(f"domain.{name}", own, getattr(self, name))
+        for name, (component, _) in SIDES.items():
+            if getattr(self, name) is not None and "xy"[component] in self.periodic:
+                raise InputError(
+                    f"domain.{name} is given, and domain.periodic is {self.periodic!r}: give one"
+                )
 
     @property
-    def width(self) -> float:
-        """Length along x [m]."""
-        return self.right - self.left
+    def lengths(self) -> Ends:
+        """Lengths of the sides along x and y [m]."""
+        return self.x[1] - self.x[0], self.y[1] - self.y[0]
 
     @property
-    def height(self) -> float:
-        """Length along y [m]."""
-        return self.top - self.bottom
+    def period(self) -> Ends:
+        """Lengths in the directions in which the box is periodic [m]; 0 in the others."""
+        x, y = (length * (name in self.periodic) for length, name in zip(self.lengths, "xy", strict=True))
+        return x, y
 
     @property
-    def half(self) -> float:
-        """Half of the longer side [m]."""
-        return max(self.width, self.height) / 2.0
+    def circle(self) -> Annulus:
+        """A circle about the origin that contains the box, which is no wall."""
+        return Annulus(0.0, 2.0 * hypot(*(max(map(abs, ends)) for ends in (self.x, self.y))), NO_WALL)
 
     @property
-    def center(self) -> tuple[float, float]:
-        """Its middle [m]."""
-        return (self.left + self.right) / 2.0, (self.bottom + self.top) / 2.0
+    def space(self) -> Region:
+        """The box as a region."""
+        (left, right), (bottom, top) = self.x, self.y
+        return Region(self.circle, (((left, bottom), (right, bottom), (right, top), (left, top)),))
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """The walls of the sides that are not periodic."""
+        open_sides = [name for name, (component, _) in SIDES.items() if "xy"[component] not in self.periodic]
+        return tuple(
+            wall for name in open_sides for wall in self._walls_of(name, dict(getattr(self, name) or {}))
+        )
+
+    def _walls_of(self, name: str, given: dict[str, Any]) -> tuple[Wall, ...]:
+        component, sign = SIDES[name]
+        length = self.lengths[1 - component]
+        (x, y), at = (sum(ends) / 2.0 for ends in (self.x, self.y)), self.x if component == 0 else self.y
+        own_place = at[0 if sign > 0.0 else 1]
+        point = (own_place, y) if component == 0 else (x, own_place)
+        normal = (sign, 0.0) if component == 0 else (0.0, sign)
+        own = {key: given[key] for key in _OF_LINES if key in given}
+        pressure, mass, roughness = (given.get(key) for key in ("pressure", "mass", "roughness"))
+        force = None if pressure is None else checks.number(f"domain.{name}.pressure", pressure) * length
+        try:
+            line = Line(point, normal, length, name=name, force=force, mass=mass, **own)
+            return line, *(() if roughness is None else self._rows(line, roughness))
+        except InputError as error:
+            raise InputError(f"domain.{name}: {error}") from None
+
+    def _rows(self, line: Line, roughness: Any) -> tuple[Wall, ...]:
+        """Return the discs on a side, in two rows: a disc of each is between two of the other."""
+        if not isinstance(roughness, Mapping) or set(roughness) != {"radius", "spacing"}:
+            raise InputError(
+                f"roughness is {checks.shown(roughness)}: it must be {{radius = ..., spacing = ...}}"
+            )
+        if line.force is not None:
+            raise InputError("roughness is given, and pressure: give one")
+        radius, spacing = (
+            checks.positive(f"roughness.{key}", roughness[key]) for key in ("radius", "spacing")
+        )
+        pairs = max(
+            1, round(line.length / (2.0 * spacing))
+        )  # so that the discs continue beyond periodic sides
+        spacing = line.length / (2.0 * pairs)
+        common = {own.name: getattr(line, own.name) for own in fields(Wall)}
+        (x, y), (tx, ty) = line.point, line.along
+        return tuple(
+            Row(
+                (x + way * tx, y + way * ty),
+                (2.0 * spacing * tx, 2.0 * spacing * ty),
+                radius,
+                line.length,
+                **common,
+            )
+            for way in (-0.5 * spacing, 0.5 * spacing)
+        )
+
+
+documented(described_fields(Box).values())(Box)
+
+
+def checked_domain(field: str, value: Any) -> Box | None:
+    """Return a box, given as an object or by the keys of a `[domain]` section."""
+    if value is None or isinstance(value, Box):
+        return value
+    if not isinstance(value, Mapping):
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a Box, or a table of its keys")
+    own = {key: given for key, given in value.items() if key != "kind"}
+    known = described_fields(Box)
+    for key in own:
+        checks.one_of(f"key of {field}", key, ("kind", *known))
+    for key in ("x", "y"):
+        if key not in own:
+            raise InputError(f"{field}.{key} is missing: a box needs it")
+    return Box(**own)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import isfinite, pi
+from math import inf, isfinite, pi
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 from warnings import warn
@@ -15,7 +15,8 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import INNER, INSIDE, OUTER
 from warpgrains.scene.energy import TOLERANCES
-from warpgrains.scene.geometry import require_distinct
+from warpgrains.scene.geometry import require_distinct, wrapped
+from warpgrains.scene.line import Line
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -28,9 +29,25 @@ MOST_RADII = 1e12  # radius of the outer wall, in smallest grain radii; beyond i
 def require_valid_positions(scene: Scene) -> None:
     """Raise InputError unless grains lie between the walls, do not coincide, and have resolvable gaps."""
     require_size(scene)
-    scene.annulus.require_inside(scene.position, scene.radius)
+    require_inside(scene, scene.position)
     require_clear(scene, scene.wall_numbers, scene.position, scene.time)
-    require_distinct("position", scene.position)
+    require_distinct("position", wrapped(scene.position, scene.period))
+
+
+def require_inside(scene: Scene, position: FloatArray) -> None:
+    """Raise InputError unless all grains fit into the domain and, in an annulus, have their centers there."""
+    if scene.domain is None:
+        return scene.annulus.require_inside(position, scene.radius)
+    largest = int(scene.radius.argmax())
+    width = 2.0 * scene.radius[largest]
+    for name, length, period in zip("xy", scene.domain.lengths, scene.period, strict=True):
+        least = 2.0 * width if period > 0.0 else width
+        if not length > least:
+            given = getattr(scene.domain, name)
+            raise InputError(
+                f"domain.{name} is {given} m: it must be longer than {least} m for grain {largest} of radius"
+                f" {scene.radius[largest]} m{', because it is periodic' * (period > 0.0)}"
+            )
 
 
 def require_clear(scene: Scene, numbers: list[int], position: FloatArray, time: float) -> None:
@@ -60,9 +77,27 @@ def require_size(scene: Scene) -> None:
 
 def require_compatible_settings(scene: Scene) -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
-    for complaints in (_of_steps, _of_friction, _of_driven_walls, _of_methods):
+    for complaints in (_of_domain, _of_steps, _of_friction, _of_driven_walls, _of_methods):
         for complaint in complaints(scene):
             raise InputError(complaint)
+
+
+def _of_domain(scene: Scene) -> Iterator[str]:
+    """Yield which walls do not continue beyond periodic sides."""
+    for k, wall in enumerate(scene.walls):
+        which = f"walls[{k}], {wall.one()}, in a periodic box:"
+        if isinstance(wall, Line) and any(
+            way and period for way, period in zip(wall.normal, scene.period, strict=True)
+        ):
+            yield f"{which} its normal is {wall.normal}: it must be at a right angle to that direction"
+        if wall.angular_velocity != 0.0 and scene.period.any():
+            yield f"{which} angular_velocity is {wall.angular_velocity} rad/s: no wall can turn there"
+        if (
+            (period := min((own for own in scene.period if own > 0.0), default=inf))
+            <= 2.0 * wall.circle[2]
+            < inf
+        ):
+            yield f"{which} it is {2.0 * wall.circle[2]} m wide: it must be less than the period, {period} m"
 
 
 def _of_steps(scene: Scene) -> Iterator[str]:
@@ -136,7 +171,7 @@ def _of_driven_walls(scene: Scene) -> Iterator[str]:
     if scene.has_driven_walls and scene.method == "exact":
         yield f"{which} is given and method is 'exact': use 'accelerated' or 'gauss-seidel'"
     for k, wall in enumerate(scene.walls):
-        if wall.drive is not None and scene.wall_frictions[INSIDE + k] > 0.0:
+        if wall.drive is not None and scene.wall_frictions[INSIDE + k] > 0.0 and not isinstance(wall, Line):
             yield f"walls[{k}] has a force and friction: set friction = 0 for this wall"
     if scene.has_driven_walls and scene.wall == "round":
         yield f"{which} is given and wall is 'round': use 'tangent'"

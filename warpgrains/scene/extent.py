@@ -9,7 +9,7 @@ import numpy as np
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.scene.annulus import INNER, OUTER
 from warpgrains.scene.band import ring
-from warpgrains.scene.box import Box
+from warpgrains.scene.bounds import Bounds
 from warpgrains.scene.gravity import upwards
 
 if TYPE_CHECKING:
@@ -19,12 +19,12 @@ _CELLS = 16384  # of the grid on which the space of the grains is explored
 _TIMES = 17  # at which a wall that moves is placed
 
 
-def box_of_discs(position: FloatArray, radius: FloatArray) -> Box:
+def box_of_discs(position: FloatArray, radius: FloatArray) -> Bounds:
     """Return the smallest box that contains discs with centers [m], shape (n, 2), and radii [m]."""
-    return Box.around(np.concatenate([position - radius[:, np.newaxis], position + radius[:, np.newaxis]]))
+    return Bounds.around(np.concatenate([position - radius[:, np.newaxis], position + radius[:, np.newaxis]]))
 
 
-def extent_of(scene: Scene) -> Box:
+def extent_of(scene: Scene) -> Bounds:
     """Return the smallest box about the grains at the start and the walls that they can touch."""
     borders = enumerate(scene.annulus.borders)
     lines = {number: ring(border, 0.0).first for number, border in borders if border.radius > 0.0}
@@ -34,14 +34,14 @@ def extent_of(scene: Scene) -> Box:
     box = box_of_discs(scene.position, scene.radius)
     touched = _touched(scene, box, lines) if scene.walls else lines
     for number in touched:
-        box = box.covering(Box.around(np.clip(lines[number], -scene.radius_out, scene.radius_out)))
+        box = box.covering(Bounds.around(np.clip(lines[number], -scene.radius_out, scene.radius_out)))
     return box
 
 
-def _touched(scene: Scene, box: Box, lines: dict[int, FloatArray]) -> list[int]:
+def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[int]:
     """Return the numbers of the walls that grains can touch, from cells that their centers can reach."""
     for number, line in lines.items():
-        box = box if number == OUTER else box.covering(Box.around(line))
+        box = box if number == OUTER else box.covering(Bounds.around(line))
     largest, step = float(scene.radius.max()), np.sqrt(box.width * box.height / _CELLS)
     left, bottom, right, top = box.grown(largest + 2.0 * step)
     x, y = np.arange(left, right, step), np.arange(bottom, top, step)

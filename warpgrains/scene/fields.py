@@ -17,6 +17,7 @@ from warpgrains.described import checked, described, described_fields
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Annulus
+from warpgrains.scene.box import Box, checked_domain
 from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
 from warpgrains.scene.scheme import SCHEMES
 from warpgrains.scene.wall import Wall
@@ -26,6 +27,7 @@ ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
+OF_ANNULUS = ("radius_in", "wall", "pressure", "wall_mass", "angular_velocity_out", "angular_velocity_in")
 
 
 def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING) -> Any:
@@ -50,7 +52,14 @@ class SceneFields:
         default=None,
     )
     radius_in: float = _key("Radius of the inner wall [m]; 0 means there is none.", "domain", default=0.0)
-    radius_out: float = _key("Radius of the outer wall [m].", "domain")
+    radius_out: float = _key(
+        "Radius of the outer wall [m]; with a box, of a circle about it, which is no wall.",
+        "domain",
+        default=None,
+    )
+    domain: Box | None = _key(
+        "A `Box` that contains the grains, instead of the annulus.", check=checked_domain, default=None
+    )
     wall: str = _key(
         'Outer wall in a step: "tangent", the tangent at the grain, as in the course text, on which a grain'
         ' leaves the circle by (v dt)^2 / (2 (radius_out - radius)); or "round", the circle itself.',
@@ -182,6 +191,8 @@ class SceneFields:
 class SceneOptions(TypedDict, total=False):
     """The fields with a default, as they may be given."""
 
+    radius_out: float
+    domain: Box | Mapping[str, Any] | None
     velocity: ArrayLike | None
     spin: ArrayLike | None
     radius_in: float
@@ -217,7 +228,6 @@ class SceneChanges(SceneOptions, total=False):
     position: ArrayLike
     radius: ArrayLike
     mass: ArrayLike
-    radius_out: float
 
 
 FIELDS = described_fields(SceneFields)
@@ -231,10 +241,25 @@ for _name, _field in FIELDS.items():
 def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]:
     """Return the named fields in the form in which a scene keeps them; all of grains with the position."""
     found = _checked_grains(scene) if "position" in names else {}
-    if not set(names).isdisjoint(Annulus._fields):
-        found |= Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict()
+    if not {*Annulus._fields, "domain"}.isdisjoint(names):
+        found |= _checked_domain(scene)
     own = {name: FIELDS[name] for name in names if FIELDS[name].metadata["check"]}
     return found | {name: checked(name, field, getattr(scene, name)) for name, field in own.items()}
+
+
+def _checked_domain(scene: SceneFields) -> dict[str, Any]:
+    """Return the fields of the annulus, or of the circle about a box."""
+    box = checked_domain("domain", scene.domain)
+    if box is None:
+        if scene.radius_out is None:
+            raise InputError("radius_out is missing: give it, or domain")
+        return Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict()
+    if scene.radius_out not in (None, box.circle.radius_out):
+        raise InputError(f"radius_out is {scene.radius_out}, and domain a box: give one of them")
+    for name in OF_ANNULUS:
+        if (given := getattr(scene, name)) != FIELDS[name].default:
+            raise InputError(f"{name} is {given!r}: it concerns the annulus, and domain is a box")
+    return {"radius_out": box.circle.radius_out}
 
 
 def _checked_grains(scene: SceneFields) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray, IndexArray, Indices
+from warpgrains.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.errors import InputError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
@@ -44,6 +44,40 @@ def directions(vectors: FloatArray) -> FloatArray:
     return np.divide(vectors, length, np.zeros_like(vectors), where=length != 0.0)
 
 
+def nearest_image(ways: FloatArray, period: FloatArray) -> FloatArray:
+    """Return the shortest of ways and their periodic images [m], shape (..., 2) (kernels/MODEL.md, eq. 32).
+
+    A period of 0 has no images.
+    """
+    if not period.any():
+        return ways
+    images = np.rint(np.divide(ways, period, np.zeros_like(ways), where=period > 0.0))
+    return np.asarray(ways - period * images)
+
+
+def wrapped(position: FloatArray, period: FloatArray, start: FloatArray | float = 0.0) -> FloatArray:
+    """Return the images of points [m], shape (n, 2), from `start` on in periodic directions."""
+    if not period.any():
+        return position
+    images = np.floor(np.divide(position - start, period, np.zeros_like(position), where=period > 0.0))
+    return np.asarray(position - period * images)
+
+
+def with_images(places: FloatArray, width: float, period: FloatArray) -> tuple[FloatArray, IndexArray]:
+    """Return points between 0 and the period, and the images of those near 0 beyond the opposite sides [m].
+
+    So any two points that are within `width` [m] of each other, as images, are so in the result. The numbers
+    of its points, shape (k,), are returned besides.
+    """
+    grain = np.arange(len(places))
+    for d in np.flatnonzero(period > 0.0).tolist():
+        near = np.flatnonzero(places[:, d] < width)
+        images = places[near]
+        images[:, d] += period[d]
+        places, grain = np.concatenate([places, images]), np.concatenate([grain, grain[near]])
+    return places, grain
+
+
 def require_distinct(field: str, position: FloatArray) -> None:
     """Raise InputError if two grains have the same center."""
     in_order = np.lexsort(position.T)
@@ -52,17 +86,6 @@ def require_distinct(field: str, position: FloatArray) -> None:
         first, second = sorted(in_order[np.argmax(same) :][:2].tolist())
         place = tuple(position[second].tolist())
         raise InputError(f"{field} of grain {second} is {place}: grain {first} has the same center")
-
-
-def pair_gaps(position: FloatArray, radius: FloatArray, i: Indices, j: Indices) -> FloatArray:
-    """Return the gaps between discs i and j [m], shape (m,)."""
-    return distance(position[j] - position[i]) - (radius[i] + radius[j])
-
-
-def pair_normals(position: FloatArray, i: Indices, j: Indices) -> FloatArray:
-    """Return the unit vectors from the centers of discs i to those of discs j, shape (m, 2)."""
-    d = position[j] - position[i]
-    return d / distance(d)[:, np.newaxis]
 
 
 def left_of(directions: FloatArray) -> FloatArray:
@@ -111,13 +134,23 @@ def _angle(u: FloatArray, v: FloatArray) -> FloatArray:
     return np.arctan2(cross(u, v), (u * v).sum(axis=1))
 
 
-def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tuple[IndexArray, IndexArray]]:
+def overlapping_pairs(
+    position: FloatArray, radius: FloatArray, period: FloatArray | None = None
+) -> Iterator[tuple[IndexArray, IndexArray]]:
     """Yield the pairs i < j of discs that overlap, each once, in chunks, in memory proportional to n.
+
+    Of a pair that overlaps beyond a periodic side, one disc has an image there, of a longer list.
 
     The discs are divided into size classes, each a factor of two wide. A disc can overlap one of the same
     or a smaller class only if their cells are neighbors; a cell is as wide as the largest diameter of
     the class. So a few huge discs among many small ones cost no more than discs of one size.
     """
+    if period is not None and period.any():
+        places, grain = with_images(wrapped(position, period), 2.0 * radius.max(), period)
+        found = [np.sort(grain[np.stack(pair)], axis=0) for pair in overlapping_pairs(places, radius[grain])]
+        i, j = np.unique(np.concatenate([np.empty((2, 0), grain.dtype), *found], axis=1), axis=1)
+        yield i, j
+        return
     touch = ROUNDING * np.abs(position).max(initial=0.0)
     if len(radius) <= FEW:
         i, j = _all_pairs(len(radius))

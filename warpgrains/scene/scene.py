@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack
 
@@ -15,13 +16,13 @@ from warpgrains.arrays import BoolArray, FloatArray, Indices
 from warpgrains.described import documented, fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import INNER, INSIDE, OUTER, Annulus, Side
+from warpgrains.scene.annulus import INNER, INSIDE, NO_WALL, OUTER, Annulus, Side
 from warpgrains.scene.bodies import Bodies, Joints, joints_of
-from warpgrains.scene.box import Box
+from warpgrains.scene.bounds import Bounds
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import FIELDS, SceneChanges, SceneFields, SceneOptions, checked_fields
-from warpgrains.scene.geometry import distance, left_of, overlapping_pairs, pair_gaps
+from warpgrains.scene.geometry import distance, left_of, nearest_image, overlapping_pairs
 from warpgrains.scene.gravity import TurningGravity
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
@@ -77,7 +78,6 @@ class Scene(SceneFields, Shown):
             position: ArrayLike,
             radius: ArrayLike,
             mass: ArrayLike,
-            radius_out: float,
             **options: Unpack[SceneOptions],
         ) -> None: ...
 
@@ -88,8 +88,13 @@ class Scene(SceneFields, Shown):
     def _check(self, names: Collection[str]) -> None:
         """Check fields, but not the places of the grains, and keep them in the form of a scene."""
         vars(self).update(checked_fields(self, names))
-        vars(self)["walls"] = tuple(wall.starting(self.time) for wall in self.walls)
+        sides = [wall for wall in (self.domain.walls if self.domain else ()) if not self._has_side(wall.name)]
+        vars(self)["walls"] = tuple(wall.starting(self.time) for wall in (*self.walls, *sides))
         require_compatible_settings(self)
+
+    def _has_side(self, name: str | None) -> bool:
+        """Return whether a side of the box is among the walls."""
+        return any(wall.name == name for wall in self.walls)
 
     def __reduce__(self) -> tuple[Any, ...]:
         own = {name: getattr(self, name) for name in FIELDS}
@@ -153,7 +158,8 @@ class Scene(SceneFields, Shown):
         ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
         walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
         kept = {name: found for name, found in vars(self).items() if name in ("extent", "joints")}
-        return self.unchecked(radius_out=float(coordinates[OUTER]), walls=walls, **kept)
+        radius = self.radius_out if self.domain else float(coordinates[OUTER])
+        return self.unchecked(radius_out=radius, walls=walls, **kept)
 
     def starting_at(self, time: float, **grains: FloatArray) -> Self:
         """Return a scene of the grains and walls as they are at a later time [s], at which it starts."""
@@ -176,6 +182,10 @@ class Scene(SceneFields, Shown):
         given: dict[str, Any] = {"text": self.text_after(changes), **changes}
         if "position" in changes and not self.has_friction:
             given.setdefault("spin", None)  # it is 0, for any number of grains
+        if "domain" in changes:
+            sides = {wall.name for wall in self.domain.walls} if self.domain else set()
+            given.setdefault("radius_out", None)
+            given.setdefault("walls", [wall for wall in self.walls if wall.name not in sides])
         return replace(self, **given)
 
     def summary(self) -> dict[str, str]:
@@ -186,7 +196,7 @@ class Scene(SceneFields, Shown):
             self.name: f"of {number_of(self.n, 'grain')}",
             "radius": f"{_range(self.radius)} m",
             "mass": f"{_range(self.mass)} kg",
-            "walls": f"{inner}{self.radius_out:g} m",
+            "walls": f"{self.domain or f'{inner}{self.radius_out:g} m'}",
             "gravity": f"({self.gravity[0]:g}, {self.gravity[1]:g}) m/s2{turning}",
             "drag": f"{self.drag:g} kg/s",
             "dt": f"{self.dt:g} s",
@@ -307,19 +317,30 @@ class Scene(SceneFields, Shown):
 
     @property
     def annulus(self) -> Annulus:
-        """The annulus that contains the grains."""
-        return Annulus(self.radius_in, self.radius_out, self.wall)
+        """The annulus that contains the grains, or the circle about their box."""
+        return Annulus(self.radius_in, self.radius_out, NO_WALL if self.domain else self.wall)
+
+    @property
+    def period(self) -> FloatArray:
+        """Lengths in the directions in which the domain is periodic [m], shape (2,); 0 in the others."""
+        return np.array(self.domain.period if self.domain else (0.0, 0.0))
+
+    @property
+    def space(self) -> Region:
+        """The domain at the start, without the walls inside."""
+        return self.domain.space if self.domain else Region(self.annulus)
 
     @cached_property
-    def extent(self) -> Box:
+    def extent(self) -> Bounds:
         """The box about the grains at the start and the walls that they can touch [m]: pictures show it."""
         return extent_of(self)
 
     @property
     def area(self) -> float:
-        """Area between the circles at the start, without the discs inside [m2]."""
+        """Area of the domain at the start, without the discs inside [m2]."""
         borders = (wall.border for wall in self.walls)
-        return Region(self.annulus, discs=tuple(border for border in borders if border is not None)).area
+        discs = tuple(border for border in borders if border is not None)
+        return replace(self.space, discs=discs).area
 
     def discs_at(self, time: float) -> FloatArray:
         """Return center and radius, or 0, of the disc that each wall inside fills at a time, (walls, 3)."""
@@ -364,6 +385,10 @@ class Scene(SceneFields, Shown):
         if number < INSIDE:
             return self.annulus.side(number, position, radius, move)
         k = number - INSIDE
+        x, y, reach = self.walls[k].circle
+        if self.period.any() and reach < inf:
+            center = self.walls[k].motion.pose(time).place(np.array([[x, y]]))
+            position = center + nearest_image(position - center, self.period)
         if self.joints.of(k):
             return self.joints.side(k, time, position, radius, self.annulus.diameter)
         return self.walls[k].side_at(time, position, radius)
@@ -374,6 +399,16 @@ class Scene(SceneFields, Shown):
         """Return which grains are where a wall within a path [m] has no normal, shape (k,); see `side`."""
         normal, gap = self.side(number, position, radius, time=time)
         return (distance(normal) == 0.0) & ~(gap > path)
+
+    def pair_frames(self, position: FloatArray, pair: Indices) -> tuple[FloatArray, FloatArray]:
+        """Return normals from i to j and gaps [m], shapes (m, 2) and (m,), of pairs, shape (m, 2).
+
+        `position` holds the centers of all grains [m], shape (n, 2).
+        """
+        i, j = pair.T
+        way = nearest_image(position[j] - position[i], self.period)
+        apart = distance(way)
+        return way / apart[:, np.newaxis], apart - (self.radius[i] + self.radius[j])
 
     def wall_frames(
         self,
@@ -412,11 +447,13 @@ class Scene(SceneFields, Shown):
     def count_overlaps(self) -> Overlaps:
         """Count the initial overlaps between grains and with the walls, and find the largest."""
         where = self.position, self.radius
-        gaps = [pair_gaps(*where, i, j) for i, j in overlapping_pairs(*where)]
+        pairs = overlapping_pairs(*where, self.period)
+        gaps = [self.pair_frames(self.position, np.stack(pair, axis=1))[1] for pair in pairs]
         at_walls = np.min([self.side(k, *where, time=self.time).gap for k in self.wall_numbers], axis=0)
         gaps.append(at_walls[at_walls < -self.annulus.rounding])
-        pairs = sum(map(len, gaps[:-1]))
-        return Overlaps(pairs, len(gaps[-1]), -float(np.concatenate(gaps).min(initial=0.0)))
+        return Overlaps(
+            sum(map(len, gaps[:-1])), len(gaps[-1]), -float(np.concatenate(gaps).min(initial=0.0))
+        )
 
 
 SceneLike = Scene | str | os.PathLike[str]

@@ -13,11 +13,11 @@ from warpgrains.scene import checks
 from warpgrains.scene.annulus import SMALLEST
 from warpgrains.scene.band import Band, strip
 from warpgrains.scene.geometry import left_of
-from warpgrains.scene.wall import Drive, ThinWall, Wall, kind_of_wall
+from warpgrains.scene.wall import StraightWall, Wall, kind_of_wall
 
 
 @kind_of_wall
-class Segment(ThinWall):
+class Segment(StraightWall):
     """A straight wall without thickness that grains touch from both sides and round its ends.
 
     The keys of its ends in a scene file are `from` and `to`.
@@ -43,23 +43,11 @@ class Segment(ThinWall):
     kind_number: ClassVar[int] = 2
     start: tuple[float, float] = described("One end [m], two components.", key="from", check=checks.vector)
     end: tuple[float, float] = described("The other end [m], two components.", key="to", check=checks.vector)
-    force: float | None = described(
-        "Force that drives the wall along its normal [N], which is to the left of the way from one end to the"
-        " other; by default no force does.",
-        check=checks.number,
-        default=None,
-    )
-    mass: float | None = described(
-        "Mass of a wall that a force drives [kg].", check=checks.positive, default=None
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if dist(self.start, self.end) < SMALLEST:
             raise InputError(f"to of a segment is {self.end}: it must be another point than from")
-        if (self.force is None) != (self.mass is None):
-            missing = "force" if self.force is None else "mass"
-            raise InputError(f"{missing} of a segment is missing: a wall that a force drives needs both")
         if self.force is not None and self.moves:
             raise InputError("velocity of a segment is given, and a force: a wall has only one of them")
 
@@ -106,21 +94,15 @@ class Segment(ThinWall):
         is_left = (self.side(position, np.zeros(len(position))).normal * left).sum(axis=1) > 0.0
         return np.where(is_left[:, np.newaxis], left, -left)
 
-    @property
-    def drive(self) -> Drive | None:
-        if self.force is None or self.mass is None:
-            return None
-        return Drive(1.0 / self.mass, self.force, direction=self._normal)
-
     def shifted(self, way: float) -> Wall:
         if self.force is None:
             return self
-        x, y = (way * along for along in self._normal)
+        x, y = (way * along for along in self.across)
         start, end = ((point[0] + x, point[1] + y) for point in (self.start, self.end))
         return replace(self, start=start, end=end)
 
     @property
-    def _normal(self) -> tuple[float, float]:
+    def across(self) -> tuple[float, float]:
         x, y = np.subtract(self.end, self.start) / dist(self.start, self.end)
         return -float(y), float(x)
 

@@ -13,7 +13,6 @@ from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.container import Container, container_of
-from warpgrains.scene.geometry import pair_normals
 from warpgrains.tables import dataset, library
 
 if TYPE_CHECKING:
@@ -202,7 +201,7 @@ class Snapshot:
     def loads(self) -> Loads:
         """All contacts as forces on single grains."""
         (i, j), at_wall = self.pair.astype(np.int64).T, self.wall[:, 0].astype(np.int64)
-        normal = pair_normals(self.start, i, j)
+        normal, _ = self.start_scene.pair_frames(self.start, self.pair)
         into_wall, _ = self.start_scene.wall_frames(self.start, self.wall, time=self.end)
         return Loads(
             np.concatenate([i, j, at_wall]),

@@ -141,7 +141,7 @@ def first_state(scene: Scene) -> State:
         state = replace(state, spin=scene.spin, angle=np.zeros(scene.n))
     if scene.has_driven_walls:
         driven = np.zeros((len(scene.bodies), 2))
-        driven[OUTER, 0] = scene.radius_out
+        driven[OUTER, 0] = scene.bodies.annulus.radius_out
         state = replace(state, driven=driven)
     return state
 

@@ -57,6 +57,8 @@ class Wall:
     kind: ClassVar[str]
     kind_number: ClassVar[int]
     """Number of the kind on the device (kernels/shapes.py)."""
+    takes_joints: ClassVar[bool] = True
+    """Whether an end of another wall that lies on one of this kind is a joint."""
     velocity: tuple[float, float] = described(
         "Velocity at which the wall moves [m/s], two components.", check=checks.vector, default=(0.0, 0.0)
     )
@@ -272,6 +274,38 @@ class ThinWall(Wall):
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
         away = self.away(position)
         return Side(directions(away), distance(away) - radius)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class StraightWall(ThinWall):
+    """A straight wall that a force may drive `across` itself."""
+
+    force: float | None = described(
+        "Force that drives the wall along its normal [N], which is to the left of the way from one end to the"
+        " other of a segment; by default no force does.",
+        check=checks.number,
+        default=None,
+    )
+    mass: float | None = described(
+        "Mass of a wall that a force drives [kg].", check=checks.positive, default=None
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.force is None) != (self.mass is None):
+            missing = "force" if self.force is None else "mass"
+            raise InputError(f"{missing} of {self.one()} is missing: a wall that a force drives needs both")
+
+    @property
+    def across(self) -> tuple[float, float]:
+        """Unit vector along which the force drives the wall."""
+        raise NotImplementedError
+
+    @property
+    def drive(self) -> Drive | None:
+        if self.force is None or self.mass is None:
+            return None
+        return Drive(1.0 / self.mass, self.force, direction=self.across)
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(described,))

@@ -9,11 +9,13 @@ from warpgrains.scene import checks
 from warpgrains.scene.annulus import LARGEST
 from warpgrains.scene.arc import Arc
 from warpgrains.scene.disc import Disc
+from warpgrains.scene.line import Line
 from warpgrains.scene.polyline import Polyline
+from warpgrains.scene.row import Row
 from warpgrains.scene.segment import Segment
 from warpgrains.scene.wall import Wall
 
-WALL_KINDS: dict[str, type[Wall]] = {kind.kind: kind for kind in (Disc, Segment, Arc)}
+WALL_KINDS: dict[str, type[Wall]] = {kind.kind: kind for kind in (Disc, Segment, Arc, Line)}
 """The kinds by the name that `[[walls]]` tables give."""
 WRITTEN_KINDS: dict[str, type[Wall]] = {**WALL_KINDS, Polyline.kind: Polyline}
 """The same, and those of which a scene makes several walls."""
@@ -41,7 +43,7 @@ def checked_walls(field: str, value: Any) -> tuple[Wall, ...]:
 
 
 def _checked_wall(field: str, value: Any) -> Wall:
-    if isinstance(value, Wall) and isinstance(value, tuple(WRITTEN_KINDS.values())):
+    if isinstance(value, Wall) and isinstance(value, (*WRITTEN_KINDS.values(), Row)):
         return value
     if not isinstance(value, Mapping):
         kinds = " or ".join(kind.__name__ for kind in WRITTEN_KINDS.values())

@@ -9,7 +9,6 @@ import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, IntArray
 from warpgrains.described import fields_in_help
-from warpgrains.scene.geometry import pair_gaps, pair_normals
 from warpgrains.tables import Tabular
 
 if TYPE_CHECKING:
@@ -113,14 +112,15 @@ def force_of(mass: FloatArray, correction: FloatArray, dt: float | FloatArray) -
 def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> PairContacts:
     """Return the contacts between grains, whose centers were at `position` [m], shape (n, 2)."""
     i, j = corrections.pair.T
+    normal, gap = scene.pair_frames(position, corrections.pair)
     mass = scene.contact_mass
     mass_i, mass_j = mass[i], mass[j]
     mass_c = mass_i * mass_j / (mass_i + mass_j)
     dv, dvt = corrections.pair_correction, _tangential(corrections.pair_friction, corrections.pair_correction)
     return PairContacts(
         pair=corrections.pair,
-        normal=pair_normals(position, i, j),
-        gap=pair_gaps(position, scene.radius, i, j),
+        normal=normal,
+        gap=gap,
         correction=dv,
         force=force_of(mass_c, dv, scene.dt),
         tangential_force=force_of(mass_c, dvt, scene.dt),

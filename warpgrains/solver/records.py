@@ -111,6 +111,7 @@ class SceneRecords:
         annulus["radius_in"], annulus["radius_out"] = np.array(circles).T
         annulus["angular_velocity_out"] = [scene.angular_velocity_out for scene in scenes]
         annulus["round"] = [scene.wall == "round" for scene in scenes]
+        host["walls"]["period"] = [scene.period for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
         for name in ("room", "rounding", "monitor_threshold", "nearest"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]

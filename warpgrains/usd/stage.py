@@ -17,7 +17,7 @@ from warpgrains.drawing.colors import linear, mark_color
 from warpgrains.drawing.shapes import Shape
 from warpgrains.errors import InputError
 from warpgrains.frame_log import Arrays
-from warpgrains.scene.box import Box
+from warpgrains.scene.bounds import Bounds
 
 if TYPE_CHECKING:
     from warpgrains.scene.snapshot import Snapshot
@@ -49,7 +49,7 @@ class Drawing(Protocol):
 
 
 def static_layer(
-    text: str, rate: float, drawings: Iterable[Drawing], data: Mapping[str, Any], view: Box
+    text: str, rate: float, drawings: Iterable[Drawing], data: Mapping[str, Any], view: Bounds
 ) -> Sdf.Layer:
     """Return an anonymous layer with the content of all frames of a scene with a text, at a rate [1/s]."""
     layer = Sdf.Layer.CreateAnonymous(".usdc")
@@ -136,7 +136,7 @@ def _define_lights(stage: Usd.Stage) -> None:
     light.CreateNormalizeAttr(True)
 
 
-def _define_camera(stage: Usd.Stage, view: Box) -> None:
+def _define_camera(stage: Usd.Stage, view: Bounds) -> None:
     """Define a perspective camera on the z axis, because Blender misreads orthographic apertures.
 
     The aperture is square, but higher than wide in the last bits. Therefore Blender fits it to the height of

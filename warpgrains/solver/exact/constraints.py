@@ -9,7 +9,6 @@ import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, Indices
 from warpgrains.scene.annulus import OUTER
-from warpgrains.scene.geometry import pair_gaps, pair_normals
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -53,6 +52,7 @@ class StepConstraints:
         that of its end [s].
         """
         (i, j), (grain, _) = pair.T, wall.T
+        between, apart = scene.pair_frames(position, pair)
         normal, gap = scene.wall_frames(position, wall, time=time)
         return cls(
             scene=scene,
@@ -60,8 +60,8 @@ class StepConstraints:
             wall=wall,
             first=np.concatenate([i, grain]),
             second=j,
-            normal=np.concatenate([pair_normals(position, i, j), normal]),
-            gap_rate=np.concatenate([pair_gaps(position, scene.radius, i, j), gap]) / scene.dt,
+            normal=np.concatenate([between, normal]),
+            gap_rate=np.concatenate([apart, gap]) / scene.dt,
             time=time,
         )
 

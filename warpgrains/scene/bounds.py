@@ -1,0 +1,51 @@
+"""Rectangles with sides along the axes. The command line parses them, without NumPy."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+if TYPE_CHECKING:
+    from warpgrains.arrays import FloatArray
+
+
+class Bounds(NamedTuple):
+    """A rectangle with sides along the axes [m]."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+
+    @classmethod
+    def around(cls, points: FloatArray) -> Self:
+        """Return the smallest box that contains points [m], shape (k, 2)."""
+        return cls(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
+
+    def grown(self, width: float) -> Self:
+        """Return the box with a border of a width [m]."""
+        return type(self)(self.left - width, self.bottom - width, self.right + width, self.top + width)
+
+    def covering(self, other: Bounds) -> Self:
+        """Return the smallest box that contains both."""
+        least = map(min, self[:2], other[:2])
+        return type(self)(*least, *map(max, self[2:], other[2:]))
+
+    @property
+    def width(self) -> float:
+        """Length along x [m]."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """Length along y [m]."""
+        return self.top - self.bottom
+
+    @property
+    def half(self) -> float:
+        """Half of the longer side [m]."""
+        return max(self.width, self.height) / 2.0
+
+    @property
+    def center(self) -> tuple[float, float]:
+        """Its middle [m]."""
+        return (self.left + self.right) / 2.0, (self.bottom + self.top) / 2.0

@@ -1,0 +1,109 @@
+"""An infinite straight wall. This is the host's side; kernels/line.py is the device's."""
+
+from dataclasses import replace
+from math import dist, hypot, inf
+from typing import Any, ClassVar
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.described import described
+from warpgrains.errors import InputError
+from warpgrains.scene import checks
+from warpgrains.scene.annulus import Side
+from warpgrains.scene.band import Band, strip
+from warpgrains.scene.wall import StraightWall, Wall, kind_of_wall
+
+Vector = tuple[float, float]
+
+
+def _direction(field: str, value: Any) -> Vector:
+    x, y = checks.vector(field, value)
+    if not 0.0 < (length := hypot(x, y)) < inf:
+        raise InputError(f"{field} is ({x}, {y}): it must have a direction")
+    return x / length, y / length
+
+
+@kind_of_wall
+class Line(StraightWall):
+    """An infinite straight wall, with all grains on one side of it.
+
+    Its force, its velocity along itself and friction may be given together.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    InputError
+        A value is invalid.
+
+    Examples
+    --------
+    >>> floor = wg.Line(point=(0.0, -1.0), normal=(0.0, 1.0), length=4.0)
+    >>> grain = {"position": [[0.0, 0.5]], "radius": 0.1, "mass": 0.1}
+    >>> wg.Scene(**grain, radius_out=2.0, walls=[floor]).walls
+    (Line(point=(0.0, -1.0), normal=(0.0, 1.0), length=4.0),)
+    """
+
+    kind: ClassVar[str] = "line"
+    kind_number: ClassVar[int] = 4
+    point: Vector = described("A point of the line [m], two components.", check=checks.vector)
+    normal: Vector = described("Direction from the line to the grains, two components.", check=_direction)
+    length: float = described(
+        "Length of the part about the point that pictures show [m].", check=checks.positive
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.angular_velocity != 0.0:
+            raise InputError(f"angular_velocity of a line is {self.angular_velocity} rad/s: it is infinite")
+        if self.force is not None and np.dot(self.velocity, self.normal) != 0.0:
+            raise InputError(
+                f"velocity of a line is {self.velocity}: it must be along the line, which a force drives"
+            )
+
+    @property
+    def across(self) -> Vector:
+        return self.normal
+
+    @property
+    def along(self) -> Vector:
+        """Unit vector along the line, with the grains to the left."""
+        return self.normal[1], -self.normal[0]
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        return (*self.point, *self.normal)
+
+    @property
+    def circle(self) -> tuple[float, float, float]:
+        return (*self.point, inf)
+
+    @property
+    def middle(self) -> Vector:
+        return self.point
+
+    def farthest(self, point: Vector) -> float:
+        return dist(self.point, point)
+
+    @property
+    def speed(self) -> float:
+        """Speed at which the line changes its place [m/s], which motion along itself does not."""
+        return abs(float(np.dot(self.velocity, self.normal)))
+
+    def side(self, position: FloatArray, radius: FloatArray) -> Side:
+        (x, y), (nx, ny) = (position - self.point).T, self.normal
+        return Side(np.tile(-np.array(self.normal), (len(position), 1)), x * nx + y * ny - radius)
+
+    def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
+        return np.tile(-np.array(self.normal), (len(position), 1))
+
+    def shifted(self, way: float) -> Wall:
+        (x, y), (nx, ny) = self.point, self.normal
+        return self if self.force is None else replace(self, point=(x + way * nx, y + way * ny))
+
+    def drawn(self, thickness: float) -> Band:
+        behind = np.array(self.point) - 0.5 * thickness * np.array(self.normal)
+        return strip(behind + 0.5 * self.length * np.outer((-1.0, 1.0), self.along), thickness)

@@ -1,0 +1,88 @@
+"""Equal discs in an infinite row. This is the host's side; kernels/row.py is the device's."""
+
+from math import dist, hypot, inf
+from typing import ClassVar
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.described import described
+from warpgrains.errors import InputError
+from warpgrains.scene import checks
+from warpgrains.scene.annulus import Side
+from warpgrains.scene.band import Band
+from warpgrains.scene.geometry import directions, distance, left_of
+from warpgrains.scene.wall import Wall, kind_of_wall
+
+_POINTS = 16  # of the drawing of a disc
+
+Vector = tuple[float, float]
+
+
+@kind_of_wall
+class Row(Wall):
+    """Equal discs in an infinite row, at equal spacing, of which a grain touches the nearest one.
+
+    Two rows make a side of a box rough (box.py): a disc of one is in the middle between two of the other, so
+    that no grain touches two discs of a row at a time.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    InputError
+        A value is invalid, or discs overlap.
+    """
+
+    kind: ClassVar[str] = "row"
+    kind_number: ClassVar[int] = 5
+    takes_joints: ClassVar[bool] = False
+    point: Vector = described("Center of one of the discs [m], two components.", check=checks.vector)
+    step: Vector = described(
+        "Way from a center to the next [m], two components, at least a diameter long.", check=checks.vector
+    )
+    radius: float = described("Radius of the discs [m].", check=checks.positive)
+    length: float = described(
+        "Length of the part about the point that pictures show [m].", check=checks.positive
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not hypot(*self.step) >= 2.0 * self.radius:
+            raise InputError(f"step of a row is {self.step}: discs of radius {self.radius} m would overlap")
+        if self.angular_velocity != 0.0:
+            raise InputError(f"angular_velocity of a row is {self.angular_velocity} rad/s: it is infinite")
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        return (*self.point, *self.step, self.radius)
+
+    @property
+    def circle(self) -> tuple[float, float, float]:
+        return (*self.point, inf)
+
+    @property
+    def middle(self) -> Vector:
+        return self.point
+
+    def farthest(self, point: Vector) -> float:
+        return dist(self.point, point)
+
+    def side(self, position: FloatArray, radius: FloatArray) -> Side:
+        (x, y), (dx, dy) = (position - self.point).T, self.step
+        discs = np.rint((x * dx + y * dy) / (dx * dx + dy * dy))[:, np.newaxis]
+        away = np.array(self.point) + discs * self.step - position
+        return Side(directions(away), distance(away) - (radius + self.radius))
+
+    def drawn(self, thickness: float) -> Band:
+        count = max(1, round(self.length / hypot(*self.step)))
+        along = np.array(self.step) / hypot(*self.step)
+        cosine = np.cos(np.linspace(np.pi, 0.0, _POINTS)) * self.radius
+        disc = np.arange(count)[:, np.newaxis] - (count - 1) // 2
+        places = (disc * hypot(*self.step) + cosine).ravel()
+        height = np.tile(np.sqrt(np.maximum(self.radius**2 - cosine**2, 0.0)), count)[:, np.newaxis]
+        middle = np.array(self.point) + np.outer(places, along)
+        across = height * left_of(along[np.newaxis])
+        return Band(middle + across, middle - across, is_closed=False)
