@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.disc import Disc
     from warpgrains.scene.line import Line
     from warpgrains.scene.polyline import Polyline
+    from warpgrains.scene.row import Row
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.segment import Segment
     from warpgrains.scene.state import State
@@ -48,6 +49,7 @@ __all__ = [
     "Polyline",
     "Recording",
     "Rest",
+    "Row",
     "Scene",
     "Segment",
     "Separation",
@@ -75,6 +77,7 @@ _NAMES = {
     "scene.disc": ("Disc",),
     "scene.line": ("Line",),
     "scene.polyline": ("Polyline",),
+    "scene.row": ("Row",),
     "scene.scene": ("Scene",),
     "scene.segment": ("Segment",),
     "scene.state": ("State",),

@@ -94,6 +94,16 @@ class Box:
                     f"domain.{name} is given, and domain.periodic is {self.periodic!r}: give one"
                 )
 
+    def __str__(self) -> str:
+        beyond = f", periodic in {' and '.join(self.periodic)}" if self.periodic else ""
+        return f"box of {self.lengths[0]:g} m by {self.lengths[1]:g} m{beyond}"
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Keys and values of the box in a `[domain]` section, without defaults."""
+        own = {name: getattr(self, name) for name in described_fields(type(self))}
+        return {"kind": self.kind} | {name: value for name, value in own.items() if value not in ("", None)}
+
     @property
     def lengths(self) -> Ends:
         """Lengths of the sides along x and y [m]."""

@@ -17,6 +17,7 @@ from warpgrains.scene.annulus import INNER, INSIDE, OUTER
 from warpgrains.scene.energy import TOLERANCES
 from warpgrains.scene.geometry import require_distinct, wrapped
 from warpgrains.scene.line import Line
+from warpgrains.scene.row import Row
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -83,8 +84,10 @@ def require_compatible_settings(scene: Scene) -> None:
 
 
 def _of_domain(scene: Scene) -> Iterator[str]:
-    """Yield which walls do not continue beyond periodic sides."""
+    """Yield which walls do not continue beyond periodic sides, and which rows are alone."""
     for k, wall in enumerate(scene.walls):
+        if isinstance(wall, Row) and not any(wall.fills_gaps_of(other) for other in scene.walls):
+            yield f"walls[{k}] is {wall}: another row must have its discs in the middle between these"
         which = f"walls[{k}], {wall.one()}, in a periodic box:"
         if isinstance(wall, Line) and any(
             way and period for way, period in zip(wall.normal, scene.period, strict=True)

@@ -17,13 +17,15 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.described import described_fields
 from warpgrains.errors import InputError
 from warpgrains.files import open_regular, suffix_of
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Annulus
+from warpgrains.scene.box import Box, checked_domain
 from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.layouts import LAYOUTS, Placement
-from warpgrains.scene.toml import Table, overridden, parse_toml, wall_key
+from warpgrains.scene.toml import Table, fields_of_sections, overridden, parse_toml, wall_key
 from warpgrains.scene.wall import Wall
 from warpgrains.scene.wall_kinds import WRITTEN_KINDS, checked_walls
 
@@ -40,6 +42,10 @@ PROPERTIES = {
     "spin": "Angular velocity of all grains at the start, or a list [rad/s]. By default none rotates.",
 }
 """Keys that give other properties of the grains."""
+
+OF_BOXES = ("kind", *described_fields(Box))
+KEYS = {**SECTIONS, "domain": (*SECTIONS["domain"], *OF_BOXES)}
+"""The keys of each section of scene files but `[grains]`, those of a box among those of `[domain]`."""
 
 _ARRAYS = ("position", "velocity", "radius", "mass", "spin")
 _COLUMNS = ("x", "y", "vx", "vy", "radius", "mass", "spin")
@@ -64,18 +70,19 @@ def require_key(section: str, key: str) -> None:
         return _refuse_unknown_keys(section, [wall_key(key)[1]], ("kind", *of_walls))
     checks.one_of("section", section, [*SECTIONS, "grains", "walls"])
     of_layouts = {name for layout in LAYOUTS.values() for name in keyword_parameters(layout)}
-    known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))
-    _refuse_unknown_keys(section, [key], known)
+    known = KEYS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))
+    _refuse_unknown_keys(section, [key.partition(".")[0] if section == "domain" else key], known)
 
 
 def document_fields(document: Table, folder: Path) -> Table:
     """Return the fields of a scene, except name and text, from its document in a folder."""
     fields = section_fields(document)
-    if "radius_out" not in fields:
-        raise InputError("domain.radius_out is missing")
+    box = checked_domain("domain", fields.get("domain"))
+    if "radius_out" not in fields and box is None:
+        raise InputError('domain.radius_out is missing; or give domain.kind = "box", with x and y')
     if "grains" not in document:
         raise InputError("section [grains] is missing")
-    annulus = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
+    annulus = box.circle if box else Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
     annulus.require_size()
     time = checks.number("time", fields.get("time", 0.0))
     walls = tuple(wall.starting(time).at(time) for wall in fields["walls"])
@@ -92,8 +99,12 @@ def section_fields(document: Table) -> Table:
         if not isinstance(table, dict):
             raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")
         if section in SECTIONS:
-            _refuse_unknown_keys(section, table, SECTIONS[section])
-            fields |= table
+            known: Iterable[str] = SECTIONS[section]
+            if "kind" in table and section == "domain":
+                kind = checks.one_of("domain.kind", table["kind"], ("annulus", "box"))
+                known = OF_BOXES if kind == "box" else ("kind", *known)
+            _refuse_unknown_keys(section, table, known)
+            fields |= fields_of_sections({section: table})
     return fields
 
 

@@ -15,6 +15,7 @@ from warpgrains.scene.geometry import directions, distance, left_of
 from warpgrains.scene.wall import Wall, kind_of_wall
 
 _POINTS = 16  # of the drawing of a disc
+_ROUNDED = 1e-9  # of places, in steps
 
 Vector = tuple[float, float]
 
@@ -23,8 +24,8 @@ Vector = tuple[float, float]
 class Row(Wall):
     """Equal discs in an infinite row, at equal spacing, of which a grain touches the nearest one.
 
-    Two rows make a side of a box rough (box.py): a disc of one is in the middle between two of the other, so
-    that no grain touches two discs of a row at a time.
+    Another row must have its discs in the middle between these, so that no grain touches two discs of a row
+    at a time. The key `roughness` of a side of a box makes such rows.
 
     Parameters
     ----------
@@ -34,6 +35,13 @@ class Row(Wall):
     ------
     InputError
         A value is invalid, or discs overlap.
+
+    Examples
+    --------
+    >>> walls = [wg.Row(point=(x, -1.0), step=(0.2, 0.0), radius=0.05, length=4.0) for x in (0.0, 0.1)]
+    >>> grain = {"position": [[0.0, 0.5]], "radius": 0.1, "mass": 0.1}
+    >>> wg.Scene(**grain, radius_out=2.0, walls=walls).walls[1]
+    Row(point=(0.1, -1.0), step=(0.2, 0.0), radius=0.05, length=4.0)
     """
 
     kind: ClassVar[str] = "row"
@@ -75,6 +83,22 @@ class Row(Wall):
         discs = np.rint((x * dx + y * dy) / (dx * dx + dy * dy))[:, np.newaxis]
         away = np.array(self.point) + discs * self.step - position
         return Side(directions(away), distance(away) - (radius + self.radius))
+
+    def fills_gaps_of(self, other: Wall) -> bool:
+        """Return whether the discs are in the middle between those of another row."""
+        if not isinstance(other, Row) or (self.step, self.radius, self.path) != (
+            other.step,
+            other.radius,
+            other.path,
+        ):
+            return False
+        way = np.subtract(self.point, other.point) / hypot(*self.step)
+        along = np.array(self.step) / hypot(*self.step)
+        steps = float(way @ along) - 0.5
+        return (
+            abs(steps - round(steps)) < _ROUNDED
+            and abs(float(way @ left_of(along[np.newaxis])[0])) < _ROUNDED
+        )
 
     def drawn(self, thickness: float) -> Band:
         count = max(1, round(self.length / hypot(*self.step)))

@@ -72,6 +72,8 @@ def parameters_text(scene: Scene) -> str:
         tables[section] = {
             name: getattr(value, "table", value) for name, value in values.items() if value is not None
         }
+    if scene.domain:
+        tables["domain"] = scene.domain.table
     return toml_text(tables)
 
 
@@ -79,7 +81,17 @@ def read_parameters(text: str) -> dict[str, Any]:
     """Return the fields of a scene from the text of `parameters_text`."""
     document = parse_toml(text, "the recording's scene")
     walls = {"walls": document.pop("walls")} if "walls" in document else {}
-    return walls | {name: value for table in document.values() for name, value in table.items()}
+    return walls | fields_of_sections(document)
+
+
+def fields_of_sections(document: Table) -> dict[str, Any]:
+    """Return the fields of a scene that the sections of a document hold; those of a box are one."""
+    fields: dict[str, Any] = {}
+    for section, table in document.items():
+        own = {key: value for key, value in table.items() if (section, key) != ("domain", "kind")}
+        is_box = section == "domain" and table.get("kind", "annulus") == "box"
+        fields |= {"domain": own} if is_box else own
+    return fields
 
 
 def overridden(document: Table, override: str) -> Table:

@@ -15,7 +15,7 @@ from warpgrains.scene.row import Row
 from warpgrains.scene.segment import Segment
 from warpgrains.scene.wall import Wall
 
-WALL_KINDS: dict[str, type[Wall]] = {kind.kind: kind for kind in (Disc, Segment, Arc, Line)}
+WALL_KINDS: dict[str, type[Wall]] = {kind.kind: kind for kind in (Disc, Segment, Arc, Line, Row)}
 """The kinds by the name that `[[walls]]` tables give."""
 WRITTEN_KINDS: dict[str, type[Wall]] = {**WALL_KINDS, Polyline.kind: Polyline}
 """The same, and those of which a scene makes several walls."""
@@ -43,7 +43,7 @@ def checked_walls(field: str, value: Any) -> tuple[Wall, ...]:
 
 
 def _checked_wall(field: str, value: Any) -> Wall:
-    if isinstance(value, Wall) and isinstance(value, (*WRITTEN_KINDS.values(), Row)):
+    if isinstance(value, Wall) and isinstance(value, tuple(WRITTEN_KINDS.values())):
         return value
     if not isinstance(value, Mapping):
         kinds = " or ".join(kind.__name__ for kind in WRITTEN_KINDS.values())

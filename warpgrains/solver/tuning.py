@@ -25,6 +25,7 @@ MONITOR_THRESHOLD = 0.3  # in base skins: largest deviation in a step without mo
 NEAREST = 0.5 * NARROWEST.value  # radii per step: half of the narrowest skin
 HOST_FEW, HOST_MANY = 750.0, 0.15  # the host's solution of a step costs a + b n sweeps
 SHARED_SET = 1000  # pairs of a set above which threads that synchronize after each set gain
+FARTHEST = 1e6  # radii of a circle about a box: beyond periodic sides, positions are exact enough
 FEWEST = 400  # grains of each thread of a team
 
 
@@ -44,8 +45,9 @@ def room(scene: Scene) -> float:
 
 
 def rounding(scene: Scene) -> float:
-    """Return the largest rounding error of a position [m]."""
-    return 16.0 * EPS * scene.radius_out
+    """Return the largest rounding error of a position [m]; those beyond periodic sides grow."""
+    farthest = FARTHEST if scene.period.any() else 1.0
+    return 16.0 * EPS * farthest * scene.radius_out
 
 
 def monitor_threshold(scene: Scene) -> float:
