@@ -126,6 +126,13 @@ def test_coordination_counts_strong_contacts_only(pile, least):
         assert found == analysis.coordination_number(strong, 0.0, without)
 
 
+def test_directions_of_a_lattice():
+    """Contacts of a triangular lattice have six directions, 60 degrees apart."""
+    turn = np.array([[np.cos(0.1), np.sin(0.1)], [-np.sin(0.1), np.cos(0.1)]])
+    edges, density = analysis.contact_directions(touching(np.array([(0, 0), *HEXAGON]) @ turn), bins=18)
+    assert density * np.diff(edges) == pytest.approx(np.tile([1.0 / 6.0, 0.0, 0.0], 6))
+
+
 def test_second_moment_of_directions_is_the_fabric(pile):
     edges, density = analysis.contact_directions(pile, bins=20_000)
     angle = 0.5 * (edges[1:] + edges[:-1])

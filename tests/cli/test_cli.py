@@ -2,16 +2,14 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from argparse import ArgumentParser
 from dataclasses import dataclass
-from time import monotonic, sleep
 
 import numpy as np
 import pytest
-from command import exit_code, require_refusal
+from command import exit_code
 
 from warpgrains import Simulation, SimulationError
 from warpgrains.cli import commands
@@ -56,18 +54,6 @@ def test_help_loads_nothing_heavy():
     ).stdout
     assert "--set SECTION.KEY=VALUE" in printed
     assert printed.endswith("set()\n")
-
-
-@pytest.mark.parametrize(
-    "output", ["no/such/folder/out.usdc", "mine.toml/out.usdc", "out.txt", "folder.usdc"]
-)
-def test_bad_output_is_refused_before_a_step_is_done(scene, tmp_path, capfd, output):
-    (tmp_path / "folder.usdc").mkdir()
-    start = monotonic()
-    assert exit_code("run", scene, "-o", tmp_path / output, "--duration", "1e6") == 2
-    assert monotonic() - start < 10.0
-    require_refusal(capfd)
-    assert sorted(tmp_path.iterdir()) == [tmp_path / "folder.usdc", scene]
 
 
 @pytest.mark.parametrize("error", [SimulationError("step 3: grain 1 is lost"), OSError("disk full")])
@@ -149,7 +135,7 @@ def test_form_of_the_grains(scene, tmp_path, asked, form):
     stage = Usd.Stage.Open(str(tmp_path / "out.usda"))
     assert stage.GetPrimAtPath("/World/Grains").GetTypeName() == form
     assert bool(stage.GetPrimAtPath("/World/Forces")) == ("--forces" in asked)
-    assert len(list(stage.Traverse())) <= 13
+    assert len(list(stage.Traverse())) == 12 + ("--forces" in asked)
 
 
 def test_json_is_all_there_is_on_stdout(tmp_path):
@@ -205,23 +191,6 @@ def test_an_interrupt_while_usd_is_loaded_ends_the_command(scene, tmp_path):
     arguments = [sys.executable, "-c", script, "run", scene, "-o", tmp_path / "out.usdc"]
     done = subprocess.run(arguments, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (130, "warpgrains: error: interrupted\n")
-
-
-def test_signal_leaves_the_old_recording(tmp_path):
-    output = tmp_path / "old.usdc"
-    assert exit_code("run", "annulus", "--steps", "1", "-o", output) == 0
-    old = output.read_bytes()
-    process = command("run", "pile", "-o", output, "--duration", "1000")
-    sleep(3.0)
-    process.send_signal(signal.SIGINT)
-    printed, complaint = process.communicate(timeout=100)
-    assert printed == ""
-    # How to go on is told as well, once there are frames to recover.
-    assert complaint.splitlines()[-1].startswith("warpgrains: error: interrupted")
-    assert process.returncode == 130
-    assert output.read_bytes() == old
-    frames = tmp_path / "old.usdc.frames"  # what `warpgrains recover` finds, if there were two frames
-    assert set(tmp_path.iterdir()) <= {output, frames}
 
 
 def test_check_passes_a_recording_and_names_what_is_wrong(scene, tmp_path, capfd):

@@ -36,25 +36,6 @@ def summary_of(capfd):
 
 @pytest.mark.parametrize("order", ORDERS)
 class TestResume:
-    def test_same_state_recording_and_summary(self, order, tmp_path, stop_at, capfd):
-        drawn = ["--forces", "--color-by", "speed", "--order", order, "--steps", 200]
-        common = ["annulus", *drawn, "--json"]
-        whole = tmp_path / "whole.usdc", tmp_path / "whole.npz"
-        assert run(*common, "-o", whole[0], "--checkpoint", whole[1]) == 0
-        expected = summary_of(capfd)
-        parts = tmp_path / "parts.usdc", tmp_path / "parts.npz"
-        stop_at(117)
-        assert run(*common, "-o", parts[0], "--checkpoint", parts[1], "--every", 20) == 130
-        stop_at(173)
-        assert run("--resume", parts[1]) == 130
-        assert not parts[0].exists()
-        capfd.readouterr()
-        assert run("--resume", parts[1], "--json") == 0
-        assert summary_of(capfd) == expected
-        assert parts[0].read_bytes() == whole[0].read_bytes()
-        assert contents(read_checkpoint(parts[1]).state) == contents(read_checkpoint(whole[1]).state)
-        assert sorted(tmp_path.iterdir()) == sorted([*whole, *parts])
-
     @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
     def test_longer_run_than_was_planned(self, order, tmp_path, suffix):
         whole, parts = tmp_path / f"whole{suffix}", tmp_path / f"parts{suffix}"

@@ -20,32 +20,6 @@ def test_state_of_a_scene_without_friction_can_be_continued_with_it() -> None:
     assert not simulation.spin.any()
 
 
-@pytest.mark.parametrize("friction", [0.05, 0.3, 2.0])
-def test_sliding_disc_comes_to_roll_at_two_thirds_of_its_speed(friction: float) -> None:
-    speed, rim = closed_forms.slide_to_roll(friction)
-    # angular momentum about the contact is kept but for what friction does a gap away from it: of order dt^2
-    assert speed[-1] == pytest.approx(2.0 / 3.0, abs=1e-5)
-    assert rim[-1] == pytest.approx(-2.0 / 3.0, abs=1e-5)
-
-
-@pytest.mark.parametrize("friction", [0.1, 0.3, 5.0])
-def test_oblique_impact(friction: float) -> None:
-    """The tangential impulse is min(mu, |slip| / (3 vn)) of the normal one; numbers of MigFlow 1.4."""
-    velocity, rim = closed_forms.oblique_impact(friction)
-    slid = min(friction, 1.0 / 3.0)
-    # the normal has turned by 2e-8 after 20 steps of 1 nm
-    assert velocity == pytest.approx([0.0, 1.0 - slid], abs=3e-8)
-    assert rim == pytest.approx(-2.0 * slid, abs=3e-8)
-
-
-def test_rolling_pendulum_is_of_second_order() -> None:
-    """It is a pendulum of length 3 (R - r) / 2."""
-    exact = closed_forms.exact_rolling_period()
-    errors = np.array([abs(closed_forms.rolling_period(dt) / exact - 1.0) for dt in (0.01, 0.005, 0.0025)])
-    assert errors[0] <= 4e-5
-    assert (np.log2(errors[:-1] / errors[1:]) >= 1.9).all()
-
-
 @pytest.mark.parametrize("tangent_of_slope", [0.3, 0.8, 1.2, 2.0])
 def test_disc_on_a_slope_rolls_or_slides(tangent_of_slope: float) -> None:
     """It rolls with 2/3 g sin(theta) if tan(theta) <= 3 mu, and else slides with g (sin - mu cos)."""

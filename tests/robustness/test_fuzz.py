@@ -56,8 +56,7 @@ ODD_JSON = (
 
 
 def require_one_line(refusal):
-    assert str(refusal)
-    assert "\n" not in str(refusal), str(refusal)
+    assert str(refusal).count("\n") == 0 < len(str(refusal)), str(refusal)
 
 
 def fuzzed(check, examples, few=200):
@@ -107,12 +106,12 @@ test_grain_files = fuzzed(check_grains, mutations(CSV.encode()))
 
 @cache
 def saved():
-    """Return the bytes of a checkpoint, what it holds, and its entries."""
+    """Return the bytes of a checkpoint, what is read of it, and its entries."""
     with TemporaryDirectory() as folder:
         simulation, path = Simulation(Scene.load("annulus")), Path(folder, "run.npz")
         simulation.run(steps=60, checkpoint=path)
         with np.load(path) as entries:
-            return path.read_bytes(), contents(read_checkpoint(path)), dict(entries)
+            return path.read_bytes(), read_checkpoint(path), dict(entries)
 
 
 def check_checkpoint(content):
@@ -124,14 +123,7 @@ def check_checkpoint(content):
         except InputError as refusal:
             require_one_line(refusal)
         else:
-            assert contents(found.state) == contents(_good().state)
-
-
-@cache
-def _good():
-    with TemporaryDirectory() as folder:
-        Path(folder, "run.npz").write_bytes(saved()[0])
-        return read_checkpoint(Path(folder, "run.npz"))
+            assert contents(found.state) == contents(saved()[1].state)
 
 
 test_damaged_checkpoints = fuzzed(check_checkpoint, st.deferred(lambda: mutations(saved()[0])))
@@ -159,7 +151,7 @@ def check_header(header):
             require_one_line(refusal)
             return
         assert all(
-            type(value) is type(getattr(_good().statistics, name)) or isinstance(value, int)
+            type(value) is type(getattr(saved()[1].statistics, name)) or isinstance(value, int)
             for name, value in asdict(found.statistics).items()
         )
         Simulation(found.scene, threads=1).restore(found.state)

@@ -6,7 +6,6 @@ import pytest
 from command import exit_code, require_refusal
 
 from warpgrains import Simulation
-from warpgrains.locks import Lock
 from warpgrains.simulation.checkpoint import read_checkpoint
 
 
@@ -94,12 +93,6 @@ def test_a_link_and_its_target_have_one_lock(linked, name, held_elsewhere, capfd
     held_elsewhere(target)
     assert exit_code("run", "annulus", "--steps", 1, "-o", link) == 2
     require_refusal(capfd, "is being written by")
-
-
-def test_lock_on_a_link(linked, held_elsewhere):
-    link, target = linked("run.npz")
-    with Lock(link):
-        assert (target.parent / ".run.npz.lock").exists()
 
 
 def test_pictures_of_recordings(linked, tmp_path):

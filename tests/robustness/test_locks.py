@@ -13,7 +13,7 @@ import pytest
 from command import exit_code, require_refusal
 from recordings import make_frames, moment, record, recorder_of
 
-from warpgrains import InputError, Scene, Simulation, locks
+from warpgrains import InputError, locks
 from warpgrains.cli.grade import write_template
 from warpgrains.errors import OutputError
 from warpgrains.locks import Lock, RunLocks
@@ -175,16 +175,6 @@ class TestPython:
                 recover(recorder.log)
         record(tmp_path / "run.usdc", make_frames(2))
         assert list(tmp_path.iterdir()) == [tmp_path / "run.usdc"]
-
-    def test_simulation(self, tmp_path):
-        simulation = Simulation(Scene.load("annulus"))
-        for name, argument in (("run.usdc", "record"), ("run.npz", "checkpoint")):
-            with Lock(tmp_path / name), pytest.raises(OutputError, match="is being written"):
-                simulation.run(steps=2, **{argument: tmp_path / name})
-        with Lock(tmp_path / "run.npz"), pytest.raises(OutputError, match="is being written"):
-            simulation.save(tmp_path / "run.npz")
-        assert simulation.steps == 0
-        assert list(tmp_path.iterdir()) == []
 
     def test_failed_beginning_leaves_no_lock(self, tmp_path):
         log_of(tmp_path / "run.usdc").touch()

@@ -30,6 +30,7 @@ from warpgrains import (
     compress,
     separate,
 )
+from warpgrains.cli import main as command_line
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.state import first_state
@@ -220,3 +221,10 @@ def test_command(folder, monkeypatch, capfd, command, complaint, missing):
     assert printed.err.startswith("warpgrains: error: ")
     require_line(printed.err.removeprefix("warpgrains: error: ").removesuffix("\n"), complaint)
     assert files(folder) == before
+
+
+def test_no_help_text_is_a_riddle():
+    parser = command_line._parser()
+    (commands,) = (one.choices for one in parser._actions if isinstance(one.choices, dict))
+    for name, own in {"": parser, **commands}.items():
+        assert not RIDDLES.search(" ".join(own.format_help().split())), name

@@ -199,20 +199,6 @@ def test_what_does_not_fit_says_what_would():
         random(WALLS, radius=0.03, count=2000)
 
 
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ({"radius": [[0.1], [0.1, 0.2]], "count": 3}, r"grains.radius\[0\] is \[0.1\]: it must be"),
-        ({"radius": [[0.1], [0.1, 0.2], [0.1]]}, "grains.radius is ragged"),
-        ({"radius": []}, "grains.radius is an empty list"),
-        ({"radius": (), "count": 3}, "grains.radius is an empty list"),
-    ],
-)
-def test_bad_lists_of_radii_are_one_line(keys, message):
-    with pytest.raises(InputError, match=message):
-        random(WALLS, **keys)
-
-
 @pytest.mark.slow
 def test_five_thousand_grains_fill_four_fifths():
     placement = random(

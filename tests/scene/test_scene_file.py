@@ -97,15 +97,3 @@ def test_a_layout_with_a_key_of_every_layout_is_refused(write, monkeypatch):
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_shipped_scenes_start_without_overlap(name):
     assert Scene.load(name).count_overlaps() == (0, 0, 0.0)
-
-
-def test_annulus_is_the_scene_of_the_course():
-    made = Scene.load("annulus")
-    r, radius_in = 0.1, 0.5
-    x = [(i % 5) * r * 2.5 - 5 * r + 1e-8 for i in range(15)]
-    y = [(i // 5) * r * 2.5 + 2 * r + radius_in for i in range(15)]
-    assert np.array_equal(made.position, np.column_stack([x, y]))
-    assert np.array_equal(made.radius, [r] * 15)
-    assert np.array_equal(made.mass, [0.1] * 15)
-    assert (made.radius_in, made.radius_out, made.gravity, made.drag) == (0.5, 2.0, (0.0, -9.81), 0.5)
-    assert (made.dt, made.steps, made.tolerance) == (0.01, 800, 1e-6)

@@ -1,6 +1,5 @@
 """What a notebook shows: names, short texts with units, and nothing that nobody asked for."""
 
-import copy
 import inspect
 import subprocess
 import sys
@@ -65,14 +64,6 @@ def test_shown_as_a_table(name):
     assert shown.count("<tr>") == 8
     assert "<b>" not in shown
     assert "0.1 kg" in shown
-
-
-def test_a_copy_is_still_frozen():
-    again = copy.deepcopy(wg.Scene.load("annulus"))
-    with pytest.raises(ValueError, match="read-only"):
-        again.radius[0] = 1.0
-    with pytest.raises(AttributeError):
-        again.dt = 1.0
 
 
 @pytest.mark.parametrize("what", [wg.Scene, wg.Simulation.run])

@@ -7,7 +7,7 @@ import pytest
 from sample_scenes import chain, crowd, ring
 from schemes import MIXED, SCHEMES
 
-from warpgrains import InputError, Scene, Simulation
+from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.scene.state import Corrections
@@ -77,11 +77,6 @@ def test_what_a_proof_does_not_need_is_left_out() -> None:
     )
     assert proof is not None
     assert proof.grains == (2, 3, 4, 5, 6)
-
-
-def test_a_gap_narrower_than_a_grain_is_no_scene() -> None:
-    with pytest.raises(InputError, match=r"radius of grain 0 is 0\.26: at most 0\.25 m fit"):
-        Scene(position=[[0.75, 0.0]], radius=0.26, mass=0.1, radius_in=0.5, radius_out=1.0)
 
 
 def exact_least_speed(scene: Scene, contacts: UnilateralConstraints, weight: FloatArray) -> Decimal:

@@ -20,8 +20,6 @@ ODD = (
     "\\",
     "\0",
 )
-
-
 HOW = ("flip", "flip", "flip", "swap", "swap", "swap", "insert", "delete", "cut")
 EIGHT = [b"\xff" * 8, bytes(8), *((2**power).to_bytes(8, "little") for power in (20, 31, 40, 63))]
 

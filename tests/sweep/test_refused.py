@@ -11,12 +11,6 @@ from command import require_refusal
 from sweeps import SMALL, batch, results, write
 
 
-@pytest.mark.parametrize("options", ["--threads 0", "--fps 30", "--usd --fps -1", "--slurm 0"])
-def test_options_are_checked_before_the_folder_is_created(tmp_path, options):
-    assert batch(write(tmp_path), "-o", tmp_path / "out", *options.split()) == 2
-    assert not (tmp_path / "out").exists()
-
-
 def test_output_that_is_a_file(tmp_path, capfd):
     sweep = write(tmp_path)
     assert batch(sweep, "-o", sweep) == 2
@@ -39,6 +33,7 @@ def test_slurm_leaves_interrupts_as_they_are(tmp_path, monkeypatch):
         ("done", (), "", "use --resume to continue the sweep"),
         ("kept", (), "", "use --resume to continue the sweep"),
         ("done", ("[5, 15]", "[5, 14]"), "--resume", "settings.json' is of a sweep with other runs: choose"),
+        ("done", ("= 30", "= 31"), "--resume", "annulus.toml' is of a sweep with another scene: choose"),
         ("done", (), "--resume --measure stress --until rest", "with --measure none and --until none: "),
         ("done", ("physics.drag =", "contact.friction ="), "--resume", "of a sweep with other runs: choose"),
     ],

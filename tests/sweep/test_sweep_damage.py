@@ -11,42 +11,23 @@ from warpgrains.frame_log import FrameLog, LogReader
 from warpgrains.usd.writer import reopen_log
 
 GOOD = SMALL.replace("100.0, ", "")
+OUTPUTS = ("--usd", "--measure", "packing", "--every", 7)
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """Four runs, recorded."""
+    """Four runs, each with a recording and a series."""
     folder = tmp_path_factory.mktemp("whole")
-    assert batch(write(folder, GOOD), "-o", folder / "out", "--usd") == 0
+    assert batch(write(folder, GOOD), "-o", folder / "out", *OUTPUTS) == 0
     return folder / "out"
 
 
-def resume_damaged(folder, whole, damage, *options):
-    """Damage run 1 of a finished sweep and resume it; return the rows of its results."""
-    out = folder / "out"
-    shutil.copytree(whole, out)
-    damage(out / "runs" / "00001")
-    assert batch(write(folder, GOOD), "-o", out, "--resume", *options) == 1
-    found = rows(out)
-    assert [row["run"] for row in found] == ["0", "1", "2", "3"]
-    assert [bool(row["error"]) for row in found] == [False, True, False, False]
-    shutil.rmtree(out / "runs" / "00001")
-    assert batch(write(folder, GOOD), "-o", out, "--resume", *options) == 0
-    assert results(out) == results(whole)
-    return found
-
-
-def interrupted(damage):
-    """Return a damage of a run that was killed before it had its result."""
-
-    def undo_and_damage(run):
-        for shard in run.parents[1].glob("parts/[0-9]*.csv"):
-            shard.unlink()
-        reopen_log(run / "recording.usdc", run / "recording.usdc.frames")
-        (run / "recording.usdc").unlink()
-        damage(run)
-
-    return undo_and_damage
+def interrupt(run):
+    """Undo the end of a run, as if the process had been killed before it had its result."""
+    for shard in run.parents[1].glob("parts/[0-9]*.csv"):
+        shard.unlink()
+    reopen_log(run / "recording.usdc", run / "recording.usdc.frames")
+    (run / "recording.usdc").unlink()
 
 
 def damage_frame(log):
@@ -76,26 +57,42 @@ DAMAGED_FILES = {
         lambda run: ((run / "checkpoint.npz").unlink(), (run / "recording.usdc").write_text("foreign")),
         "recording.usdc': not a recording of warpgrains: delete the folder",
     ),
+    "no series": (lambda run: (run / "series.csv").unlink(), "lacks rows before step"),
+    "foreign series": (
+        lambda run: ((run / "checkpoint.npz").unlink(), (run / "series.csv").write_text("x,y\n1,2\n")),
+        "series.csv': not a series",
+    ),
 }
 
 
 @pytest.mark.parametrize(("damage", "reason"), DAMAGED_FILES.values(), ids=DAMAGED_FILES.keys())
 def test_damaged_files_of_an_interrupted_run(tmp_path, whole, damage, reason, capfd):
-    assert reason in resume_damaged(tmp_path, whole, interrupted(damage), "--usd")[1]["error"]
+    out, sweep = tmp_path / "out", write(tmp_path, GOOD)
+    shutil.copytree(whole, out)
+    interrupt(out / "runs" / "00001")
+    damage(out / "runs" / "00001")
+    assert batch(sweep, "-o", out, "--resume", *OUTPUTS) == 1
+    found = rows(out)
+    assert [row["run"] for row in found] == ["0", "1", "2", "3"]
+    assert [bool(row["error"]) for row in found] == [False, True, False, False]
+    assert reason in found[1]["error"]
     assert "failed            1, first run 1: " in capfd.readouterr().out
+    shutil.rmtree(out / "runs" / "00001")
+    assert batch(sweep, "-o", out, "--resume", *OUTPUTS) == 0
+    assert results(out) == results(whole)
 
 
 def test_log_that_cannot_be_read_is_left_for_repair(tmp_path, whole, capfd, monkeypatch):
     """The disk may fail for a while only: there is no result, and --resume tries again."""
     out = tmp_path / "out"
     shutil.copytree(whole, out)
-    interrupted(lambda run: None)(out / "runs" / "00001")
+    interrupt(out / "runs" / "00001")
 
     def fail(*_):
         raise OSError("Input/output error")
 
     monkeypatch.setattr(FrameLog, "reopen", fail)
-    assert batch(write(tmp_path, GOOD), "-o", out, "--resume", "--usd") == 1
+    assert batch(write(tmp_path, GOOD), "-o", out, "--resume", *OUTPUTS) == 1
     assert "not finished      1 (continue with --resume), first run 1: " in capfd.readouterr().out
 
 

@@ -75,17 +75,6 @@ def test_series_is_that_of_the_run_alone(tmp_path, followed, number):
     assert [row["step"] for row in table(folder / "series.csv")] == ["0", "9", "18", "27", "36"]
 
 
-def test_series_that_is_gone_is_named(tmp_path, slices):
-    out, slices.left = tmp_path / "out", 2
-    assert batch(write(tmp_path), "-o", out, *MEASURED, "--every", 9) == 130
-    (out / "runs" / "00001" / "series.csv").unlink()
-    slices.left = 1_000
-    assert batch(write(tmp_path), "-o", out, *MEASURED, "--every", 9, "--resume") == 1
-    errors = [row["error"] for row in table(out / "results.csv")]
-    assert "lacks rows before step" in errors[1]
-    assert errors[0] == errors[5] == ""
-
-
 @pytest.mark.parametrize("options", [(), ("--folders",), ("--every", 9)])
 def test_run_that_cannot_have_a_quantity_has_failed(tmp_path, options):
     """It has done no step, and the other runs continue."""

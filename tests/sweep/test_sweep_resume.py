@@ -7,8 +7,7 @@ import sys
 import time
 
 import pytest
-from sweeps import LONG, SMALL, batch, parts, results, rows, table, write
-from trimmed import trimmed
+from sweeps import LONG, SMALL, batch, results, rows, table, write
 
 from warpgrains import Scene
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -23,37 +22,14 @@ from warpgrains.cli.main import main
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import runner
 engine.BRIEF, threads.GLANCE = 0, 1e-3
-runner.LIMIT = {limit} * (5 if "--usd" in sys.argv else 1)
-runner.LEAST_WIDTH = runner.WIDTH = runner.WIDTH_OF_FOLDERS = {width}
+runner.LIMIT = 0.1 * (5 if "--usd" in sys.argv else 1)
+runner.LEAST_WIDTH = runner.WIDTH = runner.WIDTH_OF_FOLDERS = 4
 sys.exit(main(sys.argv[1:]))
-"""
-MANY = """
-scene = "annulus"
-[set]
-time.duration = 0.05
-[axes]
-physics.drag = {range = [0.1, 0.9], count = 600}
 """
 
 
 def steps_kept(out):
     return sum(read_checkpoint(path).statistics.steps for path in out.glob("runs/*/checkpoint.npz"))
-
-
-def kill_and_resume(folder, text, driver, options, moments, how_far):
-    """Kill a sweep once `how_far` of its output reaches each moment; check and return the output."""
-    sweep, out = write(folder, text), folder / "out"
-    assert batch(sweep, "-o", folder / "undisturbed") == 0
-    command = [sys.executable, "-c", driver, "batch", str(sweep), "-o", str(out), "--resume", *options]
-    for moment in moments:
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-        while process.poll() is None and how_far(out) < moment:
-            time.sleep(0.001)
-        process.send_signal(signal.SIGKILL)
-        process.wait(timeout=60)
-    assert subprocess.run(command, stdout=subprocess.DEVNULL, timeout=120).returncode == 0
-    assert results(out) == results(folder / "undisturbed")
-    return out
 
 
 @pytest.mark.parametrize(
@@ -65,21 +41,20 @@ def kill_and_resume(folder, text, driver, options, moments, how_far):
     ],
 )
 def test_killed(tmp_path, options, moments):
-    out = kill_and_resume(tmp_path, LONG, DRIVER.format(limit=0.1, width=4), options, moments, steps_kept)
+    sweep, out = write(tmp_path, LONG), tmp_path / "out"
+    assert batch(sweep, "-o", tmp_path / "undisturbed") == 0
+    command = [sys.executable, "-c", DRIVER, "batch", str(sweep), "-o", str(out), "--resume", *options]
+    for moment in moments:
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        while process.poll() is None and steps_kept(out) < moment:
+            time.sleep(0.001)
+        process.send_signal(signal.SIGKILL)
+        process.wait(timeout=60)
+    assert subprocess.run(command, stdout=subprocess.DEVNULL, timeout=120).returncode == 0
+    assert results(out) == results(tmp_path / "undisturbed")
     assert len(table(out / "timing.csv")) == 12
     for series in out.glob("runs/*/series.csv"):
         assert [int(row["step"]) for row in table(series)] == list(range(0, 801, 100))
-
-
-@pytest.mark.parametrize("moments", [[3], pytest.param(range(1, 1 + trimmed(20)), marks=pytest.mark.slow)])
-def test_killed_while_shards_are_written(tmp_path, moments):
-    """No run that is in one is done again."""
-    driver = DRIVER.format(limit=20.0, width=32)
-    out = kill_and_resume(
-        tmp_path, MANY, driver, [], moments, lambda out: len(list(out.glob("parts/[0-9]*.csv")))
-    )
-    runs = [row["run"] for part in parts(out) for row in part]
-    assert sorted(map(int, runs)) == list(range(600))
 
 
 @pytest.mark.parametrize("options", [[], ["--until", "rest,speed=0.05,time=0.35"]])

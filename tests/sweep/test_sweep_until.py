@@ -1,6 +1,5 @@
 """`warpgrains batch --until`: each run ends where it ends alone, also after interruptions."""
 
-import pickle
 import shutil
 import warnings
 
@@ -8,8 +7,6 @@ import pytest
 from sweeps import batch, table, write
 
 from warpgrains import Scene, Simulation
-from warpgrains.sweep.execution import RunSettings
-from warpgrains.sweep.sweep_folder import SweepFolder
 
 SWEEP = """
 scene = "annulus"
@@ -68,10 +65,3 @@ def test_a_scene_that_the_criterion_does_not_fit_fails(tmp_path):
     bad, good = table(tmp_path / "out" / "results.csv")
     assert "needs time, and speed or energy, in a scene without gravity" in bad["error"]
     assert (good["error"], good["met"]) == ("", "0")
-
-
-def test_other_processes_know_the_columns(tmp_path):
-    folder = SweepFolder(tmp_path, ("physics.drag",), RunSettings(("rattlers",), "rest"))
-    copied = pickle.loads(pickle.dumps(folder))
-    assert (copied.columns, copied.settings) == (folder.columns, folder.settings)
-    assert copied.columns[-3:] == ["met", "rattlers", "error"]
