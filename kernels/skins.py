@@ -10,8 +10,9 @@ from .record import Scene, body_count, has_swept, is_accelerated
 from .verlet import peak_of
 
 f64 = wp.float64
-FORESEEN, FOUND_OUT = wp.constant(f64(1.2)), wp.constant(f64(1.6))  # skin over need, before and after a miss
+FORESEEN, FOUND_OUT = wp.constant(f64(1.2)), wp.constant(f64(2.0))  # skin over need, before and after a miss
 NARROWEST, WIDEST = wp.constant(f64(0.02)), wp.constant(f64(0.2))  # base skin, in radii
+WIDEST_AFTER_MISS = wp.constant(f64(0.25))  # where plain sweeps begin again
 WIDEST_UNSWEPT = wp.constant(f64(0.4))  # where sweeps touch the working set alone
 STILL_TO_COME = wp.constant(f64(0.6))  # skin over need so far, where a working set is swept
 LONGEST = wp.constant(f64(64.0))  # steps that a list is built for at most
@@ -23,9 +24,13 @@ def adapt_base_skin(s: Scene):
     radius = s.tuning.smallest_radius
     skin = s.verlet.numbers.base_skin
     steps = s.verlet.numbers.elapsed / s.dt
-    if steps < f64(4.5) and (not has_swept(s) or is_accelerated(s)):
-        widest = wp.where(is_accelerated(s), WIDEST_UNSWEPT, WIDEST)
-        skin = wp.min(f64(1.25) * skin, widest * radius)
+    if steps < f64(4.5):
+        widest = WIDEST
+        if is_accelerated(s):
+            widest = WIDEST_UNSWEPT
+        elif has_swept(s):
+            widest = WIDEST_AFTER_MISS
+        skin = wp.max(skin, wp.min(f64(1.25) * skin, widest * radius))
     elif steps > f64(20.5):
         skin = wp.max(f64(0.7) * skin, NARROWEST * radius)
     s.verlet.numbers.base_skin = skin
