@@ -65,7 +65,9 @@ def test_every_array_has_a_length(sizes: Sizes) -> None:
 
 
 def test_every_scene_has_a_history_of_its_own() -> None:
-    records = SceneRecords([grains_apart(3), grains_apart(3)], 1, wp.get_device("cpu"))
+    records = SceneRecords(
+        scenes := [grains_apart(3)] * 2, Sizes.first(scenes, 1, wp.get_device("cpu")), wp.get_device("cpu")
+    )
     records.keep_history(1, 7)
     assert [len(records.array(k, "history.zeta")) for k in (0, 1)] == [0, 7]
     records.keep_history(0, 7)

@@ -10,6 +10,7 @@ from warpgrains.scene.state import first_state
 from warpgrains.solver.advance import advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.loading import load_state
+from warpgrains.solver.sizes import Sizes
 from warpgrains.warp_start import find_device
 
 
@@ -22,7 +23,7 @@ def test_same_as_one_by_one(which, moved):
     scenes = [crowd, stiff, crowd.replace(gravity={"vector": (9.0, 1.0), "rotate": 7.0}, mass=0.1)]
     if not moved:
         scenes = [Scene.load("annulus", [f"physics.drag={drag}"]) for drag in (0.1, 0.2, 0.5)]
-    engine = Engine(scenes, find_device("cpu"))
+    engine = Engine(scenes, device := find_device("cpu"), Sizes.first(scenes, 1, device))
     for k, scene in enumerate(scenes):
         load_state(engine.records, k, first_state(scene))
     engine.submit([60, 61, 3])

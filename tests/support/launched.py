@@ -13,7 +13,7 @@ from warpgrains.kernels.step import METHODS, step
 from warpgrains.scene.state import first_state
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.loading import load_state
-from warpgrains.solver.sizes import kind_of
+from warpgrains.solver.sizes import Sizes, kind_of
 
 
 def every_stage(name: str) -> tuple[wp.Module, list[wp.Kernel]]:
@@ -33,7 +33,7 @@ def launched_module() -> wp.Module:
 
 def launched_state(scene: Scene, steps: int) -> State:
     """Take so many steps by a captured graph of launches."""
-    engine = Engine([scene], wp.get_device("cpu"))
+    engine = Engine([scene], wp.get_device("cpu"), Sizes.first([scene], 1, wp.get_device("cpu")))
     records = engine.records
     load_state(records, 0, first_state(scene))
     records.host["merge"] = 0

@@ -12,6 +12,7 @@ from warpgrains.kernels.stages import OPTIONS, Stage, fuse
 from warpgrains.kernels.threads import TeamRecord, team_records
 from warpgrains.solver.engine import CPU_BLOCK
 from warpgrains.solver.records import SceneRecords
+from warpgrains.solver.sizes import Sizes
 from warpgrains.warp_start import start_warp
 
 KERNELS: dict[str, wp.Kernel] = {}
@@ -49,7 +50,9 @@ class OneRecord:
     """The record of one scene, with capacity for this many contacts."""
 
     def __init__(self, scene: Scene, contacts: int):
-        self.records = SceneRecords([scene], 1, wp.get_device("cpu"))
+        self.records = SceneRecords(
+            [scene], Sizes.first([scene], 1, wp.get_device("cpu")), wp.get_device("cpu")
+        )
         self.records.reserve_contacts(0, contacts)
         self.record = self.records.host[0]
 

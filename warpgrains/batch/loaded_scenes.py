@@ -74,12 +74,14 @@ class LoadedScenes:
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
         kinds = [(team_size(scene, device, threads), *kind_of(scene)) for scene in scenes]
         alike = [np.array([k for k, own in enumerate(kinds) if own == kind]) for kind in sorted(set(kinds))]
-        members = [([scenes[k] for k in numbers], device, kinds[numbers[0]][0]) for numbers in alike]
-        needed = [bytes_needed(Sizes.first(own, team, device)) for own, _, team in members]
+        members = [[scenes[k] for k in numbers] for numbers in alike]
+        sizes = [Sizes.first(own, kinds[k[0]][0], device) for own, k in zip(members, alike, strict=True)]
+        needed = [bytes_needed(size) for size in sizes]
         order = np.concatenate(alike)
         require_memory(np.concatenate(needed)[np.argsort(order)], sum(scene.n for scene in scenes), device)
         self._threads, self._is_canceled = threads, False
-        self._engines = [(Engine(*own), numbers) for own, numbers in zip(members, alike, strict=True)]
+        engines = (Engine(own, device, size) for own, size in zip(members, sizes, strict=True))
+        self._engines = list(zip(engines, alike, strict=True))
         place = {k: (e, index) for e, numbers in enumerate(alike) for index, k in enumerate(numbers.tolist())}
         self._place = [place[k] for k in range(len(scenes))]
         self.scenes = [self._engines[e][0].scenes[index] for e, index in self._place]

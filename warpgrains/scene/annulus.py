@@ -88,11 +88,10 @@ class Annulus(NamedTuple):
     ) -> Side:
         """Return normals and gaps at a circle, see `Scene.side`; those at a missing one are inf."""
         rho, normal = distance(position), directions(position)
-        nowhere = np.full_like(rho, np.inf)
-        if self.wall == NO_WALL:
-            return Side(normal, nowhere)
+        if self.wall == NO_WALL or (number == INNER and self.radius_in == 0.0):
+            return Side(normal, np.full_like(rho, np.inf))
         if number == INNER:
-            return Side(-normal, rho - self.radius_in - radius if self.radius_in > 0.0 else nowhere)
+            return Side(-normal, rho - self.radius_in - radius)
         gap = self.radius_out - rho - radius
         if move is not None and self.wall == "round":
             path_radius = self.radius_out - radius

@@ -240,7 +240,7 @@ class Scene(SceneFields, Shown):
     @property
     def has_friction(self) -> bool:
         """True if contacts have friction, so that grains rotate."""
-        return self.friction > 0.0 or any(coefficient > 0.0 for coefficient in self.wall_frictions)
+        return self.friction > 0.0 or max(self.wall_frictions) > 0.0
 
     @property
     def friction_at_walls(self) -> float:

@@ -35,6 +35,7 @@ from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loaded_scene import LoadedScene
 from warpgrains.solver.loading import change_scene, load_state
 from warpgrains.solver.service import infeasible_grains
+from warpgrains.solver.sizes import Sizes
 from warpgrains.solver.statistics import StepHistory, StepReport, Summary
 from warpgrains.solver.tuning import threads_for
 from warpgrains.turns import NOTHING, READ, ExclusiveUse
@@ -139,7 +140,8 @@ class Simulation(LoadedScene, Shown):
 
     def _begin(self, scene: Scene, state: State) -> None:
         self._threads = threads_for(scene, self._device, self._threads_wanted)
-        self._engine = Engine([scene], self._device, self._threads)
+        sizes = Sizes.first([scene], self._threads, self._device)
+        self._engine = Engine([scene], self._device, sizes)
         LoadedScene.__init__(self, self._engine.records, 0)
         load_state(self._records, 0, state)
 

@@ -38,7 +38,7 @@ from warpgrains.solver.loaded_scene import LoadedScene
 from warpgrains.solver.loading import give_up_step, scene_with_walls
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.service import exact_solver, failure
-from warpgrains.solver.sizes import kind_of
+from warpgrains.solver.sizes import Sizes, kind_of
 from warpgrains.solver.statistics import FinalStates, Summary, stacked
 from warpgrains.solver.threads import run_threads
 from warpgrains.turns import BUILDING
@@ -71,10 +71,10 @@ class Engine:
         Whether the submitted steps end before a user could want to interrupt them.
     """
 
-    def __init__(self, scenes: Sequence[Scene], device: wp.Device, team: int = 1):
+    def __init__(self, scenes: Sequence[Scene], device: wp.Device, sizes: Sizes):
         count = len(scenes)
-        self._device, self.team = device, team
-        self.records = SceneRecords(scenes, team, device)
+        self._device, self.team = device, sizes.team
+        self.records = SceneRecords(scenes, sizes, device)
         self.scenes = [LoadedScene(self.records, k) for k in range(count)]
         solver = exact_solver(scenes[0].method)
         self._exact = [] if solver is None else [solver(self.records, k) for k in range(count)]

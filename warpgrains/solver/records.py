@@ -40,11 +40,11 @@ class SceneRecords:
         The scene of the step before that, where it was another; else None.
     """
 
-    def __init__(self, scenes: Sequence[Scene], team: int, device: wp.Device):
+    def __init__(self, scenes: Sequence[Scene], sizes: Sizes, device: wp.Device):
         self.scenes, self._device = list(scenes), device
         self.loaded_steps = np.zeros(len(scenes), np.int64)
         self.last_scenes: list[Scene | None] = [None] * len(scenes)
-        self.sizes = Sizes.first(scenes, team, device)
+        self.sizes = sizes
         require_memory(bytes_needed(self.sizes), int(self.sizes.grains.sum()), device)
         self._number = {field.name: number for number, field in enumerate(array_fields())}
         self.device = wp.zeros(len(scenes), dtype=SceneRecord, device=device)
