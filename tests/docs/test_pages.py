@@ -110,7 +110,7 @@ def test_a_type_checker_finds_wrong_keywords(tmp_path):
         "scene.replace(drga=0.1)\n"
         "wg.Simulation(scene).change(drag='much')\n"
         "wg.Simulation(scene, ordr='color')\n"
-        "wg.Scene(position=[[0.0, 0.5]], radius=0.1, mass=0.1)\n"
+        "wg.Scene(position=[[0.0, 0.5]], radius=0.1, radius_out=1.0)\n"
     )
     command = [sys.executable, "-m", "mypy", str(tmp_path / "wrong.py")]
     found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stdout

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
+from itertools import product
 from pathlib import Path
 from time import sleep, thread_time
 from typing import Any
@@ -16,7 +17,7 @@ import pytest
 from launched import launched_state
 from same_bits import contents
 from schemes import SECOND_ORDER
-from walled_scenes import CORNERS, DRIVEN, TURNING, around, cloud, cornered, pressed, stirred
+from walled_scenes import CORNERS, DRIVEN, TURNING, around, boxed, cloud, cornered, pressed, stirred
 
 from warpgrains import Batch, Scene, Simulation, State
 from warpgrains.scene.fields import METHODS, ORDERS
@@ -30,7 +31,7 @@ def loaded(name: str, **changes: Any) -> Callable[[], Scene]:
 
 
 SCENES: dict[str, Callable[[], Scene]] = {}
-"""Grains of many sizes that fall, knock and settle; in a bowl; with friction; and walls that move."""
+"""Grains of many sizes that fall, knock and settle; in a bowl; with friction; in a box; walls that move."""
 for order in ORDERS:
     for method in METHODS:
         sizes = loaded("polydisperse", order=order, method=method, max_iterations=100)
@@ -42,6 +43,7 @@ for order in ORDERS:
     SCENES[f"friction, {order}"] = partial(cloud, 100, order=order)
     SCENES[f"moving walls, {order}"] = partial(stirred, order=order, time=-0.2, **TURNING)
     SCENES[f"walls begin to move, {order}"] = partial(stirred, order=order, time=0.05, **TURNING)
+    SCENES[f"box, {order}"] = partial(boxed, "lid", order=order)
     SCENES[f"walls, {order}"] = partial(around, 110, order=order)
     SCENES[f"corners, {order}"] = partial(cornered, CORNERS["chute"], 40, order=order)
 
@@ -102,9 +104,11 @@ WAYS: dict[str, Callable[[Scene, Path], State]] = {
 CASES = [
     (which, way)
     for which in SCENES
-    for way in {"poly": ("2 threads", "3 threads", "restored"), "bowl": ("2 threads", "batch")}.get(
-        which[:4], ("saved", "batch")
-    )
+    for way in {
+        "poly": ("2 threads", "3 threads", "restored"),
+        "bowl": ("2 threads", "batch"),
+        "box,": [*WAYS],
+    }.get(which[:4], ("saved", "batch"))
 ]
 
 
@@ -129,8 +133,8 @@ IN_A_FRESH_PROCESS = "import sys, test_same_bits as t; print(t.digest(int(sys.ar
 def digest(threads: int) -> str:
     """Hash all that runs in both orders leave behind, and all that they report."""
     found = hashlib.sha256()
-    for order in ORDERS:
-        simulation = Simulation(Scene.load("polydisperse"), threads=threads, order=order)
+    for scene, order in product((Scene.load("polydisperse"), boxed("lid")), ORDERS):
+        simulation = Simulation(scene, threads=threads, order=order)
         reports = [simulation.step() for _ in range(50)]
         told = [(r.iterations, r.zeta, r.contacts, r.overlap) for r in reports]
         found.update(repr((told, contents(simulation.state()))).encode())

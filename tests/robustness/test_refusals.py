@@ -22,7 +22,9 @@ from warpgrains import (
     Batch,
     Disc,
     InputError,
+    Line,
     Polyline,
+    Row,
     Scene,
     Segment,
     Simulation,
@@ -68,6 +70,12 @@ def ring(**changes):
 def circle(**changes):
     """Return a scene of one grain in a circle."""
     return Scene(**{"position": [(0.0, 0.5)], "radius": 0.1, "mass": 1.0, "radius_out": 1.0, **changes})
+
+
+def boxed(sides=None, **changes):
+    """Return a scene of one grain in a box."""
+    box = {"x": (0.0, 1.0), "y": (0.0, 0.7), **(sides or {})}
+    return Scene(**{"position": [(0.5, 0.3)], "radius": 0.1, "mass": 1.0, "domain": box, **changes})
 
 
 def pressed(**changes):
@@ -127,7 +135,9 @@ CALLABLE = (
     Arc,
     Batch,
     Disc,
+    Line,
     Polyline,
+    Row,
     Scene,
     Segment,
     Simulation,
@@ -138,7 +148,20 @@ CALLABLE = (
     compress,
     separate,
 )
-HERE = (ring, circle, pressed, scene_file, grain_file, sweep_file, plot_table, with_row, replace, made, huge)
+HERE = (
+    ring,
+    circle,
+    boxed,
+    pressed,
+    scene_file,
+    grain_file,
+    sweep_file,
+    plot_table,
+    with_row,
+    replace,
+    made,
+    huge,
+)
 NAMES = {
     **{one.__name__: one for one in (*CALLABLE, *HERE)},
     **LAYOUTS,
@@ -146,6 +169,7 @@ NAMES = {
     "MATRIX": np.arange(400).reshape(20, 20),
     "PLACES": "position = [[0.75, 0.0], [0.0, 0.75]]",
     "AXES": 'scene = "annulus"\n[axes]\n',
+    "LID": {"pressure": 1.0, "mass": 1.0},
     "PISTON": Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0),
 }
 """What calls may name, besides what `running` returns, and a folder."""

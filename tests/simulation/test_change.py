@@ -131,6 +131,33 @@ def test_driven_walls_are_put_where_a_change_says() -> None:
         simulation.change(walls=[piston, piston])
 
 
+def test_sides_of_a_box_go_on_but_for_those_that_change() -> None:
+    """Another pressure drives the lid from where it is, and a belt has begun when it did."""
+    lid = {"pressure": 2.0, "mass": 4.0}
+    box = {"x": (0.0, 2.0), "y": (0.0, 1.0), "periodic": "x", "top": lid, "bottom": {"velocity": (0.3, 0.0)}}
+    grain = {"position": [(0.5, 0.2)], "radius": 0.1, "mass": 1.0, "gravity": (0.0, 0.0), "dt": 1e-3}
+    simulation = Simulation(Scene(**grain, domain=box))
+    simulation.advance(10)
+    before, engine, (belt, _) = simulation.driven, simulation._engine, simulation.scene.walls
+    simulation.change(domain=box | {"top": lid | {"pressure": 6.0}})
+    assert simulation._engine is engine
+    assert np.array_equal(simulation.driven, before)
+    assert simulation.scene.walls[0] is belt
+    simulation.advance(10)
+    # each step of 1e-3 s adds p L / m dt to the speed of a lid that nothing touches
+    assert simulation.driven[-1, 1] == pytest.approx(10 * 1e-3 + 10 * 3e-3, rel=1e-13)
+    (_, lid_now), disc = simulation.present_scene.walls, Disc((0.5, 0.5), 0.1)
+    assert simulation.present_scene.replace(walls=[disc]).walls[-1] == lid_now
+    assert lid_now.point == (1.0, 1.0 - simulation.driven[-1, 0])
+    still = Simulation(Scene(**grain, domain=box | {"top": None}))
+    still.advance(10)
+    still.change(walls=[disc])
+    still.change(domain=box | {"x": (0.0, 2.5), "top": None})
+    assert still.scene.period.tolist() == [2.5, 0.0]
+    assert still.scene.wall_names[2:] == ("Disc0", "bottom", "top")
+    still.step()
+
+
 def test_spins_of_the_start_do_not_keep_friction_from_being_turned_off() -> None:
     simulation = Simulation(pile(spin=1.0))
     simulation.advance(2)

@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from warpgrains.console import in_columns
+from warpgrains.described import described_fields
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import require_writable_path, write_atomically
 from warpgrains.scene import checks
+from warpgrains.scene.box import Box
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
-from warpgrains.scene.reader import PROPERTIES, SOURCES, keyword_parameters, section_fields
+from warpgrains.scene.reader import DOMAINS, PROPERTIES, SOURCES, keyword_parameters, section_fields
 from warpgrains.scene.toml import Table, parse_toml, read_text, shipped, toml_value
 from warpgrains.scene.wall_kinds import WRITTEN_KINDS
 
@@ -97,10 +99,12 @@ class Key(NamedTuple):
 
 def keys(layout: str | None) -> Iterator[Key]:
     """Yield all keys of scene files in order, for one layout or, without one, for other sources of grains."""
+    of_boxes = described_fields(Box)
+    yield Key("domain", "kind", DOMAINS[0], f"Kind of the domain, {' or '.join(map(toml_value, DOMAINS))}.")
     for section, names in SECTIONS.items():
-        for name in names:
-            field = FIELDS[name]
-            default = REQUIRED if field.default is MISSING else field.default
+        for name in (*names, *(of_boxes if section == "domain" else ())):
+            field = FIELDS.get(name) or of_boxes[name]
+            default = None if field.default is MISSING else field.default
             yield Key(section, name, default, field.metadata["meaning"])
     yield from (Key("grains", name, None, meaning) for name, meaning in SOURCES.items())
     if layout in LAYOUTS:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from math import hypot
 from typing import Any, ClassVar
 
@@ -21,6 +22,8 @@ PERIODIC = ("", "x", "y", "xy")
 SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1.0)}
 """The sides, and the component and sign of the direction from each to the grains."""
 _OF_LINES = ("velocity", "from_time", "to_time", "friction")
+OF_SIDES = ("pressure", "mass", "roughness", *_OF_LINES)
+"""The keys of a side."""
 
 
 def _ends(field: str, value: Any) -> Ends:
@@ -35,16 +38,11 @@ def _side(field: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, Mapping):
         raise InputError(f"{field} is {checks.shown(value)}: it must be a table such as {{friction = 0.3}}")
     for key in value:
-        checks.one_of(f"key of {field}", key, ("pressure", "mass", "roughness", *_OF_LINES))
+        checks.one_of(f"key of {field}", key, OF_SIDES)
     return dict(value)
 
 
-def _side_field(which: str) -> Any:
-    meaning = (
-        f"The {which} side, unless it is periodic: a table of the keys of a wall ({', '.join(_OF_LINES)}),"
-        " pressure [N/m] and mass [kg] of a side that a pressure drives, and roughness, half discs on it of a"
-        " radius and a spacing [m], {radius = ..., spacing = ...}."
-    )
+def _side_field(meaning: str) -> Any:
     return described(meaning, check=_side, default=None)
 
 
@@ -73,17 +71,21 @@ class Box:
     """
 
     kind: ClassVar[str] = "box"
-    x: Ends = described("Where the box begins and ends along x [m].", check=_ends)  # noqa: RUF009
+    x: Ends = described("Where a box begins and ends along x [m].", check=_ends)  # noqa: RUF009
     y: Ends = described("The same along y [m].", check=_ends)  # noqa: RUF009
     periodic: str = described(
-        'Directions in which the box is periodic: "x", "y" or "xy"; by default none.',
+        'Directions in which a box is periodic: "x", "y" or "xy"; by default none.',
         check=lambda field, value: checks.one_of(field, value, PERIODIC),
         default="",
     )
-    left: Mapping[str, Any] | None = _side_field("left")
-    right: Mapping[str, Any] | None = _side_field("right")
-    bottom: Mapping[str, Any] | None = _side_field("lower")
-    top: Mapping[str, Any] | None = _side_field("upper")
+    left: Mapping[str, Any] | None = _side_field(
+        "Left side of a box, unless it is periodic: a table of keys of a wall, ``velocity``, ``from_time``,"
+        " ``to_time`` and ``friction``; ``pressure``, in N/m, and ``mass``, in kg, of a side that moves under"
+        " it; and ``roughness = {radius = 0.02, spacing = 0.05}``, in m, for half discs on the side."
+    )
+    right: Mapping[str, Any] | None = _side_field("Right side, as ``left``.")
+    bottom: Mapping[str, Any] | None = _side_field("Lower side, as ``left``.")
+    top: Mapping[str, Any] | None = _side_field("Upper side, as ``left``.")
 
     def __post_init__(self) -> None:
         for name, own in described_fields(type(self)).items():
@@ -126,13 +128,25 @@ class Box:
         (left, right), (bottom, top) = self.x, self.y
         return Region(self.circle, (((left, bottom), (right, bottom), (right, top), (left, top)),))
 
-    @property
-    def walls(self) -> tuple[Wall, ...]:
-        """The walls of the sides that are not periodic."""
+    @cached_property
+    def sides(self) -> dict[str, tuple[Wall, ...]]:
+        """The walls of each side that is not periodic."""
         open_sides = [name for name, (component, _) in SIDES.items() if "xy"[component] not in self.periodic]
-        return tuple(
-            wall for name in open_sides for wall in self._walls_of(name, dict(getattr(self, name) or {}))
-        )
+        return {name: self._walls_of(name, dict(getattr(self, name) or {})) for name in open_sides}
+
+    def among(self, walls: Sequence[Wall]) -> tuple[Wall, ...]:
+        """Return walls and those of the sides, which may be among them already, at another place by now."""
+        found = [*walls]
+        for name in SIDES:
+            own = self.sides.get(name, ())
+            given = [k for k, wall in enumerate(walls) if wall.name == name]
+            if given and [_at_start(walls[k]) for k in given] != [_at_start(wall) for wall in own]:
+                raise InputError(
+                    f"walls[{given[0]}] has the name {name}, that of a side of the box: choose another name,"
+                    f" or give domain.{name} to change the side"
+                )
+            found += () if given else own
+        return tuple(found)
 
     def _walls_of(self, name: str, given: dict[str, Any]) -> tuple[Wall, ...]:
         component, sign = SIDES[name]
@@ -143,6 +157,9 @@ class Box:
         normal = (sign, 0.0) if component == 0 else (0.0, sign)
         own = {key: given[key] for key in _OF_LINES if key in given}
         pressure, mass, roughness = (given.get(key) for key in ("pressure", "mass", "roughness"))
+        if (pressure is None) != (mass is None):
+            missing = "pressure" if pressure is None else "mass"
+            raise InputError(f"domain.{name}.{missing} is missing: a side that a pressure drives needs both")
         force = None if pressure is None else checks.number(f"domain.{name}.pressure", pressure) * length
         try:
             line = Line(point, normal, length, name=name, force=force, mass=mass, **own)
@@ -180,6 +197,17 @@ class Box:
 
 
 documented(described_fields(Box).values())(Box)
+
+
+def _at_start(wall: Wall) -> Wall:
+    """Return a wall of a side without what changes in time: its place, and motion, which may have ended."""
+    changes: dict[str, Any] = {
+        "point": (0.0, 0.0),
+        "velocity": (0.0, 0.0),
+        "from_time": None,
+        "to_time": None,
+    }
+    return replace(wall, **changes) if hasattr(wall, "point") else wall
 
 
 def checked_domain(field: str, value: Any) -> Box | None:

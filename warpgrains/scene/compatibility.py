@@ -47,7 +47,7 @@ def require_inside(scene: Scene, position: FloatArray) -> None:
             given = getattr(scene.domain, name)
             raise InputError(
                 f"domain.{name} is {given} m: it must be longer than {least} m for grain {largest} of radius"
-                f" {scene.radius[largest]} m{', because it is periodic' * (period > 0.0)}"
+                f" {scene.radius[largest]} m{', because it is periodic' if period > 0.0 else ''}"
             )
 
 
@@ -187,7 +187,7 @@ def _of_methods(scene: Scene) -> Iterator[str]:
 
 def warn_of_overlaps(scenes: Sequence[Scene]) -> None:
     """Warn if grains of scenes overlap at the start; of several scenes, name the worst."""
-    start = attrgetter("radius_in", "radius_out", "time")
+    start = attrgetter("radius_in", "radius_out", "domain", "time")
     of_start: dict[Any, float] = {}  # many scenes of a batch start alike
     overlap = []
     for scene in scenes:

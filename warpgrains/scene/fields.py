@@ -241,7 +241,7 @@ for _name, _field in FIELDS.items():
 def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]:
     """Return the named fields in the form in which a scene keeps them; all of grains with the position."""
     found = _checked_grains(scene) if "position" in names else {}
-    if not {*Annulus._fields, "domain"}.isdisjoint(names):
+    if not {"radius_out", "domain", *OF_ANNULUS}.isdisjoint(names):
         found |= _checked_domain(scene)
     own = {name: FIELDS[name] for name in names if FIELDS[name].metadata["check"]}
     return found | {name: checked(name, field, getattr(scene, name)) for name, field in own.items()}

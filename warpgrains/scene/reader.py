@@ -22,7 +22,7 @@ from warpgrains.errors import InputError
 from warpgrains.files import open_regular, suffix_of
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Annulus
-from warpgrains.scene.box import Box, checked_domain
+from warpgrains.scene.box import OF_SIDES, SIDES, Box, checked_domain
 from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.layouts import LAYOUTS, Placement
 from warpgrains.scene.toml import Table, fields_of_sections, overridden, parse_toml, wall_key
@@ -43,6 +43,7 @@ PROPERTIES = {
 }
 """Keys that give other properties of the grains."""
 
+DOMAINS = ("annulus", "box")
 OF_BOXES = ("kind", *described_fields(Box))
 KEYS = {**SECTIONS, "domain": (*SECTIONS["domain"], *OF_BOXES)}
 """The keys of each section of scene files but `[grains]`, those of a box among those of `[domain]`."""
@@ -71,7 +72,11 @@ def require_key(section: str, key: str) -> None:
     checks.one_of("section", section, [*SECTIONS, "grains", "walls"])
     of_layouts = {name for layout in LAYOUTS.values() for name in keyword_parameters(layout)}
     known = KEYS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))
-    _refuse_unknown_keys(section, [key.partition(".")[0] if section == "domain" else key], known)
+    side, dot, of_side = key.partition(".")
+    if dot and side in SIDES:
+        checks.one_of(f"key of {section}.{side}", of_side.partition(".")[0], OF_SIDES)
+    else:
+        _refuse_unknown_keys(section, [key], known)
 
 
 def document_fields(document: Table, folder: Path) -> Table:
@@ -101,7 +106,7 @@ def section_fields(document: Table) -> Table:
         if section in SECTIONS:
             known: Iterable[str] = SECTIONS[section]
             if "kind" in table and section == "domain":
-                kind = checks.one_of("domain.kind", table["kind"], ("annulus", "box"))
+                kind = checks.one_of("domain.kind", table["kind"], DOMAINS)
                 known = OF_BOXES if kind == "box" else ("kind", *known)
             _refuse_unknown_keys(section, table, known)
             fields |= fields_of_sections({section: table})

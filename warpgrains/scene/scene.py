@@ -19,6 +19,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.annulus import INNER, INSIDE, NO_WALL, OUTER, Annulus, Side
 from warpgrains.scene.bodies import Bodies, Joints, joints_of
 from warpgrains.scene.bounds import Bounds
+from warpgrains.scene.box import SIDES, checked_domain
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import FIELDS, SceneChanges, SceneFields, SceneOptions, checked_fields
@@ -28,6 +29,7 @@ from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
 from warpgrains.scene.toml import read_text
 from warpgrains.scene.wall import Wall
+from warpgrains.scene.wall_kinds import checked_walls
 from warpgrains.shown import Shown, number_of
 
 
@@ -88,13 +90,9 @@ class Scene(SceneFields, Shown):
     def _check(self, names: Collection[str]) -> None:
         """Check fields, but not the places of the grains, and keep them in the form of a scene."""
         vars(self).update(checked_fields(self, names))
-        sides = [wall for wall in (self.domain.walls if self.domain else ()) if not self._has_side(wall.name)]
-        vars(self)["walls"] = tuple(wall.starting(self.time) for wall in (*self.walls, *sides))
+        walls = self.domain.among(self.walls) if self.domain else self.walls
+        vars(self)["walls"] = tuple(wall.starting(self.time) for wall in walls)
         require_compatible_settings(self)
-
-    def _has_side(self, name: str | None) -> bool:
-        """Return whether a side of the box is among the walls."""
-        return any(wall.name == name for wall in self.walls)
 
     def __reduce__(self) -> tuple[Any, ...]:
         own = {name: getattr(self, name) for name in FIELDS}
@@ -182,11 +180,23 @@ class Scene(SceneFields, Shown):
         given: dict[str, Any] = {"text": self.text_after(changes), **changes}
         if "position" in changes and not self.has_friction:
             given.setdefault("spin", None)  # it is 0, for any number of grains
-        if "domain" in changes:
-            sides = {wall.name for wall in self.domain.walls} if self.domain else set()
-            given.setdefault("radius_out", None)
-            given.setdefault("walls", [wall for wall in self.walls if wall.name not in sides])
-        return replace(self, **given)
+        return replace(self, **self.with_sides(given))
+
+    def with_sides(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """Return changes of fields, in which sides of a box that are given as before are where they are."""
+        if changes.keys().isdisjoint(("domain", "walls")):
+            return changes
+        sides = [wall for wall in self.walls if self.domain and wall.name in SIDES]
+        walls = checked_walls(
+            "walls", changes.get("walls", [wall for wall in self.walls if wall not in sides])
+        )
+        box = checked_domain("domain", changes.get("domain", self.domain))
+        for name, own in box.sides.items() if box else ():
+            stays = self.domain is not None and own == self.domain.sides.get(name)
+            if all(wall.name != name for wall in walls):
+                walls += tuple(wall for wall in sides if wall.name == name) if stays else own
+        circle = {"radius_out": None} if "domain" in changes else {}
+        return circle | changes | {"walls": walls}
 
     def summary(self) -> dict[str, str]:
         """Return values that describe the scene, by name."""

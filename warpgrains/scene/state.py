@@ -16,7 +16,8 @@ from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import OUTER
-from warpgrains.scene.geometry import require_distinct
+from warpgrains.scene.bodies import NO_CIRCLE
+from warpgrains.scene.geometry import require_distinct, wrapped
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -181,9 +182,11 @@ def require_state(state: State, scene: Scene) -> None:
     checks.whole_number("steps", state.steps, least=0)
     for name in ("staggered", "last_staggered"):
         checks.boolean(name, getattr(state, name))
-    require_distinct("position of the state, that", state.position)
+    require_distinct("position of the state, that", wrapped(state.position, scene.period))
     if state.driven is not None:
-        checks.positive("radius of the outer wall in the state", state.driven[OUTER, 0])
+        radius = checks.positive("radius of the outer wall in the state", state.driven[OUTER, 0])
+        if scene.domain and radius != NO_CIRCLE:
+            raise InputError(f"radius of the outer wall in the state is {radius} m: a box has no such wall")
     kept, lists = state.corrections, state.lists
     _require_contacts("corrections", kept, Corrections, scene)
     _require_arrays(kept, {"pair": len(kept.pair), "contact": len(kept.wall)})

@@ -113,7 +113,7 @@ def overridden(document: Table, override: str) -> Table:
 
 
 def with_key(document: Table, key: str, value: Any) -> Table:
-    """Return a document with another value of a key, such as "physics.drag" or "walls.0.friction"."""
+    """Return a document with another value of a key, such as "domain.top.mass" or "walls.0.friction"."""
     section, _, name = key.partition(".")
     table = document.get(section, {})
     if section == "walls":
@@ -123,7 +123,7 @@ def with_key(document: Table, key: str, value: Any) -> Table:
         return {**document, section: [*table[:number], {**table[number], own: value}, *table[number + 1 :]]}
     if not isinstance(table, dict):
         raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")
-    return {**document, section: {**table, name: value}}
+    return {**document, section: with_key(table, name, value) if "." in name else {**table, name: value}}
 
 
 def wall_key(name: str) -> tuple[int, str]:

@@ -175,7 +175,7 @@ class Wall:
         if not self.moves or time <= self.motion.from_time:
             return self
         pose = self.motion.pose(time)
-        given = [name for name in ("center", "start", "end", "pivot") if getattr(self, name, None)]
+        given = [name for name in ("center", "point", "start", "end", "pivot") if getattr(self, name, None)]
         places = pose.place(np.array([getattr(self, name) for name in given])).tolist()
         moved: dict[str, Any] = dict(zip(given, places, strict=True))
         angles = ("from_angle", "to_angle")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,12 +11,11 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import INNER, OUTER
-from warpgrains.scene.compatibility import require_clear, require_size
+from warpgrains.scene.compatibility import require_clear, require_inside, require_size
 from warpgrains.scene.fields import FIELDS, SceneChanges
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.scene.wall import Wall
-from warpgrains.scene.wall_kinds import checked_walls
 
 OF_START = {"position", "velocity", "radius", "mass", "spin", "time"}
 OF_LISTS = {"dt", "scheme", "order", "method", "wall", "drag", "spin_drag"}
@@ -72,6 +71,7 @@ def change_of(
     all_stay = staying == was.wall_numbers == put.wall_numbers
     keeps_list = (
         all_stay
+        and (scene.period == before.period).all()
         and all(map(_move_alike, scene.walls, before.walls))
         and scene.bodies.two_circles == before.bodies.two_circles
         and (scene.dt == before.dt or not scene.has_moving_walls)
@@ -87,10 +87,10 @@ def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
             raise InputError(
                 f"change: {name} is that of the start; make a scene by `present_scene.replace({name}=...)`"
             )
-    given: dict[str, Any] = {"text": before.text_after(fields), **fields}
+    given = before.with_sides({"text": before.text_after(fields), **fields})
     now = before.time_after(steps)
-    if "walls" in fields:
-        given["walls"] = [wall.starting(now) for wall in checked_walls("walls", fields["walls"])]
+    if "walls" in given:
+        given["walls"] = [wall.starting(now) for wall in given["walls"]]
     dt = checks.positive("dt", fields.get("dt", before.dt))
     if dt != before.dt:
         given["time"] = now - steps * dt
@@ -134,9 +134,9 @@ def _move_alike(wall: Wall, other: Wall) -> bool:
 def _require_room(scene: Scene, staying: list[int], position: FloatArray, now: float) -> None:
     """Raise InputError unless all grains are outside of the walls that are new or elsewhere."""
     moved = [number for number in scene.wall_numbers if number not in staying]
-    if any(number <= INNER for number in moved):
+    if scene.domain or any(number <= INNER for number in moved):
         require_size(scene)
-        scene.annulus.require_inside(position, scene.radius)
+        require_inside(scene, position)
     require_clear(scene, moved, position, now)
 
 

@@ -13,7 +13,8 @@ axes     section.key         a list of values, one of which each run has, see `a
 ======== =================== ======================================================================
 
 The keys are those of scene files: ``physics.drag = [0.1, 0.5]`` in ``[axes]`` is an axis of two values. The
-keys of the first of ``[[walls]]`` are ``walls.0.friction`` and so on.
+keys of the first of ``[[walls]]`` are ``walls.0.friction`` and so on, those of the upper side of a box
+``domain.top.pressure`` and so on.
 """
 
 import hashlib
@@ -31,6 +32,7 @@ from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.errors import InputError
 from warpgrains.files import Row, read_regular
 from warpgrains.scene import checks
+from warpgrains.scene.box import SIDES
 from warpgrains.scene.reader import is_file_of_radii, read_radii, require_key
 from warpgrains.scene.toml import (
     Table,
@@ -185,12 +187,20 @@ def _by_key(document: Table, name: str) -> KeyValues:
             found[section] = table
             continue
         for key, value in _table(f"{name}.{section}", table).items():
-            own = value if section == "walls" and isinstance(value, dict) else {"": value}
-            for last, each in own.items():
-                full = f"{key}.{last}".rstrip(".")
+            is_table = section == "walls" or (section == "domain" and key in SIDES)
+            for full, each in _leaves(key, value) if is_table else [(key, value)]:
                 require_key(section, full)
                 found[f"{section}.{full}"] = each
     return found
+
+
+def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the keys and values of a table that is no axis, and of those in it."""
+    if not isinstance(value, dict) or not value.keys().isdisjoint(AXIS_KINDS):
+        yield key, value
+        return
+    for name, own in value.items():
+        yield from _leaves(f"{key}.{name}", own)
 
 
 def _is_named(name: str, axis: Any) -> bool:
