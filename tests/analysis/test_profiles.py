@@ -1,6 +1,5 @@
 """Profiles and the radial distribution: closed forms, totals, and freud."""
 
-import freud
 import numpy as np
 import pytest
 from moments import EPS, moment_of
@@ -19,44 +18,6 @@ def scattered():
     position = position[(rho > 0.301) & (rho < 0.999)]
     velocity = rng.normal(0.0, 2.0, position.shape)
     return moment_of(position, 0.001, radius_in=0.3, velocity=velocity)
-
-
-LOWER = {"x": (-0.9, 0.9), "y": (-0.95, 0.0), "distance": (0.35, 0.97)}
-
-
-@pytest.mark.parametrize("region", [{}, LOWER])
-def test_pairs_by_distance_are_freuds(region):
-    placed = random(Annulus(0.3, 1.0), count=1000, radius=[0.005, 0.02], seed=2)
-    moment = moment_of(*placed, radius_in=0.3)
-    found = analysis.radial_distribution(moment, bins=60, reach=0.4, region=region)
-    other = freud.density.RDF(bins=60, r_max=0.4)
-    counted = moment.position
-    if region:
-        (x, y), (rho, limits) = counted.T, (np.hypot(*counted.T), region)
-        ranges = zip((x, y, rho), limits.values(), strict=True)
-        counted = counted[np.all([(low <= at) & (at <= high) for at, (low, high) in ranges], axis=0)]
-    places = np.column_stack([counted, np.zeros(len(counted))])
-    other.compute((freud.box.Box.square(4.0), places), reset=True)
-    assert np.abs(found.edges - other.bin_edges).max() < 1e-7  # float32
-    # each pair twice there; in float32, a pair at an edge may be in the next bin
-    assert np.abs(found.pairs - np.array(other.bin_counts) / 2.0).max() <= 1
-    assert found.pairs.sum() > 10_000
-
-
-@pytest.mark.parametrize("gravity", [(0.0, -9.81), (9.81, 0.0)])
-def test_g_of_a_pile_tends_to_one(gravity):
-    """Grains at random in the lower part, whichever way that is: as a whole, space is mostly empty."""
-    position, radius = random(
-        Annulus(0.0, 1.0), count=600, radius=[0.012, 0.018], seed=1, region={"y": [-1.0, -0.4]}
-    )
-    turned = np.stack([-position[:, 1], position[:, 0]], axis=1) if gravity[0] else position
-    moment = moment_of(turned, radius, gravity=gravity)
-    diameter = 2.0 * radius.mean()
-    found = analysis.radial_distribution(moment, bins=60, reach=12.0 * diameter)
-    tail = found.edges[:-1] > 4.0 * diameter
-    assert np.average(found.g[tail], weights=found.edges[1:][tail]) == pytest.approx(1.0, abs=0.03)
-    whole = analysis.radial_distribution(moment, bins=60, reach=12.0 * diameter, region={})
-    assert whole.g[tail].min() > 1.4
 
 
 def test_radial_distribution_of_two_and_of_one():

@@ -94,29 +94,6 @@ def test_the_middle_is_weighted_by_area():
     assert light["packing_fraction"] == pytest.approx(below[:2].sum() / below[2], rel=16 * EPS)
 
 
-@pytest.mark.parametrize(
-    ("place", "walls", "expected"),
-    [
-        ([0.0, -0.9], {}, {"outer_wall_force": 0.2 * G, "inner_wall_force": 0.0, "pile_height": 0.2}),
-        (
-            [0.0, 0.6],
-            {"radius_in": 0.5},
-            {"outer_wall_force": 0.0, "inner_wall_force": 0.2 * G, "pile_height": 1.7},
-        ),
-    ],
-)
-def test_wall_carries_the_weight(place, walls, expected):
-    start = scene([place], **walls)
-    simulation = Simulation(start)
-    simulation.run(steps=3)
-    found = quantities(simulation)
-    for name, value in expected.items():
-        # the gap is 0 but for one rounding of the place [1 m]: over dt, of mass 0.2 kg, that is a force of
-        # eps m / dt^2, and a few of them are carried from step to step
-        assert found[name] == pytest.approx(value, rel=8 * EPS, abs=8 * EPS * 0.2 / 0.01**2)
-    assert found["kinetic_energy"] == pytest.approx(0.0, abs=1e-20)
-
-
 def test_discs_inside_are_no_space():
     """A disc that moves up, of which half is below the mean height; rings fill none."""
     disc = Disc((0.0, -0.5), 0.2, velocity=(0.0, 5.0))
