@@ -14,7 +14,7 @@ from recordings import GRAINS
 from same_bits import at_annulus, contents
 from sweeps import SMALL, batch, begin, parts, results, rows, table, write
 
-from warpgrains import Recording, Scene, Simulation
+from warpgrains import Scene, Simulation
 from warpgrains.batch import loaded_scenes
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import memory, sizes, tuning
@@ -274,15 +274,3 @@ def test_recordings(tmp_path, done):
     simulation = Simulation(Scene.load(recording.with_name("scene.toml")))
     simulation.run(steps=40)
     assert np.array_equal(np.asarray(points.get(20))[:, :2], simulation.position.astype(np.float32))
-
-
-def test_recordings_of_friction_have_the_rotation(tmp_path):
-    text = 'scene = "annulus"\n[set]\ntime.duration = 0.8\n[axes]\ncontact.friction = [0.0, 0.5]\n'
-    assert batch(write(tmp_path, text), "-o", tmp_path / "out", "--usd", "--fps", "50") == 0
-    rolling = Simulation(Scene.load("annulus", ["contact.friction=0.5"]))
-    rolling.run(duration=0.8)
-    for run, angle in enumerate((np.zeros(15), rolling.angle)):
-        recording = tmp_path / "out" / "runs" / f"{run:05}" / "recording.usdc"
-        assert inspect_recording(recording) == []
-        assert np.array_equal(Recording(recording).angle[-1], angle.astype(np.float32))
-    assert rolling.angle.any()

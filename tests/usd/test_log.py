@@ -229,8 +229,9 @@ class TestNothingIsLost:
         cut_short(path, make_frames(5), error=ValueError)
         assert path.read_bytes() == before
 
-    def test_a_whole_file_replaces_an_earlier_one_and_stands_alone(self, tmp_path):
-        path = record(tmp_path / "run.usdc", make_frames(4))
+    @pytest.mark.parametrize("suffix", [*RECORDINGS, ".USDC", ".Usdz"])
+    def test_a_whole_file_replaces_an_earlier_one_and_stands_alone(self, tmp_path, suffix):
+        path = record(tmp_path / f"run{suffix}", make_frames(4))
         record(path, make_frames(9, seed=1))
         require_frames(path, make_frames(9, seed=1))
         assert list(tmp_path.iterdir()) == [path]
