@@ -134,8 +134,6 @@ def c_library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
 
 @pytest.fixture
 def reference(c_library: ctypes.CDLL) -> Callable[..., Reference]:
-    """Put a scene into the C reference."""
-
     def make(scene: Scene, state: State | None = None) -> Reference:
         return Reference(c_library, scene, state)
 

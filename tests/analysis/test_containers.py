@@ -18,7 +18,6 @@ TURN = np.array([[cos(0.4), sin(0.4)], [-sin(0.4), cos(0.4)]])
 
 
 def chain(*corners):
-    """Segments from corner to corner."""
     return [Segment(tuple(a), tuple(b)) for a, b in pairwise(corners)]
 
 

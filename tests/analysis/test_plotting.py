@@ -21,15 +21,12 @@ CHAIN = np.array(CHAIN_COLOR)
 
 
 class Picture:
-    """A picture of one frame."""
-
     def __init__(self, path):
         self.pixels = imread(path)[:, :, :3]
         self._view = View(self.pixels)
         self.scale = self._view.scale
 
     def at(self, place):
-        """Return the color of the pixel at a place [m]."""
         return self._view.at(self.pixels, np.array([place]))[0]
 
     def shows(self, color, place):

@@ -36,7 +36,6 @@ CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<u4"), ("j", "<u4")
 
 @cache
 def library() -> ctypes.CDLL:
-    """Build the reference and the sweep."""
     with tempfile.TemporaryDirectory() as folder:
         built = Path(folder) / "bench.so"
         sources = [str(SOURCE), str(Path(__file__).with_name("in_c.c"))]
@@ -52,13 +51,10 @@ def library() -> ctypes.CDLL:
 
 
 class CReference(Reference):
-    """The all-pairs reference as compiled here."""
-
     def __init__(self, scene: Scene, state: State | None = None):
         super().__init__(library(), scene, state)
 
     def run(self, steps: int) -> None:
-        """Advance by many steps without coming back to Python."""
         scene = self._scene
         self._library.run(self._grains, steps, scene.dt, scene.tolerance, scene.max_iterations)
 
@@ -81,7 +77,6 @@ class Sweeps:
         self.run = wp.launch(kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True).launch
 
     def contents(self) -> tuple[np.ndarray, ...]:
-        """Return a copy of all that a sweep changes."""
         return self.dv.copy(), self.velocity.copy()
 
     def reset(self) -> None:
@@ -99,7 +94,6 @@ class Sweeps:
         return library().sweeps(SWEEPS, self.pairs, self.walls, *arrays)
 
     def compare(self) -> None:
-        """Check that both give the same bits."""
         self.reset()
         zeta, expected = self.run_in_c(), self.contents()
         self.reset()
@@ -154,7 +148,6 @@ def _against_all_pairs(
 
 
 def course(options: argparse.Namespace) -> Iterator[dict[str, str]]:
-    """The course's scene from its start, all of it."""
     scene = Scene.load("annulus")
     simulation = Simulation(scene)
     start = simulation.state()

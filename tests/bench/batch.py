@@ -112,7 +112,6 @@ def overhead(scenes: list[Scene], repeats: int) -> Iterator[dict[str, str]]:
 
 
 def figures(count: int, repeats: int) -> Iterator[dict[str, str]]:
-    """Every figure, one by one."""
     scenes = course(count)
     yield from against_c("scenes of the course", scenes, ">= 6", repeats)
     yield from against_c("piles that settle", piles(count), ">= 30", repeats)
@@ -121,7 +120,6 @@ def figures(count: int, repeats: int) -> Iterator[dict[str, str]]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure, and write the figures down one by one."""
     parser = command_line("batch", __doc__)
     parser.add_argument("--scenes", type=int, default=SCENES, help=f"in a batch (default: {SCENES:,})")
     chosen = parser.parse_args(arguments)

@@ -38,11 +38,9 @@ class Box2d3:
         self._library.addDiscs(self._discs, *(a.ctypes.data for a in discs), scene.drag)
 
     def advance(self, frames: int) -> None:
-        """Simulate 10 ms so many times."""
         self._library.advance(self._discs, frames * self._steps, FRAME / self._steps, self._substeps)
 
     def position(self) -> FloatArray:
-        """Centres [m], shape (n, 2)."""
         x = np.full((self._n, 2), np.nan)
         self._library.positions(self._discs, x.ctypes.data)
         return x / self._scale
@@ -59,7 +57,6 @@ def is_source(folder: Path) -> bool:
 
 @cache
 def _library(source: Path | None) -> ctypes.CDLL:
-    """Build Box2D, and what is asked of it."""
     if source is None:
         raise ImportError("--box2d3 gives no folder of its source")
     with tempfile.TemporaryDirectory() as folder:

@@ -44,7 +44,6 @@ class Step(NamedTuple):
     error_of_nothing: float
 
     def error(self, velocity: FloatArray) -> float:
-        """Return the relative error of velocities."""
         return float(np.abs(velocity - self.exact).max()) / self.error_of_nothing
 
 
@@ -121,7 +120,6 @@ def by_sweeps(step: Step, error: float) -> tuple[float, int]:
 
 
 def _take(simulation: Simulation, step: Step) -> tuple[float, int]:
-    """Take a step; return its time [ms] and factorizations."""
     simulation.restore(step.start)
     begun = process_time()
     report = simulation.step()
@@ -207,7 +205,6 @@ PARTS: dict[str, Callable[[argparse.Namespace], Iterator[dict[str, str]]]] = {
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure, and write the figures down one by one."""
     parser = command_line("exact", __doc__)
     parser.add_argument("--steps", type=int, default=1_000_000, help="of a shipped scene at most")
     parser.add_argument("--largest", type=int, default=100_000, help="grains of the largest pile")

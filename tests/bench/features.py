@@ -71,7 +71,6 @@ def _without_gravity(scene: Scene) -> Changes:
 
 
 def _swept_by(method: str) -> Changes:
-    """A method, and a fixed number of sweeps a step."""
     return {"method": method, "stop": "zeta", "tolerance": 0.0, "max_iterations": ITERATIONS}
 
 
@@ -153,7 +152,6 @@ class Timed:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure, and write the figures down one by one."""
     parser = command_line("features", __doc__, repeats=15)
     parser.add_argument("--largest", type=int, default=GRAINS, help=f"grains at most (default: {GRAINS:,})")
     chosen = parser.parse_args(arguments)

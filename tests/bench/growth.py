@@ -105,7 +105,6 @@ def cheapest(scene: Scene, settings: Ladder, first: int, longest: float) -> tupl
 
 
 def rows(options: argparse.Namespace) -> Iterator[dict[str, str]]:
-    """Measure every program at every number of grains."""
     all_ladders = list(ladders(options.box2d3))
     first: dict[int, int | None] = dict.fromkeys(range(len(all_ladders)), 0)
     of_grain: dict[int, float] = {}  # time of 10 ms with fewer grains, by grain [s]
@@ -135,7 +134,6 @@ def rows(options: argparse.Namespace) -> Iterator[dict[str, str]]:
 
 
 def draw(measured: list[dict[str, str]], file: Path) -> None:
-    """Draw time over the number of grains, a line a program."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -158,7 +156,6 @@ def draw(measured: list[dict[str, str]], file: Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure every program at every number of grains."""
     parser = peers_command_line("growth", __doc__, GRAINS)
     parser.add_argument("--longest", type=float, default=300.0, help="limit of a measurement [s]")
     chosen = parsed(parser, arguments)

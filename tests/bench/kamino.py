@@ -108,7 +108,6 @@ class Kamino:
         self._wall.outer, self._wall.radius = scene.radius_out, self._radius
 
     def advance(self, frames: int) -> None:
-        """Simulate 10 ms so many times."""
         for _ in range(frames):
             state = self._state
             moving = [state.body_q, state.body_qd, state.body_f, self._drag]
@@ -119,7 +118,6 @@ class Kamino:
             self._state, self._next = self._next, state
 
     def position(self) -> FloatArray:
-        """Centres [m], shape (n, 2)."""
         return self._state.body_q.numpy()[:, :2].astype(np.float64)
 
 

@@ -71,17 +71,14 @@ class Mutant:
 
     @property
     def source(self) -> str:
-        """Return the text of the file as it is."""
         return (ROOT / "kernels" / f"{self.file}.py").read_text()
 
     @property
     def line(self) -> int:
-        """Return the line in which the old text begins."""
         return self.source[: self.source.index(self.old)].count("\n") + 1
 
 
 def mutants() -> list[Mutant]:
-    """Read the table."""
     return [Mutant(file, *row) for file, rows in tomllib.loads(TABLE.read_text()).items() for row in rows]
 
 
@@ -157,11 +154,9 @@ class Trial:
         end.close()
 
     def seconds_left(self) -> float:
-        """Return how long the tests may still take."""
         return max(0.0, self._start + TIME_LIMIT - monotonic())
 
     def row(self) -> dict[str, object]:
-        """End it, and return its row."""
         found = LATE
         if self.answer.poll():
             try:

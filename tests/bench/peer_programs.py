@@ -27,11 +27,9 @@ class Warpgrains:
         self._steps = round(FRAME / dt)
 
     def advance(self, frames: int) -> None:
-        """Simulate 10 ms so many times."""
         self._simulation.advance(frames * self._steps)
 
     def position(self) -> FloatArray:
-        """Centres [m], shape (n, 2)."""
         return self._simulation.position
 
 
@@ -64,12 +62,10 @@ class Pymunk:
             self._bodies.append(body)
 
     def advance(self, frames: int) -> None:
-        """Simulate 10 ms so many times."""
         for _ in range(frames * self._substeps):
             self._space.step(FRAME / self._substeps)
 
     def position(self) -> FloatArray:
-        """Centres [m], shape (n, 2)."""
         return np.array([tuple(body.position) for body in self._bodies])
 
 
@@ -103,12 +99,10 @@ class Box2d:
             self._bodies.append(body)
 
     def advance(self, frames: int) -> None:
-        """Simulate 10 ms so many times."""
         for _ in range(frames * self._substeps):
             self._world.Step(FRAME / self._substeps, self._iterations, self._iterations)
 
     def position(self) -> FloatArray:
-        """Centres [m], shape (n, 2)."""
         return np.array([tuple(body.position) for body in self._bodies]) / self._scale
 
 
@@ -170,11 +164,9 @@ class Lammps:
         self._steps = steps
 
     def advance(self, frames: int) -> None:
-        """Simulate 10 ms so many times."""
         self._lammps.command(f"run {frames * self._steps} pre no post no")
 
     def position(self) -> FloatArray:
-        """Centres [m], shape (n, 2)."""
         x = np.array(self._lammps.gather_atoms("x", 1, 3))
         return x.reshape(-1, 3)[:, :2]
 

@@ -93,7 +93,6 @@ def measure(scene: Scene, make: Callable[[Scene], Any]) -> tuple[float, FloatArr
 
 
 def rows(scene: Scene, box2d3: Path | None) -> Iterator[dict[str, str]]:
-    """Measure every program and setting on a scene."""
     missing = set()
     for name, setting, make in settings(box2d3):
         if name in missing:
@@ -109,7 +108,6 @@ def rows(scene: Scene, box2d3: Path | None) -> Iterator[dict[str, str]]:
 
 
 def draw(measured: list[dict[str, str]], file: Path) -> None:
-    """Draw time against overlap, a panel a number of grains."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -150,7 +148,6 @@ def parsed(parser: argparse.ArgumentParser, arguments: list[str] | None) -> argp
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Compare the programs at the numbers of grains that are asked for."""
     parser = peers_command_line("peers", __doc__, [100, 1000])
     parser.add_argument("--friction", type=float, default=0.0, help="coefficient of friction (default: 0)")
     chosen = parsed(parser, arguments)

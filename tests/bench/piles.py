@@ -51,7 +51,6 @@ def advance(simulation: Simulation, steps: int) -> int:
 
 
 def settled_pile(n: int, cache: Path) -> Pile:
-    """Return a settled pile: from the cache, or made and put there."""
     scene, file = pile(n), cache / f"pile-{n}-{_steps_to_settle(n)}-{STEP}-{THICKNESS}.npz"
     return Pile(scene, kept_state(file, partial(_settle, scene)))
 
@@ -88,7 +87,6 @@ def _filled_disc(n: int, radius: float) -> FloatArray:
 
 
 def _settle(scene: Scene) -> Simulation:
-    """Let a pile sink, and come to rest as far as Gauss-Seidel brings it there."""
     steps = _steps_to_settle(scene.n)
     say(f"settling a pile of {scene.n:,}: {steps:,} steps")
     simulation = Simulation(scene)

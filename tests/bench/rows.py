@@ -35,7 +35,6 @@ HEAD = ("what", "n", "order", "threads", "median", "against", "its median", "rat
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """Return how long a call takes."""
     start = perf_counter()
     work()
     return perf_counter() - start
@@ -48,7 +47,6 @@ def in_turn(repeats: int, *measure: Callable[[], float]) -> list[list[float]]:
 
 
 def say(text: str) -> None:
-    """Tell on standard error how far the benchmark is."""
     print(text, file=sys.stderr, flush=True)
 
 
@@ -96,7 +94,6 @@ def _number(value: float | None) -> str:
 
 
 def command_line(module: str, document: str | None, repeats: int = 5) -> argparse.ArgumentParser:
-    """Return the parser of the options that all benches have."""
     summary = (document or "").partition("\n")[0]
     parser = argparse.ArgumentParser(prog=f"python -m tests.bench.{module}", description=summary)
     parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
@@ -124,13 +121,11 @@ def publish(
 
 
 def markdown(rows: Iterable[Mapping[str, str]]) -> str:
-    """Return the table of rows, losses included."""
     lines = [HEAD, ["---"] * len(HEAD), *map(_line, rows)]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def _line(cells: Mapping[str, str]) -> list[str]:
-    """One row as it is shown; a target that was missed stands out."""
     unit, other = cells["unit"], cells["its median"]
     sign = "x faster" if cells["ratio is"] == SPEEDUP else "x"
     reached = {True: "yes", False: "**no**", None: ""}[is_reached(cells)]
@@ -164,7 +159,6 @@ def _plain(number: str) -> str:
 
 
 def main() -> None:
-    """Read one CSV file."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench.rows")
     parser.add_argument("csv", type=Path)
     with parser.parse_args().csv.open(newline="") as file:

@@ -99,7 +99,6 @@ def _ms_a_step(simulation: Simulation) -> float:
 
 
 def _ms_a_step_of_both(simulations: list[Simulation]) -> float:
-    """Return the time for each step done by either, while both advance."""
     with ThreadPoolExecutor(2) as pool:
         return sum(pool.map(_ms_a_step, simulations)) / 4.0
 
@@ -151,7 +150,6 @@ def _seconds_of_a_first_run() -> float:
 
 
 def sizes(wanted: Any, options: argparse.Namespace) -> list[int]:
-    """Return numbers of grains, none above the largest."""
     return sorted({min(n, options.largest) for n in wanted})
 
 
@@ -167,7 +165,6 @@ PARTS: dict[str, Callable[[argparse.Namespace], Iterator[Row]]] = {
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure, and write the figures down one by one."""
     parser = command_line("step", __doc__)
     parser.add_argument("--largest", type=int, default=LARGE, help=f"grains at most (default: {LARGE:,})")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS), help="what to measure")

@@ -25,7 +25,6 @@ def scene_in(order):
 
 
 def run(*arguments):
-    """Run the command line in this process and return its exit code."""
     return exit_code("run", *arguments)
 
 

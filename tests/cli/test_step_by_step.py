@@ -60,8 +60,6 @@ def test_an_unknown_key_is_answered_with_those_that_there_are(press: Press, keys
 
 
 class Terminal:
-    """The command at a terminal."""
-
     def __init__(self, *options: str) -> None:
         self.ours, self.theirs = pty.openpty()
         self.before = termios.tcgetattr(self.theirs)

@@ -29,8 +29,6 @@ WITH_SLOW_CODE = [name for name in WITH_CODE if any(block.is_slow for block in b
 
 
 class Reader:
-    """Does what a page says, block after block."""
-
     def __init__(self, name, capfd):
         self._capfd, self._names, self._printed = capfd, {"__name__": name}, None
 

@@ -34,8 +34,6 @@ def hasty(tmp_path_factory: pytest.TempPathFactory) -> Grader:
 
 @pytest.fixture
 def grade(grader: Grader, tmp_path: Path) -> Grade:
-    """Grade the text of a homework."""
-
     def graded(text: str) -> Verdict:
         source = tmp_path / "homework.c"
         source.write_bytes(text.encode("latin-1"))

@@ -236,7 +236,6 @@ def wait_until(holds: Callable[[], object]) -> None:
 
 
 def programs_in(folder: Path) -> list[str]:
-    """Return the names of all processes that work in a folder."""
     names = []
     for process in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):

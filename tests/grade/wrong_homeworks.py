@@ -96,7 +96,6 @@ WRONG = {
 
 
 def wrong(changes: tuple[tuple[str, str], ...]) -> str:
-    """Return `PLAIN` with a mistake."""
     text = PLAIN
     for right, instead in changes:
         assert right in text, right

@@ -98,7 +98,6 @@ class Accelerated:
         return indices
 
     def chosen(self) -> list[int]:
-        """Return the contacts of the working set."""
         return self.record["working.index"][self.indices()].tolist()
 
 

@@ -35,7 +35,6 @@ CASES = [
 
 
 def checked(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run Python in checked mode."""
     environment = {**os.environ, "WARPGRAINS_CHECK_BOUNDS": "1"}
     return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, env=environment)
 

@@ -14,7 +14,6 @@ EPS = np.finfo(float).eps  # twice what one operation rounds by, so that higher 
 
 
 def sideways(normal: FloatArray) -> FloatArray:
-    """Return a normal turned by a quarter."""
     return np.array([-normal[1], normal[0]])
 
 

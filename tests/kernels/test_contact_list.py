@@ -56,14 +56,12 @@ class Listed:
 
     @property
     def bodies(self) -> list[Bodies]:
-        """Return the bodies of the listed contacts, row by row."""
         rows = self.record["neighbors.start"]
         first, second = np.repeat(np.arange(N), np.diff(rows)), self.record["neighbors.neighbor"][: rows[-1]]
         return list(zip(first.tolist(), second.tolist(), strict=True))
 
     @property
     def index(self) -> IntArray:
-        """Return the indices of the listed contacts."""
         return self.record["workspace.sweep_index"][: len(self.bodies)]
 
     def carry(self) -> None:

@@ -261,7 +261,6 @@ def polygon_scene(seed: int) -> Scene:
 
 
 def energy(simulation: Simulation) -> float:
-    """Return the kinetic energy [J]."""
     scene = simulation.scene
     spin = simulation.spin if scene.has_friction else np.zeros(scene.n)
     moving = scene.mass * (simulation.velocity**2).sum(axis=1)

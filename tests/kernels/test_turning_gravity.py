@@ -22,7 +22,6 @@ def grain(**changes: Any) -> Scene:
 
 
 def gravity(time: float) -> complex:
-    """Return gravity at a time, as a complex number."""
     return G * np.exp(1j * RATE * time)
 
 

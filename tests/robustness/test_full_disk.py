@@ -105,7 +105,6 @@ class TestEncoding:
 
 @pytest.fixture
 def disk(tmp_path, request):
-    """A disk of a size."""
     folder = tmp_path / "disk"
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", f"size={request.param}", "tmpfs", folder]

@@ -104,7 +104,6 @@ def died(tmp_path_factory):
 
 @pytest.fixture
 def kept(died, tmp_path):
-    """Return the checkpoint of a run that died."""
     shutil.copytree(died, tmp_path, dirs_exist_ok=True)
     return tmp_path / "run.npz"
 

@@ -68,7 +68,6 @@ def ring(**changes):
 
 
 def circle(**changes):
-    """Return a scene of one grain in a circle."""
     return Scene(**{"position": [(0.0, 0.5)], "radius": 0.1, "mass": 1.0, "radius_out": 1.0, **changes})
 
 
@@ -83,7 +82,6 @@ def pressed(**changes):
 
 
 def scene_file(folder, good, bad):
-    """Load a scene file with a mistake."""
     assert good in SCENE_FILE
     Path(folder, "mine.toml").write_text(SCENE_FILE.replace(good, bad))
     return Scene.load(folder / "mine.toml")

@@ -62,7 +62,6 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def run(made, tmp_path):
-    """Return a copy of the checkpoint of a run."""
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)
     return tmp_path / "run.npz"
 

@@ -100,13 +100,11 @@ def past_the_origin(radius: float) -> Scene:
 
 
 def drum(**changes: Any) -> Scene:
-    """A half-full drum that turns."""
     scene = heap(60, spacing=2.0, wall="round", scheme="leapfrog", drag=0.1, dt=0.01, **ROUGH)
     return scene.replace(**{"wall_friction": 0.8, "angular_velocity_out": 0.5, **changes})
 
 
 def couette(**changes: Any) -> Scene:
-    """Grains of unlike masses around a wall that turns."""
     place, radius = lattice(Annulus(0.3, 1.0), radius=0.06, count=60, spacing=2.02)
     mass = 0.1 * 10.0 ** np.random.default_rng(2).uniform(0.0, 1.0, len(place))
     circles = {"radius_in": 0.3, "radius_out": 1.0, "angular_velocity_in": 5.0}

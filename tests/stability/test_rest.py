@@ -82,7 +82,6 @@ def rest_of(simulation: Simulation) -> Rest:
 
 
 def jacobian_of(simulation: Simulation) -> FloatArray:
-    """J of the contacts that carry, shape (contacts, 2 n): J v are their closing velocities."""
     contacts, n = simulation.contacts(), simulation.scene.n
     walls = np.flatnonzero(at_annulus(simulation).correction)
     rows = np.zeros((len(contacts.pair) + len(walls), n, 2))

@@ -19,8 +19,6 @@ PATIENCE = 120.0  # s
 
 
 class Tab:
-    """A page of warpgrains in a browser."""
-
     def __init__(self, driver, url):
         self.driver = driver
         driver.get(url)
@@ -44,12 +42,10 @@ class Tab:
         return self.driver.find_element(By.TAG_NAME, "body").text
 
     def buttons(self):
-        """Return the labels of the buttons that are seen, in their order."""
         found = self.driver.find_elements(By.XPATH, "//button[contains(., '(')]")
         return [button.text for button in found if button.is_displayed()]
 
     def charts(self):
-        """Return the charts that are seen."""
         return [chart for chart in self.driver.find_elements(By.CLASS_NAME, "uplot") if chart.is_displayed()]
 
     def fill(self, label, value):
@@ -59,7 +55,6 @@ class Tab:
         field.send_keys(f"\ue009a\ue000{value}\n")  # control-A
 
     def slider(self, label):
-        """Return the number field beside a slider."""
         return self.driver.find_element(
             By.XPATH, f"//label[contains(., '{label}')]/following::input[@type='text'][1]"
         )
@@ -80,7 +75,6 @@ class Tab:
 
 @contextmanager
 def browser():
-    """Give the driver of a browser."""
     options = webdriver.ChromeOptions()
     options.binary_location = "/usr/bin/chromium"
     for argument in ARGUMENTS:
@@ -94,6 +88,5 @@ def browser():
 
 @contextmanager
 def opened(driver, url):
-    """Give a tab that shows a page."""
     yield Tab(driver, url)
     driver.get("about:blank")

@@ -10,7 +10,6 @@ from warpgrains.cli.main import main
 
 
 def exit_code(*arguments: object) -> int:
-    """Run a command and return its exit code."""
     try:
         return main([str(argument) for argument in arguments])
     except SystemExit as exit:

@@ -89,7 +89,6 @@ def digests(seed: int, threads: int) -> tuple[list[str], int, Any]:
 
 
 def main() -> None:
-    """Write or compare."""
     path = Path(sys.argv[2])
     if sys.argv[1] == "write":
         table = {}

@@ -10,27 +10,22 @@ COLORS = 64
 
 
 def star(leaves: int) -> IntArray:
-    """Grain 0 touches all others."""
     return np.array([(0, j) for j in range(1, leaves + 1)], np.int32)
 
 
 def hub_last(leaves: int) -> IntArray:
-    """The last grain touches all others."""
     return np.array([(i, leaves) for i in range(leaves)], np.int32)
 
 
 def path(n: int) -> IntArray:
-    """A chain in the order of the numbers."""
     return np.array([(i, i + 1) for i in range(n - 1)], np.int32)
 
 
 def complete(n: int) -> IntArray:
-    """Every grain touches every other."""
     return np.stack(np.triu_indices(n, 1), axis=1).astype(np.int32)
 
 
 def empty() -> IntArray:
-    """No contacts."""
     return np.zeros((0, 2), np.int32)
 
 

@@ -22,15 +22,12 @@ def mixed_scenes() -> list[Scene]:
 
 
 class Alone(NamedTuple):
-    """What a scene has come to alone."""
-
     state: State
     statistics: Summary
     report: StepReport
 
 
 def of_step(report: StepReport) -> Summary:
-    """Return the statistics of one step."""
     return Summary(
         steps=1,
         iterations=report.iterations,

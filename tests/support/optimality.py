@@ -33,7 +33,6 @@ class Solved:
 
 
 def solve_one_step(scene: Scene) -> Solved:
-    """Solve the scene's first step."""
     simulation = Simulation(scene)
     report = simulation.step()
     assert report.converged

@@ -16,8 +16,6 @@ _COMMAND = re.compile(r"`(warpgrains \w+ [^`]+)`")
 
 
 class Block(NamedTuple):
-    """A block of a page."""
-
     marks: str
     language: str
     text: str
@@ -40,18 +38,15 @@ class Block(NamedTuple):
 
     @property
     def lines(self) -> list[str]:
-        """Commands of a bash block, without what is said of them."""
         found = (re.sub(r"(^| +)#.*", "", line) for line in self.text.splitlines())
         return [line for line in found if line]
 
 
 def blocks(name: str) -> list[Block]:
-    """Return the blocks of a page, in order."""
     return [Block(*found.groups(default="")) for found in _BLOCK.finditer(PAGES[name].read_text())]
 
 
 def program(name: str) -> str:
-    """Return the Python of a page."""
     return "\n".join(one.text for one in blocks(name) if one.language == "python" and one.is_run)
 
 

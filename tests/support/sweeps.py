@@ -33,14 +33,12 @@ grains.shift = {log_range = [1e-9, 1e-6], count = 4}
 
 
 def write(folder: Path, text: str = SMALL) -> Path:
-    """Write a sweep file."""
     path = folder / "sweep.toml"
     path.write_text(text)
     return path
 
 
 def batch(*arguments: object) -> int:
-    """Run the command in this process and return its exit code."""
     try:
         return main(["batch", *map(str, arguments)])
     except SystemExit as exit:
@@ -48,7 +46,6 @@ def batch(*arguments: object) -> int:
 
 
 def table(path: Path) -> list[dict[str, str]]:
-    """Read a table."""
     with path.open(newline="") as lines:
         return list(csv.DictReader(lines))
 
