@@ -258,36 +258,3 @@ def test_the_template(tmp_path: Path, capfd: Capture) -> None:
     assert exit_code("grade", "--template", folder) == 2
     require_refusal(capfd, "refusing to overwrite")
     assert (folder / "homework.c").read_text() == PLAIN
-
-
-REFUSED = {
-    "nothing": ([], "HOMEWORK is missing"),
-    "no file": (["none.c"], "'none.c' cannot be read"),
-    "an empty folder": (["."], "holds no homework"),
-    "a table of one": (["homework.c", "-o", "grades.csv"], "-o needs a folder"),
-    "a folder without a table": (["all"], "needs -o TABLE.csv, --html DIR, or --json"),
-    "foreign pages": (["homework.c", "--html", "site"], "not a page of warpgrains grade"),
-    "another ending": (["all", "-o", "grades.txt"], "must end in .csv"),
-    "a foreign table": (["all", "-o", "mine.csv"], "not a table of grades"),
-    "a template of one": (["homework.c", "--template"], "--template takes no other option"),
-    "no homework": (["huge.c"], "it has more than 1048576 bytes"),
-    "a pipe": (["pipe"], "'pipe' is not a regular file"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_bad_input_is_one_line(
-    case: str, tmp_path: Path, capfd: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    arguments, complaint = REFUSED[case]
-    monkeypatch.chdir(tmp_path)
-    if case != "an empty folder":
-        homework(tmp_path / "all" / "homework.c", PLAIN)
-        homework(tmp_path / "huge.c", " " * (2**20 + 1))
-        os.mkfifo(tmp_path / "pipe")
-        (tmp_path / "mine.csv").write_text("a,b\n1,2\n")
-        (tmp_path / "site").mkdir()
-        (tmp_path / "site" / "index.html").write_text("<html></html>")
-    assert exit_code("grade", *arguments) == 2
-    require_refusal(capfd, complaint)
-    assert not (tmp_path / "grades.csv").exists()

@@ -207,27 +207,6 @@ def test_size_and_frame_of_a_run_and_of_its_recording(tmp_path, states, suffix):
         draw(recording, again, size="900")
 
 
-INVALID = {
-    "size": ["", "900", "900x", "9x9", "9000x900", "-90x90", "900x400x2", "9e2x400"],
-    "frame": ["", "0,0,1", "0,0,1,1,1", "1,0,0,1", "0,0,1,0", "0,0,nan,1", "0,0,inf,1", "a,0,1,1"],
-}
-
-
-@pytest.mark.parametrize(
-    ("option", "value"), [(name, text) for name, texts in INVALID.items() for text in texts]
-)
-def test_an_invalid_size_or_frame_is_refused(tmp_path, capfd, option, value):
-    path = tmp_path / "run.png"
-    assert exit_code("run", "annulus", "-o", path, f"--{option}", value) == 2
-    require_refusal(capfd, f"{option} is {value!r}: ")
-    assert not path.exists()
-
-
-def test_a_film_of_odd_size_is_refused():
-    with pytest.raises(InputError, match="size is '641x480': a film needs even numbers of pixels"):
-        RunOptions(steps=1, record="run.mp4", size="641x480")
-
-
 class TestStill:
     def test_contains_all_grains_unless_it_has_a_frame(self):
         walls = [Segment((-0.3, -0.4), (0.3, -0.4)), Segment((-0.3, -0.4), (-0.3, 0.6))]

@@ -8,7 +8,6 @@ import pytest
 
 from warpgrains import InputError, Scene
 from warpgrains.cli.main import main
-from warpgrains.files import draft_of
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report import report
 from warpgrains.report.report import markdown
@@ -220,14 +219,3 @@ def test_without_a_compiler_there_is_no_c_reference(
         assert {row.code for row in rows} == {"warpgrains"}
     finally:
         find_c_reference.cache_clear()
-
-
-def test_a_file_that_fails_half_way_is_not_there(tmp_path: Path) -> None:
-    def write() -> None:
-        with draft_of(tmp_path / "file") as draft:
-            draft.write_text("half")
-            raise OSError("disk full")
-
-    with pytest.raises(OSError, match="disk full"):
-        write()
-    assert list(tmp_path.iterdir()) == []

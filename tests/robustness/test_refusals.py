@@ -36,6 +36,7 @@ from warpgrains.cli import main as command_line
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.state import first_state
+from warpgrains.simulation.options import RunOptions
 from warpgrains.sweep.axes import axis_values
 from warpgrains.sweep.plot import SweepPlot
 from warpgrains.sweep.sweep import Sweep
@@ -136,6 +137,7 @@ CALLABLE = (
     Line,
     Polyline,
     Row,
+    RunOptions,
     Scene,
     Segment,
     Simulation,
@@ -171,6 +173,19 @@ NAMES = {
     "PISTON": Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0),
 }
 """What calls may name, besides what `running` returns, and a folder."""
+
+
+PLAIN = (Path(__file__).parents[1] / "grade" / "right" / "plain.c").read_text()
+ONE_GRAIN = """
+domain = {radius_in = 0.2, radius_out = 1.0}
+grains = {position = [[0.0, -0.5]], radius = 0.1, mass = 0.1}
+"""
+WALL = "[[walls]]\nkind = 'segment'\nfrom = [0.5, 0]\nto = [0.7, 0]\n"
+WALLED = {
+    "walled": WALL,
+    "spun": f"physics.spin_drag = 0.01\n{WALL}friction = 0.3\n",
+    "turning": "physics.gravity = {rotate = 0.1}\n",
+}
 
 
 def require_line(message, complaint):
@@ -221,7 +236,16 @@ def folder(tmp_path_factory):
     (folder / "mine.csv").write_text("a,b\n1,2\n")
     (folder / "text.usdc").write_text("no stage")
     (folder / "empty.usda").write_text("#usda 1.0\n")
-    (folder / "kept").mkdir()
+    for name in ("kept", "all", "site"):
+        (folder / name).mkdir()
+    for name in ("homework.c", "all/homework.c"):
+        (folder / name).write_text(PLAIN)
+    (folder / "empty.c").write_text('#include "fem.h"\n')
+    (folder / "huge.c").write_text(" " * (2**20 + 1))
+    os.mkfifo(folder / "pipe")
+    (folder / "site" / "index.html").write_text("<html></html>")
+    for name, more in WALLED.items():
+        (folder / f"{name}.toml").write_text(ONE_GRAIN + more)
     write(folder)
     record(folder / "run.usdc", make_frames(3))
     half = Simulation("annulus", duration=0.3)

@@ -14,14 +14,14 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from command import exit_code
+from command import dying_in_writing, exit_code
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 from same_bits import contents
 from trimmed import trimmed
 
-from warpgrains import Scene, Simulation, files
+from warpgrains import Scene, Simulation
 from warpgrains.scene.fields import ORDERS
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.recorder import log_of, recover
@@ -87,18 +87,8 @@ class Sequences(RuleBasedStateMachine):
 
     @rule(publication=st.integers(1, 12), before=st.booleans(), every=st.integers(1, 9))
     def killed_in_writing(self, publication, before, every):
-        publish, left = files.publish, [publication]
-
-        def die(draft, target, *replace):
-            left[0] -= 1
-            if left[0] == 0 and before:
-                raise Killed
-            publish(draft, target, *replace)
-            if left[0] == 0:
-                raise Killed
-
-        self.patch.setattr(files, "publish", die)
-        self.until_death("run", "--resume", self.kept, "--every", every)
+        with dying_in_writing(Killed, publication, before):
+            self.until_death("run", "--resume", self.kept, "--every", every)
 
     @rule(step=st.integers(0, STEPS))
     def twice_at_once(self, step):

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 
+from warpgrains import files
 from warpgrains.cli.main import main
 
 
@@ -25,6 +26,24 @@ def small_disk(most: int) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@contextmanager
+def dying_in_writing(error: type[BaseException], publication: int, before: bool) -> Iterator[None]:
+    """Raise an error before or after the file of this number takes its name."""
+    publish, left = files.publish, [publication]
+
+    def die(*arguments: object) -> None:
+        left[0] -= 1
+        if left[0] == 0 and before:
+            raise error
+        publish(*arguments)
+        if left[0] == 0:
+            raise error
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(files, "publish", die)
+        yield
 
 
 def require_refusal(capfd: pytest.CaptureFixture[str], complaint: str = "") -> None:

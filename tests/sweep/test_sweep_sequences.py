@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
 
 import pytest
-from command import exit_code
+from command import dying_in_writing, exit_code
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
@@ -15,7 +15,7 @@ from same_bits import contents
 from sweeps import Interrupted, Slices, batch, results, table, write
 from trimmed import trimmed
 
-from warpgrains import Scene, Simulation, files
+from warpgrains import Scene, Simulation
 from warpgrains.simulation.checkpoint import read_checkpoint
 
 NUMBERS = [0, 1, 4, 5]  # of the small sweep's runs: the others fail
@@ -66,18 +66,12 @@ class Sequences(RuleBasedStateMachine):
             folder = self.out / "runs" / f"{int(row['run']):05}"
             if not row["error"] and folder.exists():
                 kept, steps = read_checkpoint(folder / "checkpoint.npz"), int(row["steps"])
-                assert contents(kept.state) == end(
-                    undisturbed("--folders") / "runs" / folder.name / "scene.toml", steps
-                )
+                scene = undisturbed("--folders") / "runs" / folder.name / "scene.toml"
+                assert contents(kept.state) == end(scene, steps)
                 assert (folder / "recording.usdc").exists() == (kept.options.record is not None)
                 if kept.options.series is not None:
-                    series = (
-                        undisturbed(*MEASURE, "--every", "7", *self.until)
-                        / "runs"
-                        / folder.name
-                        / "series.csv"
-                    )
-                    assert (folder / "series.csv").read_bytes() == series.read_bytes()
+                    whole = undisturbed(*MEASURE, "--every", "7", *self.until) / "runs" / folder.name
+                    assert (folder / "series.csv").read_bytes() == (whole / "series.csv").read_bytes()
         assert not [path for name in ("*.lock", "*.frames", ".draft*") for path in self.out.rglob(name)]
 
     def resume(self, *more, codes=(0, 1, 130)):
@@ -97,21 +91,8 @@ class Sequences(RuleBasedStateMachine):
 
     @rule(publication=st.integers(1, 20), before=st.booleans())
     def interrupted_in_writing(self, publication, before):
-        left = [publication]
-
-        def die(draft, target, *replace):
-            left[0] -= 1
-            if left[0] == 0 and before:
-                raise Interrupted
-            publish(draft, target, *replace)
-            if left[0] == 0:
-                raise Interrupted
-
-        publish = files.publish
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(files, "publish", die)
-            with suppress(Interrupted):  # while the tables are written
-                self.resume()
+        with suppress(Interrupted), dying_in_writing(Interrupted, publication, before):
+            self.resume()
 
     @rule(index=st.integers(0, 2))
     def shared(self, index):

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command import exit_code, require_refusal
 from recordings import make_frames, record
 from same_bits import contents
 
@@ -132,66 +131,6 @@ def test_a_homework_that_ends_is_told_and_restarts(play):
     assert player.steps == 0
     player.advance(1)
     assert player.readout()["stage"] == "velocities by Newton's law"
-
-
-ONE_GRAIN = """
-[domain]
-radius_in = 0.2
-radius_out = 1.0
-[grains]
-position = [[0.0, -0.5]]
-radius = 0.1
-mass = 0.1
-"""
-WALL = "[[walls]]\nkind = 'segment'\nfrom = [0.5, 0]\nto = [0.7, 0]\n"
-ADDED = {
-    "spun": f"[physics]\nspin_drag = 0.01\n{WALL}friction = 0.3\n",
-    "walled": WALL,
-    "turning": "[physics]\ngravity = {rotate = 0.1}\n",
-}
-HOMEWORKS = {
-    "a recording": (["run.usdc", "--homework", "homework.c"], "needs a scene, not a recording"),
-    "another scheme": (
-        ["annulus", "--homework", "homework.c", "--set", "time.scheme=leapfrog"],
-        "scheme is 'leapfrog': --homework needs scheme text",
-    ),
-    "friction": (
-        ["annulus", "--homework", "homework.c", "--set", "contact.friction=0.3"],
-        "friction is 0.3: --homework needs",
-    ),
-    "friction at walls": (
-        ["annulus", "--homework", "homework.c", "--set", "contact.wall_friction=0.3"],
-        "wall_friction is 0.3: --homework needs",
-    ),
-    "spin drag": (["spun.toml", "--homework", "homework.c"], "spin_drag is 0.01 kg m2/s: --homework needs"),
-    "pressure": (
-        ["annulus", "--homework", "homework.c", "--set", "domain.pressure=2.0"],
-        "pressure is 2.0 N/m: --homework needs",
-    ),
-    "a wall": (["walled.toml", "--homework", "homework.c"], "walls has 1 entries: --homework needs"),
-    "no inner wall": (
-        ["bidisperse", "--homework", "homework.c", "--set", "time.scheme=text"],
-        "an inner wall",
-    ),
-    "turning gravity": (
-        ["turning.toml", "--homework", "homework.c"],
-        "gravity.rotate is 0.1 rad/s: --homework needs",
-    ),
-    "no file": (["annulus", "--homework", "none.c"], "'none.c' cannot be read"),
-    "no homework": (["annulus", "--homework", "empty.c"], "'empty.c' cannot be run"),
-}
-
-
-@pytest.mark.parametrize("case", HOMEWORKS)
-def test_homeworks_that_cannot_be_played_are_refused(case, tmp_path, monkeypatch, capfd):
-    arguments, complaint = HOMEWORKS[case]
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "homework.c").write_text(RIGHT)
-    for name, added in ADDED.items():
-        (tmp_path / f"{name}.toml").write_text(ONE_GRAIN + added)
-    (tmp_path / "empty.c").write_text('#include "fem.h"\n')
-    assert exit_code("view", *arguments) == 2
-    require_refusal(capfd, complaint)
 
 
 SPEEDS = (0.1, 0.5, 1.0, 1.3, 10.0)
