@@ -1,10 +1,13 @@
-"""Voronoi cells between the walls: against scipy's, against points at random, and against the whole."""
+"""Voronoi cells between the walls: against freud's, against points at random, and against the whole."""
 
+from dataclasses import replace
+
+import freud
 import numpy as np
 import pytest
-from moments import EPS, moment_of
+from moments import EPS, far_away, moment_of
 
-from warpgrains import analysis
+from warpgrains import Box, Disc, analysis
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
 
@@ -18,6 +21,36 @@ def test_cells_fill_the_space_between_the_walls(count, radius_in):
     walls = Annulus(radius_in, 1.0)
     now = moment_of(*random(walls, count=count, radius=[0.001, 0.02], seed=count), radius_in=radius_in)
     assert analysis.cell_areas(now).sum() == pytest.approx(np.pi * (1.0 - radius_in**2), rel=HULL)
+
+
+ROUGH = {"roughness": {"radius": 0.01, "spacing": 0.05}}
+
+
+@pytest.mark.parametrize("fields", [{}, {"top": ROUGH, "bottom": ROUGH | {"velocity": (0.03, 0.0)}}])
+@pytest.mark.parametrize("periodic", ["", "x", "y", "xy"])
+@pytest.mark.parametrize("count", [1, 2, 200])
+def test_cells_fill_a_box(count, periodic, fields):
+    """Wherever its grains have gone, and around a disc on its left side that cuts cells on both."""
+    if fields and "y" in periodic:
+        return
+    box = Box((0.0, 1.2), (-0.4, 0.4), periodic=periodic, **fields)
+    disc = Disc((0.05, 0.0), 0.1 if "x" in periodic else 0.04)
+    places = np.random.default_rng(count).uniform((0.0, -0.39), (1.2, 0.39), (count, 2))
+    places = places[~disc.covers(places) & ~disc.covers(places - (1.2, 0.0))]
+    now = replace(moment_of(places, 0.001, domain=box, walls=[disc]), time=0.7)
+    bumps = 2 * 24 * np.pi * 0.01**2 / 2.0 if fields else 0.0
+    space = 1.2 * 0.8 - np.pi * disc.radius**2 - bumps
+    assert now.container.region.area == pytest.approx(space, rel=64 * EPS)
+    assert analysis.cell_areas(far_away(now)).sum() == pytest.approx(space, rel=HULL)
+
+
+def test_cells_in_a_periodic_box_are_freuds():
+    """To the rounding of its float32 coordinates, 6e-8 of a length of 1.2 m, times the height of a cell."""
+    places = np.random.default_rng(2).uniform((0.0, 0.0), (1.2, 0.8), (300, 2))
+    now = moment_of(places, 0.01, domain=Box((0.0, 1.2), (0.0, 0.8), periodic="xy"))
+    voronoi = freud.locality.Voronoi()
+    voronoi.compute((freud.box.Box(1.2, 0.8), np.column_stack([places - (0.6, 0.4), np.zeros(300)])))
+    assert analysis.cell_areas(far_away(now)) == pytest.approx(voronoi.volumes, abs=6e-8)
 
 
 def test_cells_of_unequal_discs_are_where_the_power_is_least():

@@ -8,11 +8,14 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 import pytest
 from command import exit_code, require_refusal
-from moments import EPS, moment_of
+from moments import EPS, far_away, moment_of
+from walled_scenes import BOXES, boxed
 
-from warpgrains import Arc, Disc, InputError, Scene, Segment, Simulation, analysis
+from warpgrains import Arc, Box, Disc, InputError, Line, Scene, Segment, Simulation, analysis
+from warpgrains.analysis.quantities import SWEEP_QUANTITIES
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.outline import Part
+from warpgrains.scene.snapshot import Snapshots
 
 TURN = np.array([[cos(0.4), sin(0.4)], [-sin(0.4), cos(0.4)]])
 
@@ -63,6 +66,44 @@ def test_container_is_found_from_the_ends_of_segments(walls, area, mouth):
     assert found.region.contains(np.array(CORNER) @ turn).all()
 
 
+@pytest.mark.parametrize(
+    ("sides", "walls", "area"),
+    [
+        ({}, [], 0.48),
+        ({"left": {"velocity": (0.1, 0.3)}, "top": {"velocity": (0.2, 0.0)}}, [], 0.32),
+        ({"left": {"velocity": (-0.1, 0.0), "to_time": 1.0}}, [], 0.56),
+        ({"periodic": "x", "bottom": {"velocity": (0.3, -0.1)}}, [], 0.6),
+        ({"periodic": "x"}, [Disc((-0.25, 0.1), 0.1, velocity=(-0.2, 0.0))], 0.48 - pi * 0.01),
+        ({"periodic": "xy"}, [Disc((0.3, 0.4), 0.1)], 0.48 - pi * 0.01),
+        ({}, [Segment((-0.3, 0.2), (0.3, 0.2))], 0.36),
+        ({"periodic": "x"}, [Segment((0.05, -0.2), (0.05, 0.1))], None),
+        (None, [Line((0.0, -0.5), (0.0, 1.0), 2.0)], pi - CAP),
+    ],
+)
+def test_container_of_a_box_ends_at_its_sides(sides, walls, area):
+    domain = {} if sides is None else {"domain": Box((-0.3, 0.3), (-0.4, 0.4), **sides)}
+    now = far_away(replace(moment_of(CORNER, walls=walls, **domain), time=2.0))
+    assert now.container.is_known == (area is not None)
+    assert area is None or now.container.closed().area == pytest.approx(area, rel=64 * EPS)
+
+
+def test_boxes_of_all_kinds_at_once():
+    """The same bits as of one scene."""
+    scenes = [boxed(kind) for kind in BOXES]
+    scenes = [
+        scene for scene in scenes if scene.n == scenes[0].n and scene.wall_count == scenes[0].wall_count
+    ]
+    arrays = {name: np.array([getattr(scene, name) for scene in scenes]) for name in ("position", "velocity")}
+    arrays |= {"spin": np.zeros(arrays["position"].shape[:2])}
+    arrays |= {"wall_force": np.zeros((*arrays["spin"].shape, scenes[0].wall_count))}
+    together = Snapshots.of(scenes, [0.1] * len(scenes), **arrays)
+    assert len(scenes) > 2
+    for k, scene in enumerate(scenes):
+        one = Snapshots.of([scene], [0.1], **{name: array[k : k + 1] for name, array in arrays.items()})
+        for name, of_runs in SWEEP_QUANTITIES.items():
+            assert of_runs(one).item() == of_runs(together)[k], name
+
+
 @pytest.mark.parametrize("changes", [{"gravity": (0.0, 0.0)}, {"position": [*CORNER, (0.5, 0.0)]}])
 def test_an_open_container_without_gravity_or_without_a_grain_is_unknown(changes):
     assert not moment_of(**{"position": CORNER, "walls": chain(*U), **changes}).container.is_known
@@ -105,6 +146,44 @@ def crate(closed, turn):
     forces = {"force": np.full(54, 3.0), "tangential_force": np.zeros(54)}
     at_walls = {"wall_force": np.full(12, 3.0), "wall_tangential_force": np.zeros(12)}
     return replace(now, pair=row, wall=ends, **forces, **at_walls)
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0), (3.0, -5.0)])
+@pytest.mark.parametrize("periodic", ["", "x", "y", "xy"])
+def test_what_is_measured_in_a_box_of_the_domain(periodic, gravity):
+    """The same lattice, in which each row carries a force of 3 N from side to side, or around."""
+    now = moment_of(
+        LATTICE, RADIUS, domain=Box((-0.2, 0.2), (-0.12, 0.12), periodic=periodic), gravity=gravity
+    )
+    row = [(6 * i + j, 6 * i + j + 6) for i in range(9) for j in range(6)]
+    around = [(j, 54 + j) for j in range(6)] if "x" in periodic else []
+    ends = [] if around else [(j + 54 * k, 2 + k) for j in range(6) for k in range(2)]
+    count = len(row) + len(around)
+    now = replace(
+        far_away(now),
+        start=far_away(now).position,
+        pair=np.array(row + around, np.int32),
+        wall=np.array(ends, np.int32).reshape(-1, 2),
+        **{"force": np.full(count, 3.0), "tangential_force": np.zeros(count)},
+        **dict.fromkeys(("wall_force", "wall_tangential_force"), np.full(len(ends), 3.0)),
+    )
+    near, fill = {"rel": 1e4 * EPS, "abs": 1e4 * EPS}, pi / 4.0
+    assert analysis.packing_fraction(now) == pytest.approx(fill, rel=sqrt(EPS))
+    assert analysis.packing_fraction(now, {"x": (-0.18, 0.1), "y": (-0.1, 0.1)}) == pytest.approx(
+        fill, **near
+    )
+    assert analysis.global_packing_fraction(now) == pytest.approx(fill, **near)
+    assert analysis.local_packing_fractions(now) == pytest.approx(fill, rel=1e-9)
+    stress = np.diag([3.0 / 0.04, 0.0])
+    assert analysis.mean_stress(now) == pytest.approx(stress, rel=1e-9, abs=1e-9)
+    assert analysis.mean_stress(now, {"x": (-0.2, 0.0)}) == pytest.approx(stress, rel=1e-9, abs=1e-9)
+    if "x" in periodic:  # elsewhere, slices may be at any angle
+        profile = analysis.height_profile(now, 6)
+        assert profile.packing_fraction == pytest.approx(fill, **near)
+        along = np.diag([0.0, 3.0 / 0.04])
+        assert profile.stress == pytest.approx(np.tile(along, (6, 1, 1)), rel=1e-9, abs=1e-9)
+    assert analysis.grains_in(now, {"x": (-0.2, 0.0)}).sum() == 30
+    assert analysis.contact_numbers(now).tolist() == [2] * 60
 
 
 @pytest.mark.parametrize("closed", [True, False])

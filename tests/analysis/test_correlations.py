@@ -1,14 +1,14 @@
 """Correlations of centers by kinds: a twin over all pairs, a lattice, sums over kinds."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import freud
 import numpy as np
 import pytest
-from moments import moment_of
+from moments import EPS, far_away, moment_of
 from scipy.special import j0
 
-from warpgrains import Disc, Segment, analysis
+from warpgrains import Box, Disc, Segment, analysis
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
 
@@ -24,6 +24,8 @@ IN_BOX = {"walls": [Segment(*ends) for ends in pairwise(BOX)]}
 RING = {"radius_in": 0.3}
 ON_DISC = RING | {"walls": [Disc((0.0, -0.6), 0.15), Disc((0.1, 0.1), 0.88, inside=True)]}
 KITE = [(-0.9, -0.8), (0.9, -0.7), (0.8, 0.9), (-0.7, 0.6)]
+PERIODIC = {of: {"domain": Box((-0.7, 0.6), (-0.8, 0.9), periodic=of)} for of in ("", "x", "y", "xy")}
+AGAINST = (("", (0.0, 0.0)), ("x", (6.0, -3.0)), ("x", (6.0, 0.0)), ("y", (0.0, -3.0)), ("xy", (0.0, -3.0)))
 LOWER = {"x": (-0.9, 0.9), "y": (-0.95, 0.0), "distance": (0.35, 0.97)}
 
 
@@ -37,6 +39,9 @@ LOWER = {"x": (-0.9, 0.9), "y": (-0.95, 0.0), "distance": (0.35, 0.97)}
             for one in ({"polygon": KITE}, {"angle": (-2.0, 2.0)}, {"angle": (0.0, 1.0), "below": 0.5})
         ),
         (IN_BOX, 34_000, 0.4, None, 2),
+        *((PERIODIC[of] | {"gravity": g}, 6000, 0.6, None, 2) for of, g in AGAINST),
+        (PERIODIC["x"], 6000, 0.6, {"x": (-0.7, 0.3)}, 2),
+        (PERIODIC["x"] | {"walls": [Disc((-0.6, 0.1), 0.2)]}, 6000, 0.5, {}, 1),
     ],
 )
 def test_points_at_random_have_g_of_one(fields, count, reach, region, left_out):
@@ -46,8 +51,8 @@ def test_points_at_random_have_g_of_one(fields, count, reach, region, left_out):
     """
     points = np.random.default_rng(4).uniform(-1.0, 1.0, (count, 2))
     space = moment_of([(0.0, 0.35)], **fields).container.region
-    points = points[space.clearance(points) > 1e-3]
-    found = analysis.radial_distribution(moment_of(points, 0.001, **fields), 20, reach, region)
+    points = points[(points == space.wrapped(points)).all(axis=1) & (space.clearance(points) > 1e-3)]
+    found = analysis.radial_distribution(far_away(moment_of(points, 0.001, **fields)), 20, reach, region)
     deviation = 1.0 / np.sqrt(np.maximum(found.pairs, 1)) + 1.0 / np.sqrt(len(points) / left_out)
     assert (np.abs(found.g - 1.0) < 3.0 * deviation)[found.pairs > 0].all()
     assert (found.pairs > 0).sum() >= 15
@@ -138,6 +143,36 @@ def test_structure_factor_is_the_sum_over_pairs(dense):
     ours = analysis.structure_factor(dense, debye.k_values, directions=200, region={})
     assert ours.s == pytest.approx(np.array(debye.S_k), abs=1e-3)  # float32
     assert ours.s.max() > 1.3
+
+
+@pytest.fixture(scope="module")
+def tile():
+    """Overlapping grains at random in a periodic box, each some periods away."""
+    places = np.random.default_rng(3).uniform(0.0, 1.0, (300, 2))
+    return far_away(moment_of(places, domain=Box((0.0, 1.0), (0.0, 1.0), periodic="xy")))
+
+
+def test_in_a_periodic_box_correlations_are_freuds(tile):
+    """To the rounding of its float32 numbers: 6e-8 of phases up to 50, and of both edges of 30 bins."""
+    places = np.column_stack([tile.position % 1.0 - 0.5, np.zeros(300)])
+    rdf = freud.density.RDF(bins=30, r_max=0.45, normalization_mode="finite_size")
+    rdf.compute((freud.box.Box.square(1.0), places))
+    found = analysis.radial_distribution(tile, 30, 0.45)
+    assert np.array_equal(found.pairs, rdf.bin_counts / 2)
+    assert found.g == pytest.approx(rdf.rdf, rel=2 * 30 * 6e-8)
+    for diagonal in (1, 3):  # the nearest waves are along the sides, and diagonals
+        shells = 2.0 * np.pi * np.array([np.rint(diagonal * np.sqrt(2.0)), diagonal * np.sqrt(2.0)])
+        theirs = []
+        for k, mirrored in product(shells, (1.0, -1.0)):  # freud takes waves with no component below 0
+            direct = freud.diffraction.StaticStructureFactorDirect(bins=1, k_max=k + 1e-3, k_min=k - 1e-3)
+            direct.compute((freud.box.Box(1.0, 1.0, 1e-3), places * (mirrored, 1.0, 1.0)))
+            theirs.append(direct.S_k.item())
+        ours = analysis.structure_factor(tile, shells, 4)
+        along = analysis.structure_factor(tile, shells, 2)
+        assert along.s == pytest.approx(theirs[0], rel=1e-3)
+        assert along.k == pytest.approx(shells[0], rel=4 * EPS)
+        assert ours.s[1] == pytest.approx(np.mean(theirs), rel=1e-3)
+        assert ours.k[1] == pytest.approx(shells.mean(), rel=4 * EPS)
 
 
 def test_evenly_spaced_waves_are_those_computed_one_by_one(dense):

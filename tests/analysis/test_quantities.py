@@ -12,6 +12,7 @@ from warpgrains.analysis import height_profile, quantities, snapshot
 from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.geometry import area_below
+from warpgrains.scene.gravity import upwards
 from warpgrains.scene.snapshot import Snapshots
 
 G = 9.81
@@ -33,6 +34,7 @@ def test_many_runs_at_once(n):
     generator = np.random.default_rng(n)
     m, share = 9, generator.uniform(0.0, 1.0, (9, 1))
     force = generator.uniform(size=(m, n, 2)) * (generator.random((m, n)) < share)[..., np.newaxis]
+    gravity = generator.normal(size=(m, 2)) * (np.arange(m) > 0)[:, np.newaxis]
     grains = Snapshots(
         mass=generator.uniform(0.1, 3.0, (m, n)),
         radius=generator.uniform(0.01, 0.1, (m, n)),
@@ -40,7 +42,8 @@ def test_many_runs_at_once(n):
         velocity=generator.normal(size=(m, n, 2)),
         spin=generator.normal(size=(m, n)),
         wall_force=force,
-        gravity=generator.normal(size=(m, 2)) * (np.arange(m) > 0)[:, np.newaxis],
+        gravity=gravity,
+        up=upwards(gravity),
         discs=generator.uniform(0.0, 0.2, (m, 2, 3)),
         annulus=Annulus(np.linspace(0.0, 0.4, m), np.full(m, 1.5)),
         containers={},

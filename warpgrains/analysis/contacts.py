@@ -76,7 +76,7 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
     """
     now = snapshot(of)
     area = cell_areas(now) if area is None else area
-    return _force_moments(now) / area[:, np.newaxis, np.newaxis]
+    return force_moments(now) / area[:, np.newaxis, np.newaxis]
 
 
 def mean_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
@@ -104,7 +104,7 @@ def mean_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
     now = snapshot(of)
     counted = region_of(now, region)
     inside = slice(None) if region is None else counted.contains(now.position)
-    return np.asarray(_force_moments(now)[inside].sum(axis=0) / counted.area)
+    return np.asarray(force_moments(now)[inside].sum(axis=0) / counted.area)
 
 
 def pressure(of: Snapshot | HasState, region: Where = None) -> float:
@@ -118,7 +118,7 @@ def pressure(of: Snapshot | HasState, region: Where = None) -> float:
     return float(np.trace(mean_stress(of, region)) / 2.0)
 
 
-def _force_moments(now: Snapshot) -> FloatArray:
+def force_moments(now: Snapshot) -> FloatArray:
     """Return the sum of l n (f n + q t)^T over the contacts of each grain [N m], shape (n, 2, 2)."""
     grain, normal, force, tangential = now.loads
     weight = force * now.scene.radius[grain]

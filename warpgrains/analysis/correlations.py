@@ -12,7 +12,6 @@ from warpgrains.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.errors import InputError, NoAreaError, requiring
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import distance
-from warpgrains.scene.gravity import upwards
 from warpgrains.scene.region import Region
 from warpgrains.scene.snapshot import Snapshot
 
@@ -45,7 +44,8 @@ def radial_distribution(
     ----------
     bins : int
     reach : float, optional
-        Upper end of the bins [m]; by default five mean diameters.
+        Upper end of the bins [m]; by default five mean diameters. In a periodic box, it is at most half a
+        side.
     region : mapping, optional
         Region of the centers, see `region_of`; ``{}`` is the whole space between the walls. The default
         excludes a mean diameter along the walls, where grains are layered, and under gravity the space above
@@ -148,12 +148,20 @@ def _counted(
         from scipy.spatial import cKDTree
     counted, position = counted_region(now, region), now.position
     bins = checks.whole_number("bins", bins)
-    reach = 10.0 * float(now.scene.radius.mean()) if reach is None else checks.positive("reach", reach)
+    most = 0.5 * float(min(counted.period[counted.period > 0.0], default=np.inf))
+    mean = float(now.scene.radius.mean())
+    reach = min(10.0 * mean, most) if reach is None else checks.positive("reach", reach)
+    if reach > most:
+        raise InputError(f"reach is {reach} m: in this periodic box it must be at most {most} m, half of it")
     inside = counted.contains(position)
     kinds, kind = np.unique(label, return_inverse=True)
     position, kind, k = position[inside], kind[inside], len(kinds)
-    i, j = cKDTree(position).query_pairs(reach, output_type="ndarray").T
-    apart, of_pair = distance(position[j] - position[i]), kind[i] * k + kind[j]
+    places, period = counted.wrapped(position) - counted.low, counted.period
+    places = np.where(period > 0.0, np.clip(places, 0.0, np.nextafter(period, 0.0)), places)
+    tree = cKDTree(places, boxsize=period if period.any() else None)
+    i, j = tree.query_pairs(reach, output_type="ndarray").T
+    apart = distance(counted.nearest_image(position[j] - position[i]))
+    of_pair = kind[i] * k + kind[j]
     edges = np.linspace(0.0, reach, bins + 1)
     counts = [np.histogram(apart[of_pair == one], bins, (0.0, reach))[0] for one in range(k * k)]
     pairs = np.array(counts).reshape(k, k, bins)
@@ -190,9 +198,9 @@ def counted_region(now: Snapshot, region: Where) -> Region:
     """Return a region, by default the container below the mean height, without a layer along its walls."""
     if region is not None:
         return region_of(now, region)
-    scene, level = now.scene, mean_heights(now.grains).item()
-    is_pile, container = any(scene.gravity), now.container
+    scene, level, container = now.scene, mean_heights(now.grains).item(), now.container
+    is_pile = bool(np.dot(scene.gravity, container.up))
     container.require_known()
     space = container.walled if is_pile and level <= container.mouth else container.closed()
     bulk = space.without_layer(2.0 * float(scene.radius.mean()))
-    return bulk.cut((upwards(scene.gravity_at(now.time)), level)) if is_pile else bulk
+    return bulk.cut((container.up, level)) if is_pile else bulk

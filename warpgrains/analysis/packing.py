@@ -16,7 +16,6 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import NoAreaError, requiring
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import area_below, area_in_disc
-from warpgrains.scene.gravity import upwards
 from warpgrains.scene.region import Region
 from warpgrains.scene.snapshot import Snapshot, Snapshots
 
@@ -35,7 +34,7 @@ def heights(of: Snapshot | HasState) -> FloatArray:
 
 
 def _heights(grains: Snapshots) -> FloatArray:
-    return (grains.position @ upwards(grains.gravity)[..., np.newaxis])[..., 0]
+    return (grains.position @ grains.up[..., np.newaxis])[..., 0]
 
 
 def pile_height(of: Snapshot | HasState) -> float:
@@ -59,11 +58,11 @@ def pile_height(of: Snapshot | HasState) -> float:
 
 
 def pile_heights(grains: Snapshots) -> FloatArray:
-    """Return the pile heights of many runs [m], shape (m,); NaN where the container is unknown."""
+    """Return the pile heights of many runs [m], shape (m,); NaN where the container is unknown or endless."""
     lowest = np.broadcast_to(-grains.annulus.radius_out, len(grains.mass)).copy()
     for k, container in grains.containers.items():
-        span = container.region.span(upwards(grains.gravity[k]))
-        lowest[k] = span[0] if container.is_known else np.nan
+        span = container.region.span(container.up)
+        lowest[k] = span[0] if container.is_known and not all(container.walled.periodic) else np.nan
     return (_heights(grains) + grains.radius).max(axis=-1) - lowest
 
 
@@ -104,21 +103,25 @@ def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
 def packing_fractions(grains: Snapshots) -> FloatArray:
     """Return the packing fractions of many runs, shape (m,); NaN where the area is unknown."""
     radius, height, level = grains.radius, _heights(grains), mean_heights(grains)
-    discs = (grains.discs[..., :2] @ upwards(grains.gravity)[..., np.newaxis])[..., 0]
+    discs = (grains.discs[..., :2] @ grains.up[..., np.newaxis])[..., 0]
     in_discs = area_below(grains.discs[..., 2], level[:, np.newaxis] - discs).sum(axis=-1)
     space = grains.annulus.area_below(level) - in_discs
     for k, container in grains.containers.items():
-        below = (upwards(grains.gravity[k]), level[k].item())
         is_enclosed = container.is_known and level[k] <= container.mouth
-        space[k] = container.walled.cut(below).area if is_enclosed else np.nan
+        space[k] = container.walled.cut((container.up, level[k].item())).area if is_enclosed else np.nan
     filled: FloatArray = area_below(radius, level[:, np.newaxis] - height).sum(axis=-1)
     return filled / space
 
 
 def mean_heights(grains: Snapshots) -> FloatArray:
-    """Return the mean heights of the grains of many runs, weighted by area [m], shape (m,)."""
+    """Return the mean heights of the grains of many runs, weighted by area [m], shape (m,).
+
+    They are inf in a box that is periodic in both directions, which has no height.
+    """
     area = grains.radius**2
-    return (area * _heights(grains)).sum(axis=-1) / area.sum(axis=-1)
+    level: FloatArray = (area * _heights(grains)).sum(axis=-1) / area.sum(axis=-1)
+    level[[k for k, container in grains.containers.items() if all(container.walled.periodic)]] = np.inf
+    return level
 
 
 def global_packing_fraction(of: Snapshot | HasState) -> float:
@@ -161,7 +164,7 @@ def cell_areas(of: Snapshot | HasState) -> FloatArray:
     if region.cells is not None and outside.any():
         grain = checks.first_bad("position", now.position, outside)
         raise NoAreaError(f"{grain}: it is above the mouth of the container, where it has no cell")
-    return radical_cell_areas(now.position, now.scene.radius, region)
+    return radical_cell_areas(region.wrapped(now.position), now.scene.radius, region)
 
 
 def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
@@ -179,7 +182,9 @@ def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
 def radical_cell_areas(position: FloatArray, radius: FloatArray, region: Region) -> FloatArray:
     """Return the areas of the cells of discs in a region of one polygon, or of a whole ring [m2], (n,)."""
     near, far, _ = region.ring
-    grain, corner = _corners(position / far, radius / far)
+    images = np.concatenate([position + shift for shift in region.shifts])
+    grain, corner = _corners(images / far, np.tile(radius, len(region.shifts)) / far)
+    corner, grain = corner[grain < len(position)], grain[grain < len(position)]
     _, first, count = np.unique(grain, return_index=True, return_counts=True)
     middle = np.repeat(np.add.reduceat(corner, first) / count[:, np.newaxis], count, axis=0)
     around = np.arctan2(*(corner - middle).T[::-1])
@@ -191,13 +196,14 @@ def radical_cell_areas(position: FloatArray, radius: FloatArray, region: Region)
     reach = np.maximum.reduceat(np.hypot(*(corner - position[grain]).T), first)  # of each cell from its grain
     is_cut = np.zeros(len(first), bool)
     for circle in region.discs:
-        to = np.hypot(*(position[grain[first]] - circle[:2]).T)
+        to = np.hypot(*region.nearest_image(position[grain[first]] - circle[:2]).T)
         is_cut |= to + reach > circle.radius if circle.keeps_inside else to - reach < circle.radius
     if region.cells is not None:
         is_cut |= ~np.logical_and.reduceat(region.contains(corner), first)
     for start, size, own in zip(first[is_cut], count[is_cut], grain[first[is_cut]], strict=True):
-        cell = tuple(map(tuple, corner[start : start + size].tolist()))
-        area[own] = replace(region, cells=(cell,)).within(replace(region, discs=())).area
+        images = corner[start : start + size] + region.shifts[:, np.newaxis]
+        cells = (replace(region, cells=(tuple(map(tuple, cell.tolist())),)) for cell in images)
+        area[own] = sum(cell.within(replace(region, discs=())).area for cell in cells)
     return np.asarray(area, np.float64)
 
 

@@ -18,7 +18,6 @@ from warpgrains.files import read_table, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.pictures.still import DOTS_PER_INCH, FrameArtists, add_color_bar, save_figure, shares
 from warpgrains.scene import checks
-from warpgrains.scene.gravity import upwards
 from warpgrains.shown import number_of
 from warpgrains.usd.recording import Recording, painter_of
 
@@ -122,7 +121,7 @@ def measure(source: Recording) -> dict[str, FloatArray]:
     for k in range(len(source)):
         now = source.frame(k, source.has_forces)
         energies.append(kinetic_energy(now) / float(now.scene.mass.sum()))
-        heights.append(float((now.position @ upwards(now.scene.gravity_at(now.time))).mean()))
+        heights.append(float((now.position @ now.scene.up_at(now.time)).mean()))
         contacts.append(len(now.force) + len(now.wall_force))
     curves = {"kinetic energy per mass [J/kg]": energies, "mean height [m]": heights}
     curves |= {"contacts that push": contacts} if source.has_forces else {}

@@ -5,14 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.packing import heights
+from warpgrains.analysis.contacts import force_moments
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.described import fields_in_help
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import directions, distance, left_of
-from warpgrains.scene.gravity import upwards
+from warpgrains.scene.geometry import directions, left_of
 from warpgrains.scene.region import Region
 from warpgrains.scene.snapshot import Snapshot
 
@@ -24,7 +23,7 @@ class Profile(NamedTuple):
     Examples
     --------
     >>> analysis.height_profile(simulation)._fields
-    ('edges', 'packing_fraction', 'velocity', 'temperature')
+    ('edges', 'packing_fraction', 'velocity', 'temperature', 'stress')
     """
 
     edges: FloatArray
@@ -36,13 +35,16 @@ class Profile(NamedTuple):
     left. For heights these are upwards and to the left, for radii outwards and counter-clockwise."""
     temperature: FloatArray
     """Granular temperature relative to the mean velocity of the slice [m2/s2], shape (bins,)."""
+    stress: FloatArray
+    """Stress [N/m], shape (bins, 2, 2), of the components of the velocity: the sum over grains as for
+    `mean_stress`, each with the share of its area inside, by the area of the slice."""
 
 
 def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None) -> Profile:
-    """Return means over slices perpendicular to gravity.
+    """Return means over slices perpendicular to gravity, or along the direction in which a box is periodic.
 
     They reach from the lowest to the highest point of the container, see `region_of`. Heights are measured
-    from the origin.
+    from the origin. Without gravity, they are those along y, or x where the box is periodic in y.
 
     Parameters
     ----------
@@ -63,10 +65,10 @@ def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     array([0.48, 0.  , 0.  , 0.01, 0.  , 0.  , 0.  , 0.  ])
     """
     now = snapshot(of)
-    up, counted = upwards(now.scene.gravity_at(now.time)), _counted(now, region)
+    up, counted = now.scene.up_at(now.time), _counted(now, region)
     edges = np.linspace(*now.container.region.span(up), checks.whole_number("bins", bins) + 1)
     slices = [counted.between(up, low, high) for low, high in pairwise(edges)]
-    return _means(now, edges, slices, heights(now), np.broadcast_to(up, (now.n, 2)))
+    return _means(now, edges, slices, np.broadcast_to(up, (now.n, 2)))
 
 
 def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None) -> Profile:
@@ -83,10 +85,12 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     array([0.01, 0.02, 0.  , 0.  , 0.03, 0.12])
     """
     now = snapshot(of)
-    annulus, counted = now.scene.annulus, _counted(now, region)
-    edges = np.linspace(annulus.radius_in, annulus.radius_out, checks.whole_number("bins", bins) + 1)
+    space, counted = now.scene.space, _counted(now, region)
+    near, far, _ = space.ring
+    far = min(far, float(np.hypot(*np.abs(space.outer_box).max(axis=0))))
+    edges = np.linspace(near, far, checks.whole_number("bins", bins) + 1)
     slices = [counted.distances(near, far) for near, far in pairwise(edges)]
-    return _means(now, edges, slices, distance(now.position), directions(now.position))
+    return _means(now, edges, slices, directions(counted.wrapped(now.position)))
 
 
 def _counted(now: Snapshot, region: Where) -> Region:
@@ -97,18 +101,12 @@ def _counted(now: Snapshot, region: Where) -> Region:
     return region_of(now, region)
 
 
-def _means(
-    now: Snapshot, edges: FloatArray, slices: list[Region], at: FloatArray, along: FloatArray
-) -> Profile:
-    """Return means of grains weighted by their areas in slices between edges of a coordinate [m].
-
-    `at` holds the coordinates of the grains, and `along` the unit vectors along the profile, shape (n, 2).
-    """
-    radius, weight = now.scene.radius, np.zeros((len(slices), now.n))
-    for own, one, low, high in zip(weight, slices, edges[:-1], edges[1:], strict=True):
-        near = np.flatnonzero((at + radius > low) & (at - radius < high))
-        own[near] = one.areas(now.position[near], radius[near])
+def _means(now: Snapshot, edges: FloatArray, slices: list[Region], along: FloatArray) -> Profile:
+    """Return means of grains weighted by their areas in slices; `along` are units along it, shape (n, 2)."""
+    radius, axes = now.scene.radius, np.stack([along, left_of(along)], axis=1)
+    weight = np.array([one.areas(now.position, radius) for one in slices])
     velocity = np.stack([(now.velocity * way).sum(axis=1) for way in (along, left_of(along))], axis=1)
+    moment = axes @ force_moments(now) @ axes.transpose(0, 2, 1)
     total, space = weight.sum(axis=1), np.array([one.area for one in slices])
     with np.errstate(invalid="ignore"):
         share = weight / total[:, np.newaxis]
@@ -116,4 +114,5 @@ def _means(
     temperature = 0.5 * (share @ (velocity**2).sum(axis=1) - (mean**2).sum(axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):
         fraction = np.where(space > 0.0, total / space, np.nan)
-    return Profile(edges, fraction, mean, np.maximum(temperature, 0.0))
+        stress = np.tensordot(weight / (np.pi * radius**2), moment, 1) / space[:, np.newaxis, np.newaxis]
+    return Profile(edges, fraction, mean, np.maximum(temperature, 0.0), stress)

@@ -12,7 +12,6 @@ from warpgrains.arrays import BoolArray
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
 from warpgrains.scene import region as ranges
-from warpgrains.scene.gravity import upwards
 from warpgrains.scene.region import Region, Side, sides_of
 from warpgrains.scene.snapshot import Snapshot
 
@@ -26,10 +25,11 @@ Where = Mapping[str, Any] | Region | None
 def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
     """Return the region that a table describes, the part of the container of the grains in which all holds.
 
-    The container is the space between the circles, without the discs inside. Where it has segments, these
-    must form a convex polygon around the grains, which may be open above; it then ends where they end. With
-    other walls, or segments that cut the space otherwise, the container is unknown, and the region is the
-    described part of the space between the circles.
+    The container is the space between the circles, or the box between its sides where they are, without the
+    discs inside. Where it has segments, these must form a convex polygon around the grains, which may be open
+    above; it then ends where they end. With other walls, or segments that cut the space otherwise, the
+    container is unknown, and the region is the described part of the space between the circles or sides.
+    In periodic directions, grains count where their images in the box are.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
         - ``below``: a height above the origin, against gravity [m], or ``"surface"``. The latter is the space
           that is at least a mean diameter below the surface of a pile, which leaves out its rough top. The
           surface is at the highest center of a grain in each of the columns into which the space is divided.
-          They are as wide as two mean diameters, or as 1/64 of the outer diameter if that is more. Only
+          They are as wide as two mean diameters, or as 1/64 of the domain if that is more. Only
           grains with a contact count, if any has one. A column without grains is not part of the region.
 
     Returns
@@ -76,7 +76,7 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
     for key in region:
         checks.one_of("key of region", key, KEYS)
     own = {key: region[key] for key in region if key in ranges.RANGES}
-    found = ranges.region_of(now.scene.annulus, own, "region")
+    found = ranges.region_of(now.scene.space, own, "region")
     for key, cells_of in _CELLS.items():
         if key in region:
             found = found.split(cells_of(now, region[key]))
@@ -128,18 +128,20 @@ def _wedges(_: Snapshot, given: Any) -> list[list[Side]]:
 
 def _below(now: Snapshot, given: Any) -> list[list[Side]]:
     """Return the half plane below a height, or the columns below the surface of a pile."""
-    up, reach = upwards(now.scene.gravity_at(now.time)), now.scene.radius_out
+    up, space = now.scene.up_at(now.time), now.scene.space
     if not isinstance(given, str):
         return [[(up, checks.number("region.below", given))]]
     checks.one_of("region.below", given, ["surface"])
     across, diameter = np.array([up[1], -up[0]]), 2.0 * float(now.scene.radius.mean())
-    count = max(1, min(MOST_COLUMNS, int(reach / diameter)))
-    edges = np.linspace(-reach, reach, count + 1)
+    low, high = space.span(across) if now.scene.domain else (-now.scene.radius_out, now.scene.radius_out)
+    count = max(1, min(MOST_COLUMNS, int((high - low) / 2.0 / diameter)))
+    edges = np.linspace(low, high, count + 1)
     grain = np.unique(now.loads.grain) if len(now.loads.grain) else np.arange(now.n)
-    column = np.clip(np.searchsorted(edges, now.position[grain] @ across, "right") - 1, 0, count - 1)
+    place = space.wrapped(now.position[grain])
+    column = np.clip(np.searchsorted(edges, place @ across, "right") - 1, 0, count - 1)
     top = np.full(count, -np.inf)
-    np.maximum.at(top, column, now.position[grain] @ up)
-    edges[[0, -1]] *= 2.0  # beyond the wall, which bounds the outermost columns
+    np.maximum.at(top, column, place @ up)
+    edges[0], edges[-1] = low - (high - low), high + (high - low)  # beyond the wall that bounds the column
     left, right, level = edges[:-1], edges[1:], top - diameter
     held = np.flatnonzero(np.isfinite(top))
     return [[(-across, -left[k]), (across, right[k]), (up, level[k])] for k in held]

@@ -23,7 +23,7 @@ class StructureFactor(NamedTuple):
     """Static structure factor of grain centers."""
 
     k: FloatArray
-    """Wave numbers [1/m], shape (K,)."""
+    """Wave numbers [1/m], shape (K,); in a periodic box means of those of the wave vectors."""
     s: FloatArray
     """S(k), shape (K,); NaN without grains."""
 
@@ -35,8 +35,11 @@ def structure_factor(
 
     It is evaluated directly, for the n grains in a region and for wave vectors at equal angles from the x
     axis on. With many directions it tends to sum_ij J_0(k r_ij) / n, freud's Debye form in two dimensions.
-    No periodic images are added. So for k below some 20 / (width of the region), S(k) is mostly that of
-    the shape of the region, n at k = 0. Independent random centers have S = 1.
+    For k below some 20 / (width of the region), S(k) is mostly that of the shape of the region, n at k = 0.
+    Independent random centers have S = 1.
+
+    In a periodic direction, each component of a wave vector is the multiple of 2 pi / (side of the box) that
+    is nearest; those that are 0 then are left out, unless all are.
 
     Parameters
     ----------
@@ -65,15 +68,32 @@ def structure_factor(
     number = np.array(k, np.float64)
     if number.ndim != 1 or not np.isfinite(number).all():
         raise InputError(f"k has shape {number.shape}: it must be a list of finite wave numbers [1/m]")
-    position = now.position[counted_region(now, region).contains(now.position)]
+    counted = counted_region(now, region)
+    position = now.position[counted.contains(now.position)]
     angle = np.pi * np.arange(checks.whole_number("directions", directions)) / directions
-    along = np.stack([np.cos(angle), np.sin(angle)]).T @ position.T
+    way = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    if any(counted.periodic):
+        return _of_cell(number, way, position, counted.period)
+    along = way @ position.T
     total = np.zeros((len(number), directions), np.complex128)
     for start in range(0, len(position), CHUNK):
         total += _waves(number, along[:, start : start + CHUNK])
     with np.errstate(invalid="ignore"):
         s = (np.abs(total) ** 2).mean(axis=1) / np.float64(len(position))
     return StructureFactor(number, s)
+
+
+def _of_cell(k: FloatArray, way: FloatArray, position: FloatArray, period: FloatArray) -> StructureFactor:
+    """Return S(k) of the wave vectors of a periodic cell that are nearest to those of some directions."""
+    vector = k[:, np.newaxis, np.newaxis] * way
+    step = np.divide(2.0 * np.pi, period, out=np.zeros(2), where=period > 0.0)
+    whole = np.rint(np.divide(vector, step, out=np.zeros_like(vector), where=step > 0.0))
+    vector = np.where(step > 0.0, whole * step, vector)
+    size = np.hypot(*np.moveaxis(vector, -1, 0))
+    weight = np.where(size.any(axis=1, keepdims=True), size > 0.0, True)
+    with np.errstate(invalid="ignore"):
+        s = [np.abs(np.exp(-1j * (own @ position.T)).sum(axis=1)) ** 2 / len(position) for own in vector]
+    return StructureFactor(*(np.average(values, axis=1, weights=weight) for values in (size, np.array(s))))
 
 
 def _waves(k: FloatArray, along: FloatArray) -> ComplexArray:

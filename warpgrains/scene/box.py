@@ -118,6 +118,11 @@ class Box:
         return x, y
 
     @property
+    def middle(self) -> Ends:
+        """The middle of the box [m]."""
+        return sum(self.x) / 2.0, sum(self.y) / 2.0
+
+    @property
     def circle(self) -> Annulus:
         """A circle about the origin that contains the box, which is no wall."""
         return Annulus(0.0, 2.0 * hypot(*(max(map(abs, ends)) for ends in (self.x, self.y))), NO_WALL)
@@ -126,7 +131,9 @@ class Box:
     def space(self) -> Region:
         """The box as a region."""
         (left, right), (bottom, top) = self.x, self.y
-        return Region(self.circle, (((left, bottom), (right, bottom), (right, top), (left, top)),))
+        corners = ((left, bottom), (right, bottom), (right, top), (left, top))
+        periodic = self.x if "x" in self.periodic else None, self.y if "y" in self.periodic else None
+        return Region(self.circle, (corners,), periodic=periodic)
 
     @cached_property
     def sides(self) -> dict[str, tuple[Wall, ...]]:
@@ -151,7 +158,7 @@ class Box:
     def _walls_of(self, name: str, given: dict[str, Any]) -> tuple[Wall, ...]:
         component, sign = SIDES[name]
         length = self.lengths[1 - component]
-        (x, y), at = (sum(ends) / 2.0 for ends in (self.x, self.y)), self.x if component == 0 else self.y
+        (x, y), at = self.middle, self.x if component == 0 else self.y
         own_place = at[0 if sign > 0.0 else 1]
         point = (own_place, y) if component == 0 else (x, own_place)
         normal = (sign, 0.0) if component == 0 else (0.0, sign)

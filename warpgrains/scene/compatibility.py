@@ -95,11 +95,8 @@ def _of_domain(scene: Scene) -> Iterator[str]:
             yield f"{which} its normal is {wall.normal}: it must be at a right angle to that direction"
         if wall.angular_velocity != 0.0 and scene.period.any():
             yield f"{which} angular_velocity is {wall.angular_velocity} rad/s: no wall can turn there"
-        if (
-            (period := min((own for own in scene.period if own > 0.0), default=inf))
-            <= 2.0 * wall.circle[2]
-            < inf
-        ):
+        period = min((own for own in scene.period if own > 0.0), default=inf)
+        if period < inf and period <= 2.0 * wall.circle[2] < inf:
             yield f"{which} it is {2.0 * wall.circle[2]} m wide: it must be less than the period, {period} m"
 
 

@@ -1,14 +1,15 @@
-"""The container of the grains: the part of the space between the circles that straight walls leave to them.
+"""The container of the grains: the part of the domain that straight walls leave to them.
 
-A segment that has all centers on one side bounds the container along its whole line. That is right as long as
-walls cover the border of the convex polygon that remains, but for gaps through which no grain passes. Under
-gravity, the polygon may be open above: its mouth is the lowest point of the border that no wall covers. With
-walls of other kinds, or a wall that cuts the polygon, the container is unknown.
+A box is bounded by its sides where they are. A segment that has all centers on one side bounds the container
+along its whole line. That is right as long as walls cover the border of the convex polygon that remains, but
+for gaps through which no grain passes. Under gravity, the polygon may be open above: its mouth is the lowest
+point of the border that no wall covers. With walls of other kinds, or a wall that cuts the polygon, the
+container is unknown.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,9 +18,10 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import NoAreaError
 from warpgrains.scene.geometry import Circle
-from warpgrains.scene.gravity import upwards
+from warpgrains.scene.line import Line
 from warpgrains.scene.outline import Part, clip
 from warpgrains.scene.region import Region, Side, sides_of
+from warpgrains.scene.row import Row
 from warpgrains.scene.segment import Segment
 
 if TYPE_CHECKING:
@@ -33,10 +35,10 @@ class Container:
     """The container of the grains at one time."""
 
     walled: Region
-    """The space between the circles, without discs and what is beyond straight walls and their lines. Where
-    the container is unknown, straight walls are left out."""
-    up: tuple[float, float] = (0.0, 1.0)
-    """Direction against gravity."""
+    """The domain, without discs and what is beyond straight walls and their lines. Where the container is
+    unknown, segments are left out."""
+    up: FloatArray
+    """Direction against gravity, see `Scene.up_at`."""
     mouth: float = np.inf
     """Height up to which walls enclose the grains [m], from the origin; inf if they do all around."""
     is_known: bool = True
@@ -44,7 +46,7 @@ class Container:
     @cached_property
     def region(self) -> Region:
         """The container up to its mouth."""
-        return self.walled.cut((np.array(self.up), self.mouth)) if self.mouth < np.inf else self.walled
+        return self.walled.cut((self.up, self.mouth)) if self.mouth < np.inf else self.walled
 
     def require_known(self, whose: str = "", takes_region: bool = True) -> None:
         """Raise NoAreaError, which begins with `whose`, if the container is unknown."""
@@ -63,29 +65,49 @@ class Container:
 
 def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
     """Return the container of grains at positions [m], shape (n, 2), at a time [s]."""
-    borders = {wall: wall.border_at(time) for wall in scene.walls}
-    discs = tuple(border for border in borders.values() if border is not None)
-    space = Region(scene.annulus, discs=discs)
-    unknown = Container(space, is_known=False)
-    thin = [wall for wall, border in borders.items() if border is None]
+    up = scene.up_at(time)
+    space = _domain(scene, time)
+    unknown = Container(space, up, is_known=False)
+    thin = [wall for wall in scene.walls if not (wall.border or isinstance(wall, Line | Row))]
     if not thin:
-        return Container(space)
+        return Container(space, up)
     if not all(isinstance(wall, Segment) for wall in thin):
         return unknown
     ends = np.array([wall.motion.pose(time).place(np.reshape(wall.numbers, (2, 2))) for wall in thin])
+    position = space.wrapped(position)
     sides, rounding = [_side(own, position) for own in ends], ROUNDING * scene.radius_out
     region = space.cut(*(side for side in sides if side is not None))
     inner = ends[[side is None for side in sides]]
     if not region.parts or any(_cuts(region.parts[0], own, rounding) for own in inner):
         return unknown
     (part,), width = region.parts, 2.0 * scene.smallest_radius
-    free = np.concatenate([_uncovered(edge, ends, rounding, width, part.circles) for edge in part.edges])
+    own_sides = [*sides_of(space.parts[0].corner)]
+    edges = [edge for edge in part.edges if not _is_on(own_sides, edge, rounding)]
+    free = np.concatenate(
+        [np.empty((0, 2, 2)), *(_uncovered(edge, ends, rounding, width, part.circles) for edge in edges)]
+    )
     if not len(free):
-        return Container(region)
-    gravity = scene.gravity_at(time)
-    up = upwards(gravity)
-    container = Container(region, tuple(up.tolist()), float((free @ up).min()))
-    return container if any(gravity) and container.region.area > 0.0 else unknown
+        return Container(region, up)
+    container = Container(region, up, float((free @ up).min()))
+    return container if any(scene.gravity_at(time)) and container.region.area > 0.0 else unknown
+
+
+def _domain(scene: Scene, time: float) -> Region:
+    """Return the domain between its sides as they are at a time [s], without discs."""
+    space, discs, sides = Region(scene.annulus, periodic=scene.space.periodic), list[Circle](), list[Side]()
+    for wall in scene.walls:
+        if (border := wall.border_at(time)) is not None:
+            around = space.shifts if not border.keeps_inside else np.zeros((1, 2))
+            discs += (border._replace(x=border.x + x, y=border.y + y) for x, y in around.tolist())
+        elif isinstance(wall, Row):
+            centers = wall.discs_at(time, scene.domain.middle if scene.domain else wall.point)
+            discs += (Circle(x, y, wall.radius, False) for x, y in centers.tolist())
+        elif isinstance(wall, Line):
+            normal, point = np.array(wall.normal), wall.motion.pose(time).place(np.array([wall.point]))
+            sides.append((-normal, -(point[0] @ normal).item()))
+    for axis, ends in zip(np.eye(2), space.periodic, strict=True):
+        sides += [(-axis, -ends[0]), (axis, ends[1])] if ends else []
+    return replace(space, discs=tuple(discs)).cut(*sides)
 
 
 def _side(ends: FloatArray, position: FloatArray) -> Side | None:
@@ -96,6 +118,11 @@ def _side(ends: FloatArray, position: FloatArray) -> Side | None:
     if (beyond < 0.0).all():
         return normal, float(start @ normal)
     return (-normal, float(-(start @ normal))) if (beyond > 0.0).all() else None
+
+
+def _is_on(sides: list[Side], edge: FloatArray, rounding: float) -> bool:
+    """Return whether an edge lies on one of the sides of the domain."""
+    return any((np.abs(edge @ normal - level) <= rounding).all() for normal, level in sides)
 
 
 def _cuts(part: Part, line: FloatArray, rounding: float) -> bool:

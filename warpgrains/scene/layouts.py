@@ -139,7 +139,7 @@ def random(
     seed
         Seed of the random numbers.
     """
-    space = region_of(annulus, region)
+    space = region_of(Region(annulus), region)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
     radii = _random_radii(radius, count, packing_fraction, space, generator)
     for extreme in (radii.min(), radii.max()):

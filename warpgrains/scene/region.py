@@ -2,33 +2,35 @@
 
 A region is a ring about the origin, cut by convex polygons, without the discs inside. A grain belongs to it
 if its center lies in it, a contact if its contact point does. Areas, also those of grains that the border
-cuts, are exact (outline.py).
+cuts, are exact (outline.py). In periodic directions, points and discs count where their images are.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Annulus
-from warpgrains.scene.geometry import Circle, area_in_disc
+from warpgrains.scene.geometry import Circle, area_in_disc, nearest_image, with_images, wrapped
 from warpgrains.scene.outline import Part, clip
 
 RANGES = ("x", "y", "distance")
 ROUNDING = 1e-13  # of areas, sums of dozens of parts, in squares of the outer radius
 
-Corners = tuple[tuple[float, float], ...]
+Ends = tuple[float, float]
+Corners = tuple[Ends, ...]
 Side = tuple[FloatArray, float]
 """Half plane, normal . x <= level [m]."""
+Measure = Callable[[Part, FloatArray, FloatArray], FloatArray]
 
 
 @fields_in_help
@@ -50,6 +52,43 @@ class Region:
     the whole ring."""
     discs: tuple[Circle, ...] = ()
     """Discs outside of which, and rings inside of which the region lies."""
+    periodic: tuple[Ends | None, Ends | None] = (None, None)
+    """Where a periodic box begins and ends along x and y [m]; None for directions that are not periodic."""
+
+    @property
+    def low(self) -> FloatArray:
+        """Where the box begins in periodic directions [m], shape (2,); 0 in others."""
+        return np.array([ends[0] if ends else 0.0 for ends in self.periodic])
+
+    @property
+    def period(self) -> FloatArray:
+        """Lengths of the box in periodic directions [m], shape (2,); 0 in others."""
+        return np.array([ends[1] - ends[0] if ends else 0.0 for ends in self.periodic])
+
+    def wrapped(self, position: FloatArray) -> FloatArray:
+        """Return the images of points in the box [m], shape (..., 2)."""
+        return wrapped(position, self.period, self.low)
+
+    def nearest_image(self, ways: FloatArray) -> FloatArray:
+        """Return the shortest of ways and their images in the box [m], shape (..., 2)."""
+        return nearest_image(ways, self.period)
+
+    def images(self, position: FloatArray, reach: FloatArray) -> tuple[FloatArray, IndexArray]:
+        """Return the images of discs that touch the box: centers [m], shape (k, 2), and numbers, (k,).
+
+        `reach` holds the radii [m], shape (n,). The first n are one of each disc.
+        """
+        if not any(self.periodic):
+            return position, np.arange(len(position))
+        low = self.low - reach[:, np.newaxis]
+        places, number = with_images(wrapped(position, self.period, low) - low, 2.0 * reach, self.period)
+        return places + low[number], number
+
+    @property
+    def shifts(self) -> FloatArray:
+        """Ways from a cell of a periodic box to itself and those around it [m], shape (1, 3 or 9; 2)."""
+        steps = [(0.0, 1.0, -1.0) if length else (0.0,) for length in self.period]
+        return np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2) * self.period
 
     @cached_property
     def parts(self) -> list[Part]:
@@ -77,6 +116,7 @@ class Region:
 
     def contains(self, position: FloatArray) -> BoolArray:
         """Return which points [m], shape (..., 2), lie in the region or on its border, shape (...,)."""
+        position = self.wrapped(position)
         found = [part.contains(position) for part in self.parts]
         return np.any([np.zeros(position.shape[:-1], bool), *found], axis=0)
 
@@ -87,14 +127,21 @@ class Region:
 
     def areas(self, position: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the areas of discs inside the region [m2], of centers (n, 2) and radii (n,), shape (n,)."""
-        return sum((part.areas(position, radius) for part in self.parts), start=np.zeros(len(radius)))
+        return self._sums(Part.areas, position, radius)
 
     def angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the angle of the circle of each disc that lies in the region [rad], shape (n,)."""
-        return sum((part.angles(center, radius) for part in self.parts), start=np.zeros(len(radius)))
+        return self._sums(Part.angles, center, radius)
+
+    def _sums(self, measure: Measure, center: FloatArray, radius: FloatArray) -> FloatArray:
+        """Return the sums of a measure of discs over the parts and the images, shape (n,)."""
+        places, disc = self.images(center, radius)
+        found = sum((measure(part, places, radius[disc]) for part in self.parts), start=np.zeros(len(disc)))
+        return found if len(disc) == len(radius) else np.bincount(disc, found).astype(np.float64)
 
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return a lower bound of the distance of points from the border [m], < 0 outside, shape (n,)."""
+        points = self.wrapped(points)
         return np.max([part.clearance(points) for part in self.parts], axis=0)
 
     def cut(self, *sides: Side) -> Region:
@@ -133,7 +180,15 @@ class Region:
         discs = (disc._replace(radius=radius) for disc, radius in zip(self.discs, grown, strict=True))
         kept = replace(self, ring=self.ring.without_layer(depth), discs=tuple(discs))
         sides = (side for cell in self.cells or () for side in sides_of(np.array(cell)))
-        return kept.cut(*((normal, level - depth) for normal, level in sides))
+        return kept.cut(*((way, level - depth) for way, level in sides if not self._is_periodic(way, level)))
+
+    def _is_periodic(self, normal: FloatArray, level: float) -> bool:
+        """Return whether a side is one of the periodic sides of the box."""
+        return any(
+            ends is not None and level == (ends[1] if along > 0.0 else -ends[0])
+            for along, ends in zip(normal.tolist(), self.periodic, strict=True)
+            if abs(along) == 1.0
+        )
 
     def span(self, direction: FloatArray) -> tuple[float, float]:
         """Return the smallest and the largest direction . x of the region, discs inside included [m]."""
@@ -175,21 +230,24 @@ def sides_of(corner: FloatArray) -> Iterable[Side]:
             yield normal, float(start @ normal)
 
 
-def region_of(annulus: Annulus, given: Any, field: str = "grains.region") -> Region:
-    """Return the region of a table of ranges [m], all optional; NoAreaError if it is empty."""
+def region_of(space: Region, given: Any, field: str = "grains.region") -> Region:
+    """Return the part of a domain in a table of ranges [m], all optional; NoAreaError if it is empty."""
     if given is None:
-        return Region(annulus)
+        return space
     if not isinstance(given, Mapping):
         raise InputError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
     for key in given:
         checks.one_of(f"key of {field}", key, RANGES)
     ranges = {key: _range(f"{field}.{key}", value) for key, value in given.items()}
+    annulus = space.ring
     between = (annulus.radius_in, annulus.radius_out)
     near, far = ranges.pop("distance", between)
     if near < annulus.radius_in or far > annulus.radius_out:
         raise NoAreaError(f"{field}.distance is ({near}, {far}) m: it must be between the walls, {between} m")
     ring = annulus._replace(radius_in=near, radius_out=far)
-    region = Region(ring, (rectangle(ring, **ranges),) if ranges else None)
+    region = Region(ring, (rectangle(ring, **ranges),) if ranges else None, periodic=space.periodic)
+    if space.cells is not None:
+        region = region.within(space)
     if not (region.box[0] < region.box[1]).all() or region.area <= 0.0:
         raise NoAreaError(f"{field} is {given!r}: no point between the walls lies in it")
     return region

@@ -84,6 +84,14 @@ class Row(Wall):
         away = np.array(self.point) + discs * self.step - position
         return Side(directions(away), distance(away) - (radius + self.radius))
 
+    def discs_at(self, time: float, middle: Vector) -> FloatArray:
+        """Return the centers of the discs that reach into the part about a point, at a time [m], (k, 2)."""
+        point = np.add(self.point, self.motion.pose(time).shift)
+        step, half = np.array(self.step), 0.5 * self.length + self.radius
+        way = float((point - middle) @ step) / hypot(*step)
+        first, last = np.ceil((-half - way) / hypot(*step)), np.floor((half - way) / hypot(*step))
+        return np.asarray(point + np.arange(first, last + 1.0)[:, np.newaxis] * step)
+
     def fills_gaps_of(self, other: Wall) -> bool:
         """Return whether the discs are in the middle between those of another row."""
         if not isinstance(other, Row) or (self.step, self.radius, self.path) != (

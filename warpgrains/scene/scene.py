@@ -24,7 +24,7 @@ from warpgrains.scene.compatibility import require_compatible_settings, require_
 from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import FIELDS, SceneChanges, SceneFields, SceneOptions, checked_fields
 from warpgrains.scene.geometry import distance, left_of, nearest_image, overlapping_pairs
-from warpgrains.scene.gravity import TurningGravity
+from warpgrains.scene.gravity import TurningGravity, upwards
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
 from warpgrains.scene.toml import read_text
@@ -247,6 +247,17 @@ class Scene(SceneFields, Shown):
         """Return the acceleration of gravity at a time [m/s2] (MODEL.md, eq. 31)."""
         return self.gravity.at(time) if isinstance(self.gravity, TurningGravity) else self.gravity
 
+    def up_at(self, time: float) -> FloatArray:
+        """Return the unit vector against gravity; in a box, across the direction in which it is periodic.
+
+        It is (0, 1) without gravity, and in a box that is periodic in both directions.
+        """
+        x, y = self.gravity_at(time)
+        periodic = self.domain.periodic if self.domain else ""
+        if periodic == "y":
+            return np.array((1.0, 0.0)) if x == 0.0 else upwards((x, 0.0))
+        return upwards((0.0 if "x" in periodic else x, 0.0 if periodic == "xy" else y))
+
     @property
     def has_friction(self) -> bool:
         """True if contacts have friction, so that grains rotate."""
@@ -395,9 +406,8 @@ class Scene(SceneFields, Shown):
         if number < INSIDE:
             return self.annulus.side(number, position, radius, move)
         k = number - INSIDE
-        x, y, reach = self.walls[k].circle
-        if self.period.any() and reach < inf:
-            center = self.walls[k].motion.pose(time).place(np.array([[x, y]]))
+        if self.period.any() and self.walls[k].circle[2] < inf:
+            center = self.walls[k].motion.pose(time).place(np.array([self.walls[k].circle[:2]]))
             position = center + nearest_image(position - center, self.period)
         if self.joints.of(k):
             return self.joints.side(k, time, position, radius, self.annulus.diameter)
