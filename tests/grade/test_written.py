@@ -51,7 +51,7 @@ def test_a_wrong_one_is_named(grader: Grader, tmp_path: Path, number: int) -> No
 def test_two_mistakes_at_random_get_no_false_name(grader: Grader, seed: int) -> None:
     random = np.random.default_rng(seed)
     complete = 0
-    for function, count in (("femGrainsContactIterate", 24), ("femGrainsUpdate", 12)):
+    for function, count in (("femGrainsContactIterate", 12), ("femGrainsUpdate", 6)):
         mistakes = [mistake for mistake in read_mistakes() if mistake.function == function]
         probes, expected = grader.probes[function], grader.expected[function]
         for _ in range(count):
@@ -69,7 +69,7 @@ def test_two_mistakes_at_random_get_no_false_name(grader: Grader, seed: int) -> 
             names = {str(mistake.name) for mistake in two}
             assert all(str(m.name) in names or set(m.terms.items()) <= terms for m in named)
             complete += is_complete
-    assert complete > 20
+    assert complete > 9
 
 
 def test_all_that_is_said_is_said_in_french() -> None:

@@ -84,13 +84,6 @@ def test_walls_carry_a_resting_pile(radius_in: float, scheme: dict[str, str]) ->
     assert_weight_is_carried(simulation)
 
 
-def test_walls_carry_grains_of_two_sizes() -> None:
-    """The shipped scene, in which drag takes up to 3 % of a velocity in a step."""
-    simulation = Simulation(Scene.load("bidisperse"))
-    simulation.run(duration=6.0)
-    assert_weight_is_carried(simulation)
-
-
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_contacts_of_a_column_carry_what_is_above(scheme: dict[str, str], method: str) -> None:

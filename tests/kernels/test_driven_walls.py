@@ -83,35 +83,6 @@ def test_an_impact_keeps_momentum(method: str) -> None:
     assert simulation.position[0, 0] + 0.1 == pytest.approx(simulation.present_scene.walls[0].start[0])
 
 
-def test_grains_turn_with_the_circle_at_its_present_radius() -> None:
-    """Three grains that a circle of half its first radius holds turn with it as one body."""
-    angle = np.array([0.5, 2.6, 4.7])
-    position = 0.7 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    simulation = Simulation(
-        Scene(
-            position=position,
-            radius=0.25,
-            mass=1.0,
-            radius_out=1.0,
-            pressure=20.0,
-            wall_mass=1.0,
-            gravity=(0.0, 0.0),
-            friction=0.5,
-            angular_velocity_out=0.8,
-            dt=2e-3,
-            tolerance=1e-9,
-        )
-    )
-    simulation.advance(10_000)
-    radius_out = simulation.present_scene.radius_out
-    three = 0.25 * (1.0 + 2.0 / np.sqrt(3.0))  # the circle about three discs that touch
-    assert radius_out == pytest.approx(three, abs=1e-4)  # steps go along tangents; it was 1 m
-    (x, y), (u, v) = simulation.position.T, simulation.velocity.T
-    turned = (x * v - y * u) / (x * x + y * y)
-    assert turned == pytest.approx(0.8, abs=1.6e-3)  # directions turn by dt 0.8 in a step
-    assert simulation.spin == pytest.approx(0.8, abs=1.6e-3)
-
-
 def test_a_snapshot_has_the_normals_of_the_step() -> None:
     """A grain touches the end of a piston, so that the normal turns as the piston moves."""
     simulation = Simulation(pressed(pressure=None, walls=[DRIVEN], gravity=(0.0, -1.0)))
@@ -121,21 +92,6 @@ def test_a_snapshot_has_the_normals_of_the_step() -> None:
         of_walls = analysis.snapshot(simulation).loads.normal[len(walls.normal) * -1 :]
         if len(walls.normal):
             assert of_walls == pytest.approx(walls.normal, abs=1e-12)  # positions are taken back by dt v
-
-
-@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
-def test_two_grains_come_to_rest_across_the_circle(method: str) -> None:
-    """A circle of twice their radius holds them; the force of each on the wall is half of 2 pi R p."""
-    scene = Scene(
-        position=[(-0.3, 0.0), (0.3, 0.0)], radius=0.1, mass=1.0, radius_out=1.0, gravity=(0.0, 0.0),
-        pressure=5.0, method=method, tolerance=1e-9, stop="residual",
-    )  # fmt: skip
-    simulation = Simulation(scene)
-    simulation.advance(300)
-    assert simulation.present_scene.radius_out == pytest.approx(0.2, abs=1e-8)
-    half = 5.0 * np.pi * 0.2
-    assert simulation.wall_contacts().force == pytest.approx([half, half], rel=1e-6)
-    assert simulation.contacts().force == pytest.approx([half], rel=1e-6)
 
 
 @pytest.mark.parametrize(

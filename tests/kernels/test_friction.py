@@ -8,18 +8,6 @@ from walled_scenes import cloud
 from warpgrains import Scene, Simulation
 
 
-def test_state_of_a_scene_without_friction_can_be_continued_with_it() -> None:
-    simulation = Simulation(Scene.load("annulus"))
-    simulation.advance(200)
-    assert simulation.state().spin is None
-    simulation.change(friction=0.5)
-    simulation.advance(50)
-    assert np.abs(simulation.spin).max() > 0.0
-    simulation.change(friction=0.0)
-    assert simulation.advance(50).unconverged == 0
-    assert not simulation.spin.any()
-
-
 @pytest.mark.parametrize("tangent_of_slope", [0.3, 0.8, 1.2, 2.0])
 def test_disc_on_a_slope_rolls_or_slides(tangent_of_slope: float) -> None:
     """It rolls with 2/3 g sin(theta) if tan(theta) <= 3 mu, and else slides with g (sin - mu cos)."""
@@ -71,28 +59,3 @@ def test_contacts_know_which_of_them_slide() -> None:
     for carried in (smooth.contacts(), smooth.wall_contacts()):
         assert carried.slides.all()
         assert not carried.tangential_force.any()
-
-
-def test_momentum_is_kept_without_walls_and_gravity() -> None:
-    rng = np.random.default_rng(3)
-    position = rng.uniform(-0.3, 0.3, (60, 2))
-    velocity = rng.normal(0.0, 1.0, (60, 2))
-    mass, radius = rng.uniform(0.5, 2.0, 60), rng.uniform(0.03, 0.06, 60)
-    scene = Scene(
-        position=position,
-        velocity=velocity,
-        mass=mass,
-        radius=radius,
-        radius_out=100.0,
-        gravity=(0.0, 0.0),
-        friction=0.7,
-        dt=1e-3,
-        tolerance=1e-10,
-        max_iterations=2000,
-    )
-    simulation = Simulation(scene)
-    iterations = simulation.advance(100).iterations
-    rounding = iterations * np.finfo(float).eps * (mass @ np.abs(velocity)).max()  # eps m |v| a correction
-    assert np.abs(mass @ simulation.velocity - mass @ velocity).max() <= rounding
-    state = simulation.state()
-    assert (np.abs(state.corrections.pair_friction) <= 0.7 * state.corrections.pair_correction).all()

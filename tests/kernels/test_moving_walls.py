@@ -16,10 +16,8 @@ from walled_scenes import BLADE, PISTON, RING, ROUGH_MOVING, STIRRED_ROUGH, STON
 
 from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulation, analysis
 from warpgrains.accuracy import certify
-from warpgrains.drawing.shapes import drawn_walls, moved_walls
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.wall import Wall
-from warpgrains.usd.check import report_on_recording
 
 
 def alone(position: tuple[float, float], wall: Disc | Segment, **changes: object) -> Simulation:
@@ -239,23 +237,6 @@ def test_grains_that_a_piston_crushes_are_named() -> None:
     simulation = Simulation(scene)
     simulation.advance(180)
     assert simulation.infeasible_grains() == (0, 1, 2)
-
-
-def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
-    scene = stirred(20, walls=(PISTON, BLADE, RING))
-    simulation = Simulation(scene)
-    simulation.run(duration=0.5, record=tmp_path / "run.usdc", forces=True)
-    assert report_on_recording(tmp_path / "run.usdc") == [f"OK: 13 frames, {scene.n} grains"]
-    recording = Recording(tmp_path / "run.usdc")
-    assert recording.scene.walls == scene.walls
-    assert len(recording.frame(12).wall)
-    drawn = moved_walls(scene, recording.frame(12).scene, recording.time[12])
-    assert list(drawn) == ["Segment0", "Segment1"]
-    pose = PISTON.motion.pose(recording.time[12])
-    assert pose.shift == pytest.approx((0.04, 0.12))
-    at_rest = pose.place(drawn_walls(scene)["Segment0"].first)
-    assert drawn["Segment0"].first.mean(axis=0) == pytest.approx(at_rest.mean(axis=0), abs=1e-6)
-    simulation.plot(forces=True).save(tmp_path / "end.png")
 
 
 def test_a_recording_in_which_a_grain_is_where_a_wall_was(tmp_path: Path) -> None:

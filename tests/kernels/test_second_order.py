@@ -9,7 +9,6 @@ import pytest
 from same_bits import at_annulus, contents
 from schemes import SECOND_ORDER, TEXTS
 from scipy.integrate import solve_ivp
-from scipy.special import ellipj, ellipk
 
 from warpgrains import Batch, Scene, Simulation, SimulationError
 from warpgrains.arrays import FloatArray
@@ -52,20 +51,13 @@ def test_flight_with_drag(rate: float) -> None:
         assert max(errors) <= 400 * 400 * 4 * EPS * 16.0 * (end / 400)
 
 
-def pendulum(dt: float, **changes: str) -> Scene:
+def pendulum(dt: float) -> Scene:
     """A grain in an empty bowl, at rest 1 rad from its lowest point, 0.9 m from the centre."""
     grain = {"position": [[0.9 * np.sin(1.0), -0.9 * np.cos(1.0)]], "radius": 0.1, "mass": 0.2}
-    return Scene(**grain, radius_out=1.0, dt=dt, tolerance=1e-13, **(SECOND_ORDER | changes))
+    return Scene(**grain, radius_out=1.0, dt=dt, tolerance=1e-13, **SECOND_ORDER)
 
 
-def swing(time: float) -> float:
-    """The angle of a pendulum of 0.9 m, 1 rad at first: sin(angle / 2) = k sn(w t + K, k), k = sin(1 / 2)."""
-    k = np.sin(0.5)
-    sn = ellipj(np.sqrt(GRAVITY / 0.9) * time + ellipk(k**2), k**2)[0]
-    return 2.0 * np.arcsin(k * sn)
-
-
-@pytest.mark.parametrize("dt", [1e-1, 1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("dt", [1e-1, 1e-2, 1e-3])
 def test_a_sliding_grain_stays_on_the_circle(dt: float) -> None:
     simulation = Simulation(pendulum(dt))
     steps = round(3.0 / dt)
@@ -73,20 +65,6 @@ def test_a_sliding_grain_stays_on_the_circle(dt: float) -> None:
     assert statistics.unconverged == 0
     assert statistics.overlap <= 1e-12 * 0.1
     assert abs(np.hypot(*simulation.position[0]) - 0.9) <= 1e-12 * 0.1
-
-
-def test_a_sliding_grain_is_a_pendulum() -> None:
-    errors = []
-    for dt in (0.02, 0.01, 0.005, 0.0025):
-        simulation = Simulation(pendulum(dt))
-        worst = 0.0
-        for step in range(1, round(4.0 / dt) + 1):
-            simulation.step()
-            x, y = simulation.position[0]
-            worst = max(worst, abs(np.arctan2(x, -y) - swing(step * dt)))
-        errors.append(worst)
-    assert (orders(errors) >= 1.9).all()
-    assert errors[-1] <= 1e-3
 
 
 def test_a_sliding_grain_is_carried() -> None:
@@ -109,19 +87,6 @@ def test_a_sliding_grain_is_carried() -> None:
             worst = max(worst, abs(at_annulus(simulation).force[0] - force))
         errors.append(worst)
     assert (orders(errors) >= 1.9).all()
-
-
-def test_the_tangent_is_left_and_the_text_is_of_first_order() -> None:
-    """What the tests above can see: neither holds for the text's scheme."""
-    tangent = Simulation(pendulum(0.01, **TEXTS))
-    assert tangent.advance(100).overlap > 1e-4
-    errors = []
-    for dt in (0.01, 0.005, 0.0025):
-        simulation = Simulation(pendulum(dt, scheme="text"))
-        simulation.advance(round(0.5 / dt))
-        x, y = simulation.position[0]
-        errors.append(abs(np.arctan2(x, -y) - swing(0.5)))
-    assert (orders(errors) < 1.2).all()
 
 
 def test_a_state_says_of_which_moment_its_velocities_are() -> None:

@@ -66,18 +66,6 @@ def test_a_grain_slides_down_a_segment(side: float) -> None:
     assert simulation.position[0] == pytest.approx(start + path * along, abs=1e-7)
 
 
-def test_a_grain_rolls_round_an_end() -> None:
-    """It leaves the end of a segment at cos(theta) = 2/3 of that at the start, as it leaves a disc."""
-    start = 0.1 * np.array([sin(0.05), cos(0.05)])
-    simulation = alone(tuple(start), [Segment((-1.0, 0.0), (0.0, 0.0))], dt=4e-5)
-    while simulation.step().contacts or simulation.steps < 10:
-        pass
-    x, y = simulation.position[0]
-    # within a step before it leaves it moves by |v| dt: 3.2e-5 m at 0.8 m/s, an angle of 3.2e-4
-    assert np.arctan2(x, y) == pytest.approx(acos(2.0 / 3.0 * cos(0.05)), abs=1e-3)
-    assert hypot(x, y) == pytest.approx(0.1, abs=1e-6)
-
-
 @pytest.mark.parametrize("bowl", [Disc((0.5, 0.0), 1.0, inside=True), Arc((0.5, 0.0), 1.0, -2.5, -0.5)])
 def test_a_grain_in_a_bowl_swings_as_a_pendulum(bowl: Wall) -> None:
     """The period of small swings is 2 pi sqrt((R - r) / g)."""
@@ -88,15 +76,23 @@ def test_a_grain_in_a_bowl_swings_as_a_pendulum(bowl: Wall) -> None:
     assert x == pytest.approx(0.49, abs=1e-4)
 
 
-def test_a_grain_slides_off_where_the_closed_form_says() -> None:
-    """It leaves a sphere without friction at cos(theta) = 2/3 of that at the start."""
-    start = np.array([1e-3, 1.1]) / np.hypot(1e-3, 1.1) * 1.1
-    simulation = alone(tuple(start), [{"kind": "disc", "center": (0.0, 0.0), "radius": 1.0}])
+@pytest.mark.parametrize(
+    ("wall", "arm", "start"),
+    [
+        (Segment((-1.0, 0.0), (0.0, 0.0)), 0.1, 0.05),
+        ({"kind": "disc", "center": (0.0, 0.0), "radius": 1.0}, 1.1, 1e-3),
+    ],
+    ids=["an end", "a disc"],
+)
+def test_a_grain_slides_off_where_the_closed_form_says(wall: object, arm: float, start: float) -> None:
+    """It leaves a point or a disc without friction at cos(theta) = 2/3 of that at the start."""
+    simulation = alone((arm * sin(start), arm * cos(start)), [wall], dt=1.2e-4 * sqrt(arm))
     while simulation.step().contacts or simulation.steps < 10:
         pass
     x, y = simulation.position[0]
-    # within a step before it leaves it moves by |v| dt: 3.8e-4 m at 2.7 m/s, an angle of 2.4e-4
-    assert np.arctan2(x, y) == pytest.approx(acos(2.0 / 3.0 * start[1] / 1.1), abs=1e-3)
+    # within a step before it leaves it moves by |v| dt: an angle of sqrt(2 g arm / 3) dt / arm = 3.1e-4
+    assert np.arctan2(x, y) == pytest.approx(acos(2.0 / 3.0 * cos(start)), abs=1e-3)
+    assert hypot(x, y) == pytest.approx(arm, abs=1e-5 * arm)
 
 
 def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
