@@ -2,12 +2,12 @@
 
 Discs come in order of size, the largest first. Those of a level are less than a factor of two apart and share
 a grid, whose cells are no narrower than the largest of them. So a disc is checked against nine cells of its
-level and of every level before.
+level and of every level before. In periodic directions the first cells are next to the last ones.
 """
 
 import warp as wp
 
-from .walls import Walls, worst_overlap
+from .walls import Walls, way, worst_overlap
 
 f64 = wp.float64
 NOBODY = wp.constant(-1)
@@ -17,7 +17,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Box:
-    """A box in which the discs are placed, in addition to the walls [m]."""
+    """A box in which the discs are placed, in addition to the walls [m]; infinite where discs wrap around."""
 
     low: wp.vec2d
     high: wp.vec2d
@@ -32,9 +32,10 @@ class DiscsRecord:
     position: wp.array(dtype=wp.vec2d)  # [m], of those that have a place
     follower: wp.array(dtype=wp.int32)  # the next disc in the same cell
     newest: wp.array(dtype=wp.int32)  # by cell
-    cell: wp.array(dtype=f64)  # width of the cells of a level [m]
-    width: wp.array(dtype=wp.int32)  # cells a side
+    cell: wp.array(dtype=wp.vec2d)  # width and height of the cells of a level [m]
+    width: wp.array(dtype=wp.vec2i)  # columns and rows
     first: wp.array(dtype=wp.int32)  # cell of a level
+    corner: wp.vec2d  # lower left one of the grids [m]
     walls: Walls
     box: Box
     places: wp.array(dtype=wp.vec2d)  # that are to be tried [m]
@@ -46,10 +47,20 @@ Discs = wp.ref[DiscsRecord]
 
 
 @wp.func
-def cell_index(x: f64, discs: Discs, level: int) -> int:
-    """Return the column, or row, of cells that a coordinate is in."""
-    place = int((x + discs.walls.annulus.radius_out) / discs.cell[level])
-    return wp.clamp(place, 0, discs.width[level] - 1)
+def cell_of(x: wp.vec2d, discs: Discs, level: int) -> wp.vec2i:
+    """Return column and row of the cell that a point is in."""
+    cell, most = discs.cell[level], discs.width[level] - wp.vec2i(1, 1)
+    column, row = int((x[0] - discs.corner[0]) / cell[0]), int((x[1] - discs.corner[1]) / cell[1])
+    return wp.vec2i(wp.clamp(column, 0, most[0]), wp.clamp(row, 0, most[1]))
+
+
+@wp.func
+def beside(place: int, step: int, width: int, period: f64) -> int:
+    """Return the column, or row, a step from another one; NOBODY where there is none."""
+    other = place + step
+    if period > f64(0.0):
+        return (other + width) % width
+    return wp.where(other >= 0 and other < width, other, NOBODY)
 
 
 @wp.func
@@ -58,7 +69,7 @@ def is_clear_of_cell(x: wp.vec2d, radius: f64, discs: Discs, cell: int) -> bool:
     clear = bool(True)
     j = discs.newest[cell]
     while clear and j != NOBODY:
-        d = discs.position[j] - x
+        d = way(x, discs.position[j], discs.walls)
         reach = radius + discs.radius[j]
         clear = d[0] * d[0] + d[1] * d[1] >= reach * reach
         j = discs.follower[j]
@@ -68,14 +79,19 @@ def is_clear_of_cell(x: wp.vec2d, radius: f64, discs: Discs, cell: int) -> bool:
 @wp.func
 def is_clear(x: wp.vec2d, radius: f64, discs: Discs, level: int) -> bool:
     """Return whether a disc at x overlaps no disc of a level of the grid; its own cell is checked first."""
-    width = discs.width[level]
-    column, row = cell_index(x[0], discs, level), cell_index(x[1], discs, level)
-    own = discs.first[level] + column * width + row
-    clear = is_clear_of_cell(x, radius, discs, own)
-    for c in range(wp.max(-column, -1), wp.min(width - column, 2)):
-        for r in range(wp.max(-row, -1), wp.min(width - row, 2)):
-            if clear:
-                clear = is_clear_of_cell(x, radius, discs, own + c * width + r)
+    width, own, first, period = (
+        discs.width[level],
+        cell_of(x, discs, level),
+        discs.first[level],
+        discs.walls.period,
+    )
+    clear = is_clear_of_cell(x, radius, discs, first + own[0] * width[1] + own[1])
+    for c in range(-1, 2):
+        column = beside(own[0], c, width[0], period[0])
+        for r in range(-1, 2):
+            row = beside(own[1], r, width[1], period[1])
+            if clear and column != NOBODY and row != NOBODY:
+                clear = is_clear_of_cell(x, radius, discs, first + column * width[1] + row)
     return clear
 
 
@@ -103,8 +119,8 @@ def try_places(discs: Discs):
         discs.tries = discs.tries + 1
         if fits(x, discs, i):
             level = discs.level[i]
-            column, row = cell_index(x[0], discs, level), cell_index(x[1], discs, level)
-            cell = discs.first[level] + column * discs.width[level] + row
+            own = cell_of(x, discs, level)
+            cell = discs.first[level] + own[0] * discs.width[level][1] + own[1]
             discs.position[i] = x
             discs.follower[i] = discs.newest[cell]
             discs.newest[cell] = i

@@ -5,7 +5,7 @@ import warp as wp
 from .access import at
 from .placing import Box
 from .shapes import shape_gap, shape_normal
-from .walls import Walls
+from .walls import Walls, place_at, way
 
 f64 = wp.float64
 
@@ -16,10 +16,10 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 def put_inside(x: wp.vec2d, r: f64, walls: Walls, box: Box) -> wp.vec2d:
     """Move a disc of radius r off the walls inside the annulus, between its circles, and into the box."""
     for k in range(walls.shape.shape[0]):
-        shape = at(walls.shape, k)
-        gap = shape_gap(x, r, shape)
+        shape, place = at(walls.shape, k), place_at(k + 1, x, walls)
+        gap = shape_gap(place, r, shape)
         if gap < f64(0.0):
-            x = x + gap * shape_normal(x, shape)
+            x = x + gap * shape_normal(place, shape)
     x = wp.vec2d(wp.max(x[0], box.low[0] + r), wp.max(x[1], box.low[1] + r))
     x = wp.vec2d(wp.min(x[0], box.high[0] - r), wp.min(x[1], box.high[1] - r))
     rho = wp.length(x)
@@ -50,7 +50,7 @@ def push(
         largest = f64(0.0)
         for k in range(pair.shape[0]):
             i, j = pair[k][0], pair[k][1]
-            d = position[j] - position[i]
+            d = way(position[i], position[j], walls)
             r_i, r_j = radius[i], radius[j]
             apart = wp.length(d)
             overlap = r_i + r_j - apart

@@ -10,6 +10,7 @@ from moments import EPS, far_away, moment_of
 from warpgrains import Box, Disc, analysis
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
+from warpgrains.scene.region import Region
 
 HULL = 1e4 * EPS
 """Coordinates of the hull are up to (10 R)^2; facets lose some eps of that, and corners are their slopes."""
@@ -18,8 +19,8 @@ HULL = 1e4 * EPS
 @pytest.mark.parametrize("radius_in", [0.0, 0.3])
 @pytest.mark.parametrize("count", [1, 2, 3, 7, 300])
 def test_cells_fill_the_space_between_the_walls(count, radius_in):
-    walls = Annulus(radius_in, 1.0)
-    now = moment_of(*random(walls, count=count, radius=[0.001, 0.02], seed=count), radius_in=radius_in)
+    space = Region(Annulus(radius_in, 1.0))
+    now = moment_of(*random(space, count=count, radius=[0.001, 0.02], seed=count), radius_in=radius_in)
     assert analysis.cell_areas(now).sum() == pytest.approx(np.pi * (1.0 - radius_in**2), rel=HULL)
 
 
@@ -54,7 +55,7 @@ def test_cells_in_a_periodic_box_are_freuds():
 
 
 def test_cells_of_unequal_discs_are_where_the_power_is_least():
-    now = moment_of(*random(Annulus(0.3, 1.0), count=30, radius=[0.02, 0.12], seed=1), radius_in=0.3)
+    now = moment_of(*random(Region(Annulus(0.3, 1.0)), count=30, radius=[0.02, 0.12], seed=1), radius_in=0.3)
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (400_000, 2))
     points = points[(np.hypot(*points.T) < 1.0) & (np.hypot(*points.T) > 0.3)]
     power = ((points[:, np.newaxis] - now.position) ** 2).sum(axis=2) - now.scene.radius**2

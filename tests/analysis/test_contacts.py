@@ -12,6 +12,7 @@ from schemes import SCHEMES, contact_mass, without_contacts
 from warpgrains import Disc, Scene, Simulation, analysis
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
+from warpgrains.scene.region import Region
 from warpgrains.scene.scheme import free_spin
 
 G = 9.81
@@ -21,7 +22,7 @@ def frictional(n=120, **changes):
     """Unlike grains with friction that fall on a disc, between circles that rotate; none overlap."""
     generator, disc = np.random.default_rng(2), Disc((0.0, -0.5), 0.15)
     above = {"y": [-0.3, 1.0]}
-    position, radius = random(Annulus(0.2, 1.0), radius=[0.02, 0.05], count=n, region=above)
+    position, radius = random(Region(Annulus(0.2, 1.0)), radius=[0.02, 0.05], count=n, region=above)
     fields = {
         "radius_in": 0.2,
         "radius_out": 1.0,

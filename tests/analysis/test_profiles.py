@@ -7,6 +7,7 @@ from moments import EPS, moment_of
 from warpgrains import analysis
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
+from warpgrains.scene.region import Region
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,7 @@ def test_radial_distribution_of_two_and_of_one():
 @pytest.mark.parametrize("profile", [analysis.height_profile, analysis.radial_profile])
 def test_velocity_of_a_shear_and_of_a_rigid_rotation(profile):
     """Which have none along the profile; a rotation has no temperature."""
-    position, radius = random(Annulus(0.3, 1.0), count=2000, radius=0.005, seed=5)
+    position, radius = random(Region(Annulus(0.3, 1.0)), count=2000, radius=0.005, seed=5)
     velocity = np.column_stack([3.0 * position[:, 1], np.zeros(len(position))])
     if rotates := profile is analysis.radial_profile:
         velocity = 3.0 * np.stack([-position[:, 1], position[:, 0]], axis=1)

@@ -15,6 +15,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.geometry import Circle
 from warpgrains.scene.layouts import random
+from warpgrains.scene.region import Region
 from warpgrains.scene.wall import Wall, kind_of_wall
 from warpgrains.scene.wall_kinds import WRITTEN_KINDS
 
@@ -65,7 +66,12 @@ def test_area_in_closed_form(region, area):
 )
 def test_area_without_walls_is_that_of_points_at_random(region):
     position, radius = random(
-        Annulus(0.3, 1.0), count=60, radius=[0.02, 0.03], seed=1, region={"y": [-0.9, 0.4]}, walls=INSIDE
+        Region(Annulus(0.3, 1.0)),
+        count=60,
+        radius=[0.02, 0.03],
+        seed=1,
+        region={"y": [-0.9, 0.4]},
+        walls=INSIDE,
     )
     found = analysis.region_of(of(position, radius, walls=INSIDE), region)
     share = found.area / 4.0
@@ -118,7 +124,7 @@ def settling():
     """A pile that still moves, with friction, on a disc."""
     walls = [Disc((0.0, -0.5), 0.15)]
     layout = {"count": 120, "radius": [0.02, 0.05], "region": {"y": [-0.8, 0.5]}, "walls": walls}
-    position, radius = random(Annulus(0.2, 1.0), seed=2, **layout)
+    position, radius = random(Region(Annulus(0.2, 1.0)), seed=2, **layout)
     fields = {"mass": 0.2, "radius_in": 0.2, "radius_out": 1.0, "friction": 0.3, "dt": 5e-3}
     simulation = Simulation(Scene(position=position, radius=radius, walls=walls, **fields))
     simulation.advance(60)

@@ -20,6 +20,7 @@ from sweeps import write
 from warpgrains import (
     Arc,
     Batch,
+    Box,
     Disc,
     InputError,
     Line,
@@ -35,6 +36,7 @@ from warpgrains import (
 from warpgrains.cli import main as command_line
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import LAYOUTS
+from warpgrains.scene.region import Region
 from warpgrains.scene.state import first_state
 from warpgrains.simulation.options import RunOptions
 from warpgrains.sweep.axes import axis_values
@@ -136,6 +138,7 @@ CALLABLE = (
     Disc,
     Line,
     Polyline,
+    Region,
     Row,
     RunOptions,
     Scene,
@@ -149,6 +152,7 @@ CALLABLE = (
     separate,
 )
 HERE = (
+    first_state,
     ring,
     circle,
     boxed,
@@ -169,6 +173,8 @@ NAMES = {
     "MATRIX": np.arange(400).reshape(20, 20),
     "PLACES": "position = [[0.75, 0.0], [0.0, 0.75]]",
     "AXES": 'scene = "annulus"\n[axes]\n',
+    "RING": Region(Annulus(0.5, 1.0)),
+    "BOX": Box((-0.5, 0.5), (2.0, 2.8), periodic="x").space,
     "LID": {"pressure": 1.0, "mass": 1.0},
     "PISTON": Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0),
 }

@@ -1,9 +1,11 @@
 """Where grains start: between the walls, clear of each other, the same on every call."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from warpgrains import Scene
+from warpgrains import Box, Disc, Scene
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import column, lattice, random, rows
 from warpgrains.scene.placing import place_at_random
@@ -17,7 +19,7 @@ def overlaps(placement, radius_in, radius_out):
 
 
 def test_rows_as_wide_as_the_outer_wall():
-    position, radius = rows(Annulus(0.2, 1.0), count=60, radius=0.05)
+    position, radius = rows(Region(Annulus(0.2, 1.0)), count=60, radius=0.05)
     heights = np.unique(position[:, 1])
     assert np.array_equal(heights, np.arange(len(heights)) * 0.05 * 2.5 + 2.0 * 0.05 + 0.2)
     lowest = position[position[:, 1] == heights[0], 0]
@@ -27,14 +29,14 @@ def test_rows_as_wide_as_the_outer_wall():
 
 
 def test_rows_wider_than_the_count():
-    position, _ = rows(Annulus(0.5, 2.0), count=2, radius=0.1, columns=5)
-    assert np.array_equal(position, rows(Annulus(0.5, 2.0), count=15, radius=0.1, columns=5)[0][:2])
-    assert len(rows(Annulus(0.5, 2.0), count=2, radius=0.1, columns=10**9)[0]) == 2
+    position, _ = rows(Region(Annulus(0.5, 2.0)), count=2, radius=0.1, columns=5)
+    assert np.array_equal(position, rows(Region(Annulus(0.5, 2.0)), count=15, radius=0.1, columns=5)[0][:2])
+    assert len(rows(Region(Annulus(0.5, 2.0)), count=2, radius=0.1, columns=10**9)[0]) == 2
 
 
 def test_lattice_fills_from_the_bottom():
-    filled, _ = lattice(Annulus(0.3, 1.0), radius=0.05)
-    position, radius = lattice(Annulus(0.3, 1.0), radius=0.05, count=50)
+    filled, _ = lattice(Region(Annulus(0.3, 1.0)), radius=0.05)
+    position, radius = lattice(Region(Annulus(0.3, 1.0)), radius=0.05, count=50)
     assert np.array_equal(position, filled[:50])
     assert (np.diff(filled[:, 1]) >= 0.0).all()
     assert overlaps((filled, np.full(len(filled), 0.05)), 0.3, 1.0) == (0, 0, 0.0)
@@ -44,13 +46,13 @@ def test_lattice_fills_from_the_bottom():
 
 
 def test_lattice_fills_the_origin():
-    position, _ = lattice(Annulus(0.0, 0.25 + 0.5 * 3.0**0.5), radius=0.25, spacing=2.0)
+    position, _ = lattice(Region(Annulus(0.0, 0.25 + 0.5 * 3.0**0.5)), radius=0.25, spacing=2.0)
     assert (position == 0.0).all(axis=1).sum() == 1
 
 
 def test_random_is_the_same_for_the_same_seed():
     arguments = {"count": 200, "radius": [0.01, 0.05]}
-    first, again, other = (random(Annulus(0.3, 1.0), seed=seed, **arguments) for seed in (3, 3, 4))
+    first, again, other = (random(Region(Annulus(0.3, 1.0)), seed=seed, **arguments) for seed in (3, 3, 4))
     assert np.array_equal(first[0], again[0])
     assert np.array_equal(first[1], again[1])
     assert not np.array_equal(first[0], other[0])
@@ -94,13 +96,56 @@ def test_random_places_are_those_of_a_plain_loop(walls, radii):
 def test_random_comes_near_its_limit():
     # equal discs that are added one by one fill at most 0.547 of a plane
     radius = np.sqrt(0.5 * (1.0 - 0.1**2) / 5000)
-    assert overlaps(random(Annulus(0.1, 1.0), count=5000, radius=radius), 0.1, 1.0) == (0, 0, 0.0)
+    assert overlaps(random(Region(Annulus(0.1, 1.0)), count=5000, radius=radius), 0.1, 1.0) == (0, 0, 0.0)
     more = np.full(500, np.sqrt(0.55 / 500))
     assert np.isnan(place_at_random(Region(Annulus(0.0, 1.0)), more, np.random.default_rng(0))).any()
     # which the layout grows, then
-    assert overlaps(random(Annulus(0.0, 1.0), count=500, radius=more[0]), 0.0, 1.0) == (0, 0, 0.0)
+    assert overlaps(random(Region(Annulus(0.0, 1.0)), count=500, radius=more[0]), 0.0, 1.0) == (0, 0, 0.0)
+
+
+POST = Disc((0.95, 2.4), 0.15)
+FILLED = {
+    "lattice": partial(lattice, radius=0.03),
+    "touching": partial(lattice, radius=0.03, spacing=2.0),
+    "loose": partial(random, radius=[0.02, 0.03], packing_fraction=0.5),
+    "dense": partial(random, radius=[0.02, 0.03], packing_fraction=0.66, seed=1),
+}
+
+
+@pytest.mark.parametrize("periodic", ["", "x", "y", "xy"])
+@pytest.mark.parametrize("layout", FILLED)
+def test_boxes_are_filled_to_the_sides(layout, periodic):
+    """And beyond periodic ones, clear of images, of a post that is near one, and of a rough side."""
+    rough = {} if "y" in periodic else {"bottom": {"roughness": {"radius": 0.05, "spacing": 0.1}}}
+    box = Box((-0.5, 1.0), (2.0, 2.8), periodic=periodic, **rough)
+    position, radius = FILLED[layout](box.space, box.among([POST]))
+    assert np.pi * (radius**2).sum() > (0.65 if layout in ("lattice", "touching") else 0.48) * 1.2
+    x, r = np.append(position, [POST.center], axis=0), np.append(radius, POST.radius)
+    d = x - x[:, np.newaxis]
+    for way, (low, high) in enumerate((box.x, box.y)):
+        if "xy"[way] in periodic:
+            d[..., way] -= (high - low) * np.rint(d[..., way] / (high - low))
+            assert low <= position[:, way].min() < low + 0.02
+            assert high - 0.06 < position[:, way].max() < high
+        else:
+            to_sides = np.minimum(position[:, way] - low, high - position[:, way]) - radius
+            assert to_sides.min() >= -1e-15  # rounding of 2.8 m
+    apart = np.hypot(*d.T) - r - r[:, np.newaxis] + np.diag(np.full(len(r), np.inf))
+    assert apart.min() >= -1e-15
+    scene = Scene(position=position, radius=radius, mass=1.0, domain=box, walls=[POST])
+    assert scene.count_overlaps() == (0, 0, 0.0)
+
+
+def test_rows_and_columns_in_a_box():
+    space = Box((-0.5, 1.0), (2.0, 2.8), periodic="x").space
+    position, _ = rows(space, count=40, radius=0.05)
+    assert len(np.unique(position[:12, 0])) == 12  # of 0.125 m
+    assert np.unique(position[:, 1]) == pytest.approx([2.1, 2.225, 2.35, 2.475])
+    assert position[:12, 0].mean() == pytest.approx(0.25)
+    position, _ = column(space, count=2, radius=0.05, spacing=3.0)
+    assert position == pytest.approx(np.array([(0.25, 2.1), (0.25, 2.25)]))
 
 
 def test_column_stands_a_little_apart_on_the_outer_wall():
-    position, _ = column(Annulus(0.5, 2.0), count=3, radius=0.25, spacing=2.5)
+    position, _ = column(Region(Annulus(0.5, 2.0)), count=3, radius=0.25, spacing=2.5)
     assert np.array_equal(position, [[0.0, -1.625], [0.0, -1.0], [0.0, -0.375]])

@@ -11,6 +11,7 @@ from warpgrains.scene.radii import drawn_radii
 from warpgrains.scene.region import Region, region_of
 
 WALLS = Annulus(0.2, 1.0)
+SPACE = Region(WALLS)
 MANY = 20_000
 SIGNIFICANCE = 1e-4  # a true draw is refused once in so many seeds: these are fixed
 
@@ -69,11 +70,11 @@ def test_two_sizes_by_their_fractions():
 @pytest.mark.parametrize("fraction", [0.3, 0.54, 0.6, 0.8])
 @pytest.mark.parametrize("radius", [0.03, [0.02, 0.05]])
 def test_a_packing_fraction_is_met_without_overlaps(fraction, radius):
-    placement = random(WALLS, radius=radius, packing_fraction=fraction, seed=2)
+    placement = random(SPACE, radius=radius, packing_fraction=fraction, seed=2)
     filled = np.pi * (placement[1] ** 2).sum() / WALLS.area
     assert fraction - np.pi * 0.05**2 / WALLS.area < filled <= fraction
     assert scene_of(placement).count_overlaps() == (0, 0, 0.0)
-    assert np.array_equal(random(WALLS, radius=radius, packing_fraction=fraction, seed=2)[0], placement[0])
+    assert np.array_equal(random(SPACE, radius=radius, packing_fraction=fraction, seed=2)[0], placement[0])
 
 
 @pytest.mark.parametrize(
@@ -87,7 +88,7 @@ def test_a_packing_fraction_is_met_without_overlaps(fraction, radius):
 )
 @pytest.mark.parametrize("fraction", [0.4, 0.7])
 def test_grains_are_wholly_in_their_region(region, fraction):
-    position, radius = random(WALLS, radius=[0.01, 0.02], packing_fraction=fraction, region=region)
+    position, radius = random(SPACE, radius=[0.01, 0.02], packing_fraction=fraction, region=region)
     assert scene_of((position, radius)).count_overlaps() == (0, 0, 0.0)
     rho = np.hypot(*position.T)
     for key, value in {"x": position[:, 0], "y": position[:, 1], "distance": rho}.items():
@@ -95,7 +96,7 @@ def test_grains_are_wholly_in_their_region(region, fraction):
         eps = 4 * np.finfo(float).eps  # of coordinates of 1 m
         assert (value - radius >= low - eps).all()
         assert (value + radius <= high + eps).all()
-    area = region_of(WALLS, region).area
+    area = region_of(SPACE, region).area
     assert np.pi * (radius**2).sum() / area == pytest.approx(fraction, abs=np.pi * 0.02**2 / area)
 
 
@@ -134,7 +135,7 @@ def test_grains_are_clear_of_walls_inside_the_annulus(tmp_path, layout, keys):
     "region", [None, {"x": [-0.1, 0.95]}, {"y": [0.5, 2.0], "distance": [0.6, 1.0]}, {"x": [0.0, 0.3]}]
 )
 def test_area_of_a_region(region):
-    found = region_of(WALLS, region)
+    found = region_of(SPACE, region)
     low, high = found.box
     points = np.random.default_rng(0).uniform(low, high, (400_000, 2))
     rho = np.hypot(*points.T)
@@ -146,7 +147,7 @@ def test_area_of_a_region(region):
 
 def test_a_list_gives_each_grain_its_radius():
     radii = [0.05, 0.01, 0.02, 0.03]
-    position, radius = random(WALLS, radius=radii)
+    position, radius = random(SPACE, radius=radii)
     assert radius.tolist() == radii
     assert len(position) == 4
 
@@ -191,18 +192,18 @@ def test_what_does_not_fit_says_what_would():
     with pytest.raises(
         InputError, match=r"packing_fraction is 0.95: .* so about \d+ of these radii fit"
     ) as caught:
-        random(WALLS, radius=0.03, packing_fraction=0.95)
+        random(SPACE, radius=0.03, packing_fraction=0.95)
     fits = int(str(caught.value).partition("about ")[2].split()[0])
-    assert scene_of(random(WALLS, radius=0.03, count=fits)).count_overlaps() == (0, 0, 0.0)
+    assert scene_of(random(SPACE, radius=0.03, count=fits)).count_overlaps() == (0, 0, 0.0)
     assert fits * 0.03**2 * np.pi / WALLS.area > 0.7
     with pytest.raises(InputError, match="count is 2000: the grains have 1\\.87 times the area"):
-        random(WALLS, radius=0.03, count=2000)
+        random(SPACE, radius=0.03, count=2000)
 
 
 @pytest.mark.slow
 def test_five_thousand_grains_fill_four_fifths():
     placement = random(
-        WALLS, radius={"distribution": "lognormal", "mean": 0.012, "deviation": 0.003}, packing_fraction=0.8
+        SPACE, radius={"distribution": "lognormal", "mean": 0.012, "deviation": 0.003}, packing_fraction=0.8
     )
     assert len(placement[0]) > 4500
     assert scene_of(placement).count_overlaps() == (0, 0, 0.0)

@@ -1,8 +1,8 @@
 """Layouts: initial positions and radii of the grains.
 
 Each layout is a function whose keyword parameters are the keys of `[grains]`. Its first argument is the
-annulus. A layout that avoids walls inside the annulus takes these as `walls`, its second argument. It
-raises InputError, one line, if a value is invalid or the grains do not fit.
+domain as a region, an annulus or a box. A layout that avoids the walls of a scene takes these as `walls`, its
+second argument. It raises InputError, one line, if a value is invalid or the grains do not fit.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,7 +14,6 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.placing import grow, place_at_random
 from warpgrains.scene.radii import drawn_radii, listed_radii
 from warpgrains.scene.region import Region, region_of
@@ -36,7 +35,7 @@ Placement = tuple[FloatArray, FloatArray]
 
 
 def rows(
-    annulus: Annulus,
+    space: Region,
     *,
     count: int,
     radius: float,
@@ -47,36 +46,36 @@ def rows(
 ) -> Placement:
     """Place grains in rows above the inner disc, from the bottom up, as in the course's program.
 
-    Each row is filled from left to right.
+    Each row is filled from left to right. In a box, rows begin above its lower side.
 
     Parameters
     ----------
     columns
-        Grains per row; by default, the number that fits within the outer wall.
+        Grains per row; by default, the number that fits within the outer wall, or into the box.
     height
-        Height of the centers of the lowest row above the inner disc, in radii.
+        Height of the centers of the lowest row above the inner disc, or the lower side of the box, in radii.
     shift
         Horizontal displacement of all grains [m]; a tiny one keeps a grain from balancing on the disc.
     """
-    count, radius = _count(count), _radius(annulus, radius)
+    count, radius = _count(count), _radius(space, radius)
     spacing = _spacing(spacing)
     height, shift = checks.number("grains.height", height), checks.number("grains.shift", shift)
+    (left, bottom), (right, _) = space.box
+    lowest = space.ring.radius_in if space.cells is None else bottom
     if columns is None:
-        widths = _fitting_widths(
-            count, annulus.radius_out - radius, annulus.radius_in + height * radius, spacing * radius
-        )
+        widths = _fitting_widths(space, count, radius, lowest + height * radius, spacing * radius)
     else:
         columns = checks.whole_number("grains.columns", columns)
         widths = np.full(-(-count // columns), columns)
     row = np.repeat(np.arange(len(widths)), np.minimum(widths, count))[:count]
     column = np.arange(count) - (np.cumsum(widths) - widths)[row]
-    x = column * radius * spacing - (widths[row] - 1) * spacing / 2 * radius + shift
-    y = row * radius * spacing + height * radius + annulus.radius_in
+    x = column * radius * spacing - (widths[row] - 1) * spacing / 2 * radius + shift + 0.5 * (left + right)
+    y = row * radius * spacing + height * radius + lowest
     return np.column_stack([x, y]), np.full(count, radius)
 
 
 def lattice(
-    annulus: Annulus,
+    space: Region,
     walls: Sequence[Wall] = (),
     *,
     radius: float,
@@ -85,23 +84,33 @@ def lattice(
 ) -> Placement:
     """Place grains on a hexagonal lattice from the bottom up, each row from left to right.
 
-    Sites that overlap a wall inside the annulus stay empty. By default the lattice is filled.
+    Sites that overlap a wall stay empty. By default the lattice is filled. In periodic directions, neighbors
+    are as much farther apart as whole rows and columns need.
     """
-    radius = _radius(annulus, radius)
+    radius = _radius(space, radius)
     pitch = _spacing(spacing) * radius
-    reach = annulus.radius_out - radius
     rise = pitch * sqrt(3.0) / 2.0
-    if (2 * reach / rise + 1) * (2 * reach / pitch + 3) > MOST_GRAINS:
+    (left, bottom), (right, top) = _centers(space, radius)
+    width, height = right - left, top - bottom
+    if (height / rise + 1) * (width / pitch + 3) > MOST_GRAINS:
         raise InputError(f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} sites")
-    row = np.arange(floor(2 * reach / rise) + 1)[:, np.newaxis]
-    half = floor(reach / pitch) + 1
+    rows, half = floor(height / rise) + 1, floor(0.5 * width / pitch) + 1
     column = np.arange(-half, half + 1)
-    x = (column + 0.5 * (row % 2)) * pitch
-    y = np.broadcast_to(row * rise - reach, x.shape)
+    if space.periodic[0]:
+        columns = floor(width / pitch)
+        column, pitch = np.arange(columns) - 0.5 * columns, width / max(columns, 1)
+    if space.periodic[1]:
+        rows = 2 * floor(height / (2.0 * rise))
+        rise = height / max(rows, 1)
+    row = np.arange(rows)[:, np.newaxis]
+    x = (column + 0.5 * (row % 2)) * pitch + 0.5 * (left + right)
+    y = np.broadcast_to(row * rise + bottom, x.shape)
     position = np.column_stack([x.ravel(), y.ravel()])
-    position = position[annulus.contains(position, np.full(len(position), radius))]
+    position = position[space.ring.contains(position, np.full(len(position), radius))]
+    rounding = space.ring.rounding if space.cells else 0.0  # of grains that touch a side
     for wall in walls:
-        position = position[wall.side(position, np.full(len(position), radius)).gap >= 0.0]
+        near = wall.nearest_images(position, space.period)
+        position = position[wall.side(near, np.full(len(position), radius)).gap >= -rounding]
     if count is None:
         count = len(position)
     elif _count(count) > len(position):
@@ -110,7 +119,7 @@ def lattice(
 
 
 def random(
-    annulus: Annulus,
+    space: Region,
     walls: Sequence[Wall] = (),
     *,
     radius: Any,
@@ -131,19 +140,19 @@ def random(
         more, one for each grain; or {file = "radii.csv"}, also .npz; or a table {distribution = ...} with the
         keys of its kind: uniform, normal, lognormal, power or values, see scene/radii.py.
     packing_fraction
-        Fraction of the area of the region that the grains fill, instead of their count. Walls inside the
-        annulus are not subtracted from the area.
+        Fraction of the area of the region that the grains fill, instead of their count. Walls inside are not
+        subtracted from the area.
     region
         Bounds of the grains [m], such as {x = [-1.0, 0.0], y = [-1.0, 0.5], distance = [0.5, 0.9]}, where
-        `distance` is from the origin; by default the whole space between the walls.
+        `distance` is from the origin; by default the whole domain.
     seed
         Seed of the random numbers.
     """
-    space = region_of(Region(annulus), region)
+    space = region_of(space, region)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
     radii = _random_radii(radius, count, packing_fraction, space, generator)
     for extreme in (radii.min(), radii.max()):
-        _radius(space.ring, extreme)
+        _radius(space, extreme)
     filled = float(np.pi * (radii**2).sum()) / space.area
     if filled >= 1.0:
         raise InputError(
@@ -201,12 +210,13 @@ def _stated(count: Any, fraction: Any) -> str:
     return f"grains.packing_fraction is {fraction}"
 
 
-def column(annulus: Annulus, *, count: int, radius: float, spacing: float = 2.02) -> Placement:
-    """Place grains on top of each other, with equal spacing, above the lowest point of the outer wall."""
-    count, radius = _count(count), _radius(annulus, radius)
+def column(space: Region, *, count: int, radius: float, spacing: float = 2.02) -> Placement:
+    """Place grains on top of each other, with equal spacing, above the lowest point of the domain."""
+    count, radius = _count(count), _radius(space, radius)
     spacing = _spacing(spacing)
-    y = (np.arange(1, count + 1) * spacing - 1.0) * radius - annulus.radius_out
-    return np.column_stack([np.zeros(count), y]), np.full(count, radius)
+    (left, bottom), (right, _) = space.box
+    y = (np.arange(1, count + 1) * spacing - 1.0) * radius + bottom
+    return np.column_stack([np.full(count, 0.5 * (left + right)), y]), np.full(count, radius)
 
 
 LAYOUTS: dict[str, Callable[..., Placement]] = {
@@ -221,9 +231,10 @@ def _count(value: Any) -> int:
     return checks.whole_number("grains.count", value, most=MOST_GRAINS)
 
 
-def _radius(annulus: Annulus, value: Any) -> float:
-    radius = checks.positive("grains.radius", value)
-    if radius > annulus.largest_radius or radius == annulus.radius_out:
+def _radius(space: Region, value: Any) -> float:
+    radius, (low, high) = checks.positive("grains.radius", value), space.box
+    widest = min(space.ring.largest_radius, *((high - low) * np.where(space.period > 0.0, 0.25, 0.5)))
+    if radius > widest or radius == space.ring.radius_out:
         raise InputError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
     return radius
 
@@ -236,12 +247,21 @@ def _spacing(value: Any) -> float:
     return spacing
 
 
-def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> IndexArray:
-    """Return how many grains fit in each row; rows are `pitch` apart, within `reach` of the origin."""
+def _centers(space: Region, radius: float) -> FloatArray:
+    """Return the box of the centers of grains in a domain [m], shape (2, 2)."""
+    margin = np.where(space.period > 0.0, 0.0, radius)
+    return space.box + np.array([margin, -margin])
+
+
+def _fitting_widths(space: Region, count: int, radius: float, lowest: float, pitch: float) -> IndexArray:
+    """Return how many grains fit in each row; rows are `pitch` apart, the first one at height `lowest`."""
+    (left, bottom), (right, top) = _centers(space, radius)
     widths: list[int] = []
     while (missing := count - sum(widths)) > 0:
         y = lowest + len(widths) * pitch
-        if abs(y) > reach:
+        if not bottom <= y <= top:
             raise InputError(f"grains.count is {count}: only {count - missing} grains fit in the rows")
-        widths.append(1 + floor(min(MOST_GRAINS, 2.0 * sqrt(reach * reach - y * y) / pitch)))
+        length = 2.0 * sqrt(top * top - y * y) if space.cells is None else right - left
+        fitting = floor(min(MOST_GRAINS, length / pitch))
+        widths.append(fitting if space.periodic[0] and fitting > 0 else 1 + fitting)
     return np.array(widths)

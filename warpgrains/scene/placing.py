@@ -66,14 +66,18 @@ class _Discs:
     def __init__(self, region: Region, radius: FloatArray, walls: Sequence[Wall]) -> None:
         self._arrays: dict[str, np.ndarray[Any, Any]] = {}
         self._record = np.zeros(1, _record_dtype())
-        ring, annulus = region.ring, self._record["walls"]["annulus"]
-        annulus["radius_in"], annulus["radius_out"] = ring[:2]
-        self._record["box"]["low"], self._record["box"]["high"] = region.outer_box
-        self._set("shape", _shapes(walls), self._record["walls"])
+        limits = self._record["walls"]
+        limits["annulus"]["radius_in"], limits["annulus"]["radius_out"] = region.ring[:2]
+        limits["period"] = region.period
+        self._record["box"]["low"], self._record["box"]["high"] = _box(region)
+        self._set("shape", _shapes(walls), limits)
         _, start, count = np.unique(-np.frexp(radius)[1], return_index=True, return_counts=True)
-        cell = np.maximum(2.0 * radius[start], ring.radius_out / np.ceil(np.sqrt(count)))
-        width = (2.0 * (ring.radius_out / cell)).astype(np.int32) + 1
-        cells = width * width
+        low, high = np.where(region.period > 0.0, (region.low, region.low + region.period), region.box)
+        roomy = 0.5 * np.sqrt((high - low).prod()) / np.ceil(np.sqrt(count))
+        least = np.maximum(2.0 * radius[start], roomy)
+        width = np.maximum(((high - low) / least[:, np.newaxis]).astype(np.int32), 1)
+        cell, cells = (high - low) / width, width.prod(axis=1, dtype=np.int32)
+        self._record["corner"] = low
         self.position = np.full((len(radius), 2), np.nan)
         self._set("position", self.position)
         self._set("radius", radius)
@@ -129,19 +133,22 @@ def grow(
             break
         position, reached = grown, share
     _push(region, walls, position, reached * (1.0 + MARGIN) * radius, 0.5 * MARGIN, LAST_SWEEPS)
-    return position, min(1.0, _clear_share(region, walls, position, radius))
+    share = min(1.0, _clear_share(region, walls, position, radius))
+    return region.wrapped(position), share
 
 
 def _clear_share(region: Region, walls: Sequence[Wall], position: FloatArray, radius: FloatArray) -> float:
     """Return the largest scale of the radii at which no disc overlaps another one, a wall or the box."""
-    i, j = _near(position, radius).T
+    i, j = _near(region, position, radius).T
     sides = (region.ring.side(number, position, radius) for number in (OUTER, INNER))
     to_border = [side.gap + radius for side in sides]
-    to_border += [wall.side(position, radius).gap + radius for wall in walls]
-    low, high = region.outer_box
+    for wall in walls:
+        to_border.append(wall.side(wall.nearest_images(position, region.period), radius).gap + radius)
+    low, high = _box(region)
     to_border += [position - low, high - position]
     shares = [(one.T / radius).min() for one in to_border]
-    shares.append((distance(position[j] - position[i]) / (radius[i] + radius[j])).min(initial=np.inf))
+    apart = distance(region.nearest_image(position[j] - position[i]))
+    shares.append((apart / (radius[i] + radius[j])).min(initial=np.inf))
     return max(0.0, float(min(shares)))
 
 
@@ -167,19 +174,17 @@ def _push(
     far, listed, pair = SKIN * radius.min(), np.full_like(position, np.inf), np.empty((0, 2), np.int32)
     while sweeps > 0 and (worst[0] > enough or distance(position - listed).max() > far):
         if distance(position - listed).max() > far:
-            listed, pair = position.copy(), _near(position, (1.0 + SKIN) * radius)
+            listed, pair = position.copy(), _near(region, position, (1.0 + SKIN) * radius)
         inputs: list[Any] = [centers, radii, shared(pair, wp.vec2i), limits, box, AT_ONCE, enough, result]
         launch(pushing.push, inputs)
         sweeps -= int(worst[1])
     return float(worst[0])
 
 
-def _near(position: FloatArray, radius: FloatArray) -> np.ndarray[Any, Any]:
+def _near(region: Region, position: FloatArray, radius: FloatArray) -> np.ndarray[Any, Any]:
     """Return the pairs of discs that overlap, in lexicographic order, shape (m, 2)."""
-    n = len(radius)
-    keys = np.concatenate(
-        [np.empty(0, np.int64), *(i * n + j for i, j in overlapping_pairs(position, radius))]
-    )
+    n, pairs = len(radius), overlapping_pairs(position, radius, region.period)
+    keys = np.concatenate([np.empty(0, np.int64), *(i * n + j for i, j in pairs)])
     keys.sort()  # faster than a sort of pairs
     return np.stack(np.divmod(keys, n), axis=1).astype(np.int32)
 
@@ -192,9 +197,17 @@ def _limits(region: Region, walls: Sequence[Wall]) -> tuple[Any, Any]:
 
     limits, box = Walls(), _kernels().Box()
     limits.annulus.radius_in, limits.annulus.radius_out = region.ring.radius_in, region.ring.radius_out
+    limits.period = region.period
     limits.shape = shared(_shapes(walls), Shape)
-    box.low, box.high = region.outer_box
+    box.low, box.high = _box(region)
     return limits, box
+
+
+def _box(region: Region) -> FloatArray:
+    """Return the box about a region [m], shape (2, 2); infinite where it is as long as the period."""
+    low, high = region.outer_box
+    is_whole = (region.period > 0.0) & (high - low >= region.period)
+    return np.where(is_whole, [[-np.inf], [np.inf]], [low, high])
 
 
 def _shapes(walls: Sequence[Wall]) -> FloatArray:

@@ -25,6 +25,7 @@ from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.box import OF_SIDES, SIDES, Box, checked_domain
 from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.layouts import LAYOUTS, Placement
+from warpgrains.scene.region import Region
 from warpgrains.scene.toml import Table, fields_of_sections, overridden, parse_toml, wall_key
 from warpgrains.scene.wall import Wall
 from warpgrains.scene.wall_kinds import WRITTEN_KINDS, checked_walls
@@ -90,8 +91,9 @@ def document_fields(document: Table, folder: Path) -> Table:
     annulus = box.circle if box else Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
     annulus.require_size()
     time = checks.number("time", fields.get("time", 0.0))
-    walls = tuple(wall.starting(time).at(time) for wall in fields["walls"])
-    return fields | _grains(document["grains"], annulus, walls, folder)
+    all_walls = box.among(fields["walls"]) if box else fields["walls"]
+    walls = tuple(wall.starting(time).at(time) for wall in all_walls)
+    return fields | _grains(document["grains"], box.space if box else Region(annulus), walls, folder)
 
 
 def section_fields(document: Table) -> Table:
@@ -113,14 +115,14 @@ def section_fields(document: Table) -> Table:
     return fields
 
 
-def _grains(table: Table, annulus: Annulus, walls: tuple[Wall, ...], folder: Path) -> Table:
+def _grains(table: Table, space: Region, walls: tuple[Wall, ...], folder: Path) -> Table:
     """Return position, radius, mass and velocity of the grains."""
     source = checks.only_one("[grains]", table, SOURCES)
     own = {key: value for key, value in table.items() if key not in PROPERTIES and key != "layout"}
     if source == "layout":
         if is_file_of_radii(own.get("radius")):
             own["radius"] = read_radii(folder, own["radius"])
-        position, radius = _lay_out(table["layout"], own, annulus, walls)
+        position, radius = _lay_out(table["layout"], own, space, walls)
         grains: Table = {"position": position, "radius": radius}
     else:
         _refuse_unknown_keys("grains", own, (source, "radius", *PROPERTIES))
@@ -140,7 +142,7 @@ def _grains(table: Table, annulus: Annulus, walls: tuple[Wall, ...], folder: Pat
     return grains
 
 
-def _lay_out(layout: Any, parameters: Table, annulus: Annulus, walls: tuple[Wall, ...]) -> Placement:
+def _lay_out(layout: Any, parameters: Table, space: Region, walls: tuple[Wall, ...]) -> Placement:
     """Call a layout with those keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
     own = keyword_parameters(function)
@@ -149,7 +151,7 @@ def _lay_out(layout: Any, parameters: Table, annulus: Annulus, walls: tuple[Wall
         if parameter.default is parameter.empty and name not in parameters:
             raise InputError(f"grains.{name} is missing: layout {layout!r} needs it")
     avoided = (walls,) if "walls" in inspect.signature(function).parameters else ()
-    return function(annulus, *avoided, **parameters)
+    return function(space, *avoided, **parameters)
 
 
 @cache

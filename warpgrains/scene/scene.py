@@ -5,7 +5,6 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack
 
@@ -406,9 +405,7 @@ class Scene(SceneFields, Shown):
         if number < INSIDE:
             return self.annulus.side(number, position, radius, move)
         k = number - INSIDE
-        if self.period.any() and self.walls[k].circle[2] < inf:
-            center = self.walls[k].motion.pose(time).place(np.array([self.walls[k].circle[:2]]))
-            position = center + nearest_image(position - center, self.period)
+        position = self.walls[k].nearest_images(position, self.period, time)
         if self.joints.of(k):
             return self.joints.side(k, time, position, radius, self.annulus.diameter)
         return self.walls[k].side_at(time, position, radius)

@@ -14,7 +14,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band
-from warpgrains.scene.geometry import Circle, directions, distance
+from warpgrains.scene.geometry import Circle, directions, distance, nearest_image
 from warpgrains.scene.motion import Motion
 
 MOST_NUMBERS = 6  # of a kind of wall, as on the device (kernels/types.py)
@@ -193,6 +193,14 @@ class Wall:
     def speed(self) -> float:
         """Largest speed at which a point of the wall moves across its place [m/s]."""
         return self.motion.largest_speed(self.farthest(self.motion.pivot))
+
+    def nearest_images(self, position: FloatArray, period: FloatArray, time: float = -inf) -> FloatArray:
+        """Return the images of points [m], shape (n, 2), that are nearest to the wall at a time [s]."""
+        if not period.any() or self.circle[2] == inf:
+            return position
+        x, y, _ = self.circle
+        center = self.motion.pose(time).place(np.array([[x, y]]))
+        return center + nearest_image(position - center, period)
 
     def side_at(self, time: float, position: FloatArray, radius: FloatArray) -> Side:
         """Return normals and gaps of grains at the wall as it is at a time [s], see `Scene.side`."""
