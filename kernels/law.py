@@ -133,6 +133,18 @@ def round_gap_rate(gap_rate: f64, along: f64, circle: f64) -> f64:
 
 
 @wp.func
+def rebound(gap_rate: f64, rate: f64, vn: f64, surface: f64, restitution: f64, least: f64) -> f64:
+    """Gap / dt of a contact that may bounce [m/s] (eq. 35).
+
+    vn is its closing speed at the end of the last step, with which it would close a gap of rate dt, and
+    surface the speed of a wall along the normal.
+    """
+    if restitution > f64(0.0) and vn > rate and vn - surface > least:
+        return wp.min(rate, surface - restitution * (vn - surface)) + (gap_rate - rate)
+    return gap_rate
+
+
+@wp.func
 def mass_share(mass_i: f64, mass_j: f64) -> f64:
     """Part of a pair's correction that grain i takes (eq. 7)."""
     return mass_j / (mass_i + mass_j)

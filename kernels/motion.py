@@ -56,8 +56,7 @@ def from_frame(pose: Pose, n: wp.vec2d) -> wp.vec2d:
 
 
 @wp.func
-def speed_of_surface(pose: Pose, x: wp.vec2d, n: wp.vec2d) -> f64:
-    """Return the velocity of a wall at a point x of it, along the tangent of a normal n [m/s]."""
+def velocity_at(pose: Pose, x: wp.vec2d) -> wp.vec2d:
+    """Return the velocity of a wall at a point x of it [m/s]."""
     w = pose[PoseOf.ANGULAR_VELOCITY]
-    u, v = pose[PoseOf.VELOCITY_X] - w * x[1], pose[PoseOf.VELOCITY_Y] + w * x[0]
-    return n[0] * v - n[1] * u
+    return wp.vec2d(pose[PoseOf.VELOCITY_X] - w * x[1], pose[PoseOf.VELOCITY_Y] + w * x[0])

@@ -40,6 +40,7 @@ class Kind(NamedTuple):
 
     method: str
     has_friction: bool
+    has_restitution: bool
 
 
 class Phase(IntEnum):
@@ -213,6 +214,8 @@ class SceneRecord:
     drag: f64  # [kg/s]
     spin_drag: f64  # [kg m2/s]
     friction: f64  # coefficient between grains
+    restitution: f64  # the same, of contacts that bounce
+    restitution_speed: f64  # at which they must close [m/s]
     dt: f64  # [s]
     by_color: wp.int32  # whether pairs are swept by colors, or by levels
     merge: wp.int32  # whether all independent sets are swept as one

@@ -62,6 +62,13 @@ def renew_skin(s: Scene, i: int):
 
 
 @wp.func
+def widen_for_start(s: Scene, i: int):
+    """Let skin_i cover the velocity at the end of the last step, too (`verlet.monitor_start`)."""
+    away = wp.length(at(s.grains.velocity, i) - at(s.verlet.reference_velocity, i))
+    put(s.verlet.skin, i, larger(at(s.verlet.skin, i), s.verlet.numbers.base_skin + FORESEEN * s.dt * away))
+
+
+@wp.func
 def renew_numbers(s: Scene):
     """Renew the numbers of the list, so that its paths and its time begin now.
 

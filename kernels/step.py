@@ -5,7 +5,7 @@ slowly and the host solves the step (SLOW). Conditions read the phase of the ste
 stopping.py choose.
 
 If the list expires during the sweeps, accelerated ones resume with another list (`Control.resuming`): they
-keep their velocities, corrections and momentum (START). Plain ones may have missed a contact, and begin again
+keep their velocities, corrections and momentum (start). Plain ones may have missed a contact, and begin again
 with wider skins (contact_list.expire, skins.renew_skin).
 
 A scene without a list begins like one whose list has expired: no skin suffices, so its first attempt iterates
@@ -13,6 +13,7 @@ nothing and asks for a list.
 """
 
 from functools import cache
+from itertools import product
 
 import warp as wp
 
@@ -110,58 +111,64 @@ ORDER = [
 ]
 """Sort the list and its corrections into sweeping order."""
 
-START = [
-    If(fresh, [Each(body_count, warm_start.begin_velocity)]),
-    Sets(warm_start.start),
-    Serial(verlet.clear_check),
-    Serial(verlet.find_frame),
-    Each(body_count, verlet.begin_check),
-    Serial(attempt.begin_iterating),
-]
-"""Begin an attempt: freeze the contacts and, unless sweeps resume, apply the corrections of the last step."""
+MONITOR_START = [Each(body_count, verlet.monitor_start)]
+"""Take the velocities before the step into the peaks, by which contacts bounce."""
 
 
-def recompute(has_friction: bool) -> list[Stage]:
+def start(has_restitution: bool) -> list[Stage]:
+    """Freeze the contacts and, unless sweeps resume, apply the corrections of the last step."""
+    return [
+        If(fresh, [Each(body_count, warm_start.begin_velocity)]),
+        Sets(warm_start.starting(has_restitution)),
+        Serial(verlet.clear_check),
+        Serial(verlet.find_frame),
+        Each(body_count, verlet.begin_check),
+        *(MONITOR_START if has_restitution else []),
+        Serial(attempt.begin_iterating),
+    ]
+
+
+def recompute(kind: Kind) -> list[Stage]:
     """Recompute the velocities from the corrections, and measure their residual."""
     return [
         Each(body_count, residual.begin_recomputing),
         Sets(residual.recompute),
-        Shared(residual.measure_with_friction if has_friction else residual.measure_residual),
+        Shared(residual.measure_with_friction if kind.has_friction else residual.measure_residual),
     ]
 
 
-def plain_sweeps(has_friction: bool) -> list[Stage]:
+def plain_sweeps(kind: Kind) -> list[Stage]:
     """Return the stages that sweep all contacts until the changes, or the residual, are small."""
     return [
         While(
             sweeping,
             [
-                Sets(sweep.sweeping(has_friction, ahead=False)),
+                Sets(sweep.sweeping(kind.has_friction, ahead=False)),
                 Serial(sweep.end_sweep),
                 If(verlet.is_sampling_due, [Each(body_count, verlet.sample), Serial(verlet.end_sampling)]),
-                If(measuring, [*recompute(has_friction), Serial(stopping.end_measurement)]),
+                If(measuring, [*recompute(kind), Serial(stopping.end_measurement)]),
             ],
         ),
     ]
 
 
-def sweep_ahead(has_friction: bool) -> list[Stage]:
+def sweep_ahead(kind: Kind) -> list[Stage]:
     """Extrapolate and sweep the working set; without friction, a sweep may be rejected."""
     roll_back = [Each(chunk_count, momentum.roll_back), Each(body_count, momentum.roll_back_velocity)]
     return [
-        Shared(momentum.extrapolate_with_friction if has_friction else momentum.extrapolate),
-        Sets(sweep.sweeping(has_friction, ahead=True)),
+        Shared(momentum.extrapolate_with_friction if kind.has_friction else momentum.extrapolate),
+        Sets(sweep.sweeping(kind.has_friction, ahead=True)),
         Serial(sweep.end_sweep),
-        *([] if has_friction else [If(rejected, roll_back)]),
+        *([] if kind.has_friction else [If(rejected, roll_back)]),
     ]
 
 
-def accelerated_sweeps(has_friction: bool) -> list[Stage]:
+def accelerated_sweeps(kind: Kind) -> list[Stage]:
     """Sweep the working set with momentum."""
     scatter = Each(chunk_count, working_set.scatter)
     measure = [
         scatter,
-        *recompute(has_friction),
+        *recompute(kind),
         If(deciding, [Each(body_count, momentum.take_recomputed_velocity)]),
         Serial(stopping.end_measurement),
     ]
@@ -177,32 +184,27 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
                 ),
                 If(measuring, measure),
                 If(scanning, [Sets(working_set.select_set), Serial(working_set.end_scan)]),
-                If(sweeping, sweep_ahead(has_friction)),
+                If(sweeping, sweep_ahead(kind)),
             ],
         ),
     ]
 
 
-def exact(has_friction: bool) -> list[Stage]:
+def exact(kind: Kind) -> list[Stage]:
     """Return accelerated sweeps, and what follows on an answer of the host."""
     answer = [
-        *recompute(has_friction),
+        *recompute(kind),
         Each(grain_count, residual.take_corrected_velocity),
         Serial(verlet.clear_check),
         Each(grain_count, verlet.begin_peak),
+        *(MONITOR_START if kind.has_restitution else []),
         Serial(stopping.end_correction),
     ]
-    return [If(answered, answer), *accelerated_sweeps(has_friction)]
+    return [If(answered, answer), *accelerated_sweeps(kind)]
 
 
-METHODS: dict[Kind, list[Stage]] = {
-    Kind("gauss-seidel", False): plain_sweeps(False),
-    Kind("accelerated", False): accelerated_sweeps(False),
-    Kind("exact", False): exact(False),
-    Kind("gauss-seidel", True): plain_sweeps(True),
-    Kind("accelerated", True): accelerated_sweeps(True),
-    Kind("exact", True): exact(True),
-}
+METHODS = {"gauss-seidel": plain_sweeps, "accelerated": accelerated_sweeps, "exact": exact}
+KINDS = [Kind(*own) for own in product(METHODS, (False, True), (False, True))]
 
 SAVE = [Each(grain_count, contact_list.save_row), Each(contact_list.listed_count, contact_list.save_contact)]
 """Keep the list and what its contacts carry, for the next list."""
@@ -219,14 +221,17 @@ FINISH = [
 ]
 """Move the grains, and report."""
 
-EXPIRE = [
-    *SAVE,
-    Serial(contact_list.expire),
-    Serial(skins.adapt_base_skin),
-    Each(body_count, skins.renew_skin),
-    Serial(skins.renew_numbers),
-]
-"""Ask for another list."""
+
+def expire(has_restitution: bool) -> list[Stage]:
+    """Ask for another list."""
+    return [
+        *SAVE,
+        Serial(contact_list.expire),
+        Serial(skins.adapt_base_skin),
+        Each(body_count, skins.renew_skin),
+        *([Each(body_count, skins.widen_for_start)] if has_restitution else []),
+        Serial(skins.renew_numbers),
+    ]
 
 
 def step(kind: Kind) -> list[Stage]:
@@ -243,12 +248,12 @@ def step(kind: Kind) -> list[Stage]:
                 If(
                     attempting,
                     [
-                        If(starting, START),
-                        *METHODS[kind],
+                        If(starting, start(kind.has_restitution)),
+                        *METHODS[kind.method](kind),
                         Each(body_count, verlet.verify),
                         Serial(attempt.judge),
                         If(accepted, FINISH),
-                        If(expired, EXPIRE),
+                        If(expired, expire(kind.has_restitution)),
                     ],
                 ),
             ],

@@ -164,6 +164,12 @@ def begin_check(s: Scene, i: int):
 
 
 @wp.func
+def monitor_start(s: Scene, i: int):
+    """Take the velocity at the end of the last step into the peak: contacts bounce by it (eq. 35)."""
+    monitor(s, i, at(s.grains.velocity, i))
+
+
+@wp.func
 def verify(s: Scene, i: int):
     """Check, after the iteration, that the skin has sufficed."""
     check_skin(s, i, s.tuning.rounding, f64(0.0))

@@ -11,9 +11,9 @@ import warp as wp
 from . import annulus, law
 from .access import at, checked, put
 from .annulus import Annulus
-from .motion import from_frame, moving_time, pose_at, speed_of_surface, to_frame
+from .motion import from_frame, moving_time, pose_at, to_frame, velocity_at
 from .shapes import end_of, face_normal, inwards, nearest_on, shape_gap, shape_normal
-from .types import MOST_NUMBERS, Drive, Ints, Motion, MotionOf, Pose, Shape
+from .types import MOST_NUMBERS, Drive, Floats, Ints, Motion, MotionOf, Pose, Shape
 
 f64 = wp.float64
 CIRCLE_RADIUS = wp.constant(1 + MOST_NUMBERS + 2)  # index of this number of a shape
@@ -33,6 +33,7 @@ class Walls:
     pose: wp.array(dtype=Pose)  # where they are; both empty if none is mobile
     drive: wp.array(dtype=Drive)  # of all walls; empty if none is driven
     surface: wp.array(dtype=wp.vec2d)  # friction, and speed along the tangent [m/s]; empty without friction
+    restitution: Floats  # of all walls; empty if no contact bounces
 
 
 @wp.func
@@ -199,8 +200,16 @@ def surface_speed(b: int, x: wp.vec2d, n: wp.vec2d, walls: Walls) -> f64:
     """Return the speed of wall b at a point x of it along the tangent of a normal n [m/s] (eq. 23)."""
     surface = at(walls.surface, b)
     if b > 0:
-        return surface[1] + speed_of_surface(at(walls.pose, b - 1), x, n)
+        return surface[1] + law.speed_along(velocity_at(at(walls.pose, b - 1), x), n)
     return surface[1]
+
+
+@wp.func
+def normal_speed(b: int, x: wp.vec2d, n: wp.vec2d, walls: Walls) -> f64:
+    """Return the speed of wall b at a point x of it along a normal n [m/s] (eq. 35)."""
+    if b > 0 and are_mobile(walls):
+        return wp.dot(velocity_at(at(walls.pose, b - 1), x), n)
+    return f64(0.0)
 
 
 @wp.func

@@ -1,14 +1,17 @@
 """Iteration 0: normals and gaps are frozen, and the corrections kept from the previous step applied."""
 
+from functools import cache
+
 import warp as wp
 
 from . import law
-from .access import at, bodies_of, contact_at, put
+from .access import at, bodies_of, contact_at, named, put
 from .contacts import apply, contacts_of, is_wall_set, value_at
-from .record import Scene, grain_count, has_friction, pair_count, rotates
+from .driven import closing_speed
+from .record import Scene, grain_count, has_friction, is_driven, pair_count, rotates
 from .threads import Team
 from .types import Contact
-from .walls import surface_speed, wall_contact, way
+from .walls import normal_speed, surface_speed, wall_contact, way
 
 f64 = wp.float64
 
@@ -22,49 +25,75 @@ def begin_velocity(s: Scene, i: int):
 
 
 @wp.func
-def frozen(s: Scene, c: int, at_wall: bool) -> Contact:
-    """Return a contact with the normal and gap (eq. 4) that it has as grains are placed now."""
-    contact = contact_at(s.contacts.contact, c)
-    i, j = bodies_of(contact)
-    x, radius = at(s.grains.position, i), at(s.grains.radius, i)
-    if at_wall:
-        b = j - grain_count(s)
-        normal, gap, back, circle = wall_contact(b, x, radius, s.walls)
-        if wp.isnan(normal[0]) and wp.min(gap, back) > f64(0.0):
-            normal = wp.vec2d()  # no force: `grain_beyond_wall` checks that none is due
-            s.verlet.flags.without_normal = 1
-        if s.contacts.wall_speed.shape[0] > 0:
-            point = x + (radius + gap) * normal
-            put(s.contacts.wall_speed, c - pair_count(s), surface_speed(b, point, normal, s.walls))
-        if s.contacts.limits.shape[0] > 0:
-            put(s.contacts.limits, c - pair_count(s), wp.vec2d(back / s.dt, circle / s.dt))
-        contact.n = normal
-        contact.gap_rate = gap / s.dt
-    else:
-        normal, distance = law.normal(wp.vec2d(), way(x, at(s.grains.position, j), s.walls))
-        contact.n = normal
-        contact.gap_rate = law.pair_gap(distance, radius, at(s.grains.radius, j)) / s.dt
-    return contact
+def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, point: wp.vec2d, rates: wp.vec3d) -> wp.vec3d:
+    """Return gap / dt on both sides of wall j for a grain that may bounce, and A / dt [m/s].
 
-
-@wp.func
-def start(team: Team, s: Scene, k: int):
-    """Freeze the contacts of a set, and apply their corrections unless sweeps resume.
-
-    Other threads may read the grain of a contact meanwhile (`next_grain`), which is written as it is.
+    They are given for one that may not, with the normal, and the point at which the grain would touch.
     """
-    c, end = contacts_of(team, s, k)
-    at_wall = is_wall_set(s, k)
-    while c < end:
-        contact = frozen(s, c, at_wall)
-        put(s.contacts.contact, c, contact)
-        if s.control.resuming == 0:
-            dv, dvt = at(s.contacts.dv_start, c), value_at(s.contacts.dvt_start, c)
-            put(s.contacts.dv, c, dv)
-            if has_friction(s):
-                put(s.contacts.dvt, c, dvt)
-            apply(s, s.grains.next_velocity, s.grains.next_rim, contact, c, dv, dvt)
-        c += 1
+    v, b, least = at(s.grains.velocity, i), j - grain_count(s), s.restitution_speed
+    vn, surface, e = wp.dot(v, n), normal_speed(b, point, n, s.walls), at(s.walls.restitution, b)
+    if is_driven(s):
+        vn = closing_speed(s, s.grains.velocity, i, j, n)
+    rate = law.round_gap_rate(rates[0], law.speed_along(v, n), rates[2])
+    front = law.rebound(rates[0], rate, vn, surface, e, least)
+    return wp.vec3d(front, law.rebound(rates[1], rates[1], -vn, -surface, e, least), rates[2])
+
+
+@cache
+def starting(restitution: bool) -> wp.Function:
+    """Return the stage that freezes the contacts of a set, and applies their corrections.
+
+    It applies none if sweeps resume.
+    """
+
+    @wp.func
+    def frozen(s: Scene, c: int, at_wall: bool) -> Contact:
+        """Return a contact with the normal and gap (eq. 4) that it has as grains are placed now."""
+        contact = contact_at(s.contacts.contact, c)
+        i, j = bodies_of(contact)
+        x, radius = at(s.grains.position, i), at(s.grains.radius, i)
+        if at_wall:
+            b = j - grain_count(s)
+            normal, gap, back, circle = wall_contact(b, x, radius, s.walls)
+            if wp.isnan(normal[0]) and wp.min(gap, back) > f64(0.0):
+                normal = wp.vec2d()  # no force: `grain_beyond_wall` checks that none is due
+                s.verlet.flags.without_normal = 1
+            point, rates = x + (radius + gap) * normal, wp.vec3d(gap / s.dt, back / s.dt, circle / s.dt)
+            if wp.static(restitution):
+                rates = rebound_at_wall(s, i, j, normal, point, rates)
+            contact.n = normal
+            contact.gap_rate = rates[0]
+            if s.contacts.wall_speed.shape[0] > 0:
+                put(s.contacts.wall_speed, c - pair_count(s), surface_speed(b, point, normal, s.walls))
+            if s.contacts.limits.shape[0] > 0:
+                put(s.contacts.limits, c - pair_count(s), wp.vec2d(rates[1], rates[2]))
+        else:
+            normal, distance = law.normal(wp.vec2d(), way(x, at(s.grains.position, j), s.walls))
+            rate = law.pair_gap(distance, radius, at(s.grains.radius, j)) / s.dt
+            if wp.static(restitution):
+                vn = wp.dot(at(s.grains.velocity, i) - at(s.grains.velocity, j), normal)
+                rate = law.rebound(rate, rate, vn, f64(0.0), s.restitution, s.restitution_speed)
+            contact.n = normal
+            contact.gap_rate = rate
+        return contact
+
+    @named(f"start{'_with_restitution' * restitution}")
+    def start(team: Team, s: Scene, k: int):
+        # Other threads may read the grain of a contact meanwhile (`next_grain`), which is written as it is.
+        c, end = contacts_of(team, s, k)
+        at_wall = is_wall_set(s, k)
+        while c < end:
+            contact = frozen(s, c, at_wall)
+            put(s.contacts.contact, c, contact)
+            if s.control.resuming == 0:
+                dv, dvt = at(s.contacts.dv_start, c), value_at(s.contacts.dvt_start, c)
+                put(s.contacts.dv, c, dv)
+                if has_friction(s):
+                    put(s.contacts.dvt, c, dvt)
+                apply(s, s.grains.next_velocity, s.grains.next_rim, contact, c, dv, dvt)
+            c += 1
+
+    return start
 
 
 @wp.func

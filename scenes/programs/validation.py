@@ -40,7 +40,7 @@ def packed(now: Snapshot) -> Numbers:
     scene, far = now.scene, 6.0 * now.scene.radius.max()
     bulk = (np.hypot(*now.position.T) < scene.radius_out - far) & (now.position[:, 1] < 0.0)
     filled = np.pi * (scene.radius[bulk] ** 2).sum() / analysis.cell_areas(now)[bulk].sum()
-    bound = np.concatenate([scene.friction * now.force, scene.friction_at_walls * now.wall_force])
+    bound = np.concatenate([scene.friction * now.force, scene.wall_frictions[0] * now.wall_force])
     tangential = np.concatenate([now.tangential_force, now.wall_tangential_force])
     slides = np.abs(tangential) >= (1.0 - 1e-12) * bound
     held = now.n - np.count_nonzero(analysis.rattlers(now))

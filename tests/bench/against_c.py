@@ -73,7 +73,7 @@ class Sweeps:
             raise RuntimeError(f"in_c.c knows records {CONTACT}, and the solver has {self.contact.dtype}")
         self._start = self.contents()
         inputs = (records.device, team_records(1)[0])
-        kernel = kernel_of(*METHODS[kind_of(simulation.scene)])
+        kernel = kernel_of(*METHODS[simulation.scene.method](kind_of(simulation.scene)))
         self.run = wp.launch(kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True).launch
 
     def contents(self) -> tuple[np.ndarray, ...]:

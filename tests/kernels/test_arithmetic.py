@@ -59,6 +59,12 @@ def random_scene(seed: int) -> Scene:
         fields |= {"friction": rng.choice([0.0, 0.4]), "wall_friction": 0.6, "angular_velocity_out": 0.5}
         fields |= {"spin_drag": rng.choice([0.0, 1e-4]), "spin": rng.uniform(-3.0, 3.0, n)}
         fields["angular_velocity_in"] = 0.8 if fields["radius_in"] > 0.0 else 0.0
+    if np.random.default_rng((seed, 1)).random() < 0.5:
+        fields |= {
+            "restitution": 0.6,
+            "wall_restitution": [None, 1.0, 0.0][seed % 3],
+            "restitution_speed": 0.1,
+        }
     if rng.random() < 0.3:
         fields["gravity"] = TurningGravity((0.5, -9.81), rng.uniform(-3.0, 3.0))
     angle, distance = rng.uniform(0.0, 2.0 * np.pi, n), np.sqrt(rng.uniform(0.1, 0.8, n))

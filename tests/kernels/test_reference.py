@@ -12,6 +12,8 @@ from schemes import SECOND_ORDER, TEXTS
 from simulate import Simulate
 from swept_order import Followed, follow_reference
 from walled_scenes import (
+    BOUNCING,
+    BOUNCY,
     BOXES,
     CORNERS,
     DRIVEN,
@@ -82,6 +84,10 @@ def touches_all(met: Followed) -> bool:
 
 def touches(*walls: int) -> Callable[[Followed], bool]:
     return lambda met: met.touched >= {*walls}
+
+
+def bounces(met: Followed) -> bool:
+    return met.bounced
 
 
 PILE: dict[str, Any] = {"method": "gauss-seidel", "order": "sequential"}
@@ -157,6 +163,24 @@ for corners, walls in CORNERS.items():
 for kind in BOXES:
     for changes in ({}, LEAPFROG | COLOR):
         CASES[f"box, {kind}, {changes}"] = Case(partial(boxed, kind, **changes), 120, meets=touches_all)
+BOUNCES: dict[str, Callable[[], Scene]] = {
+    "pairs": loaded("polydisperse", restitution=0.8, max_iterations=60),
+    "two sides": loaded("annulus", restitution=0.3, wall_restitution=1.0, **COLOR),
+    "moving walls": partial(stirred, 90, **BOUNCY, **{**TURNING, "walls": BOUNCING, "max_iterations": 60}),
+    "round": partial(cloud, 90, **LEAPFROG, **ROUND, **COLOR, **BOUNCY),
+    "driven": partial(pressed, 80, walls=[DRIVEN], restitution=0.5, radius_in=0.15),
+    "corners": partial(cornered, CORNERS["chute"], 40, **BOUNCY, **LEAPFROG),
+    "shear": partial(boxed, "shear", **BOUNCY, **COLOR),
+    "piston": partial(boxed, "piston", **BOUNCY),
+}
+for how, make in BOUNCES.items():
+    CASES[f"restitution, {how}"] = Case(make, 100, meets=bounces)
+for seed in range(1, 16, 2):
+    CASES[f"random {seed}, restitution"] = Case(drawn(seed, restitution=0.5 + seed / 30), 60)
+for sudden in SUDDEN:
+    CASES[f"{sudden.__name__}, restitution"] = Case(
+        partial(lambda begin: begin().replace(**BOUNCY), sudden), 30
+    )
 
 
 @cache
@@ -184,7 +208,7 @@ PYTHON: dict[str, Callable[[], Scene]] = {
         for scheme in (TEXTS, SECOND_ORDER, TEXTS | ROUND, TEXTS | LEAPFROG)
     },
     "friction": partial(cloud, **LEAPFROG),
-    "driven": partial(pressed, 40, walls=[DRIVEN], **LEAPFROG),
+    "driven": partial(pressed, 40, walls=[DRIVEN], restitution=0.5, **LEAPFROG),
 }
 
 

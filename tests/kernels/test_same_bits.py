@@ -36,6 +36,8 @@ for order in ORDERS:
     for method in METHODS:
         sizes = loaded("polydisperse", order=order, method=method, max_iterations=100)
         bowl = loaded("no_inner_wall", order=order, method=method, max_iterations=30, **SECOND_ORDER)
+        bounces = loaded("polydisperse", order=order, method=method, max_iterations=100, restitution=0.7)
+        SCENES[f"polydisperse, bouncing, {method}, {order}"] = bounces
         SCENES |= {f"polydisperse, {method}, {order}": sizes, f"bowl, {method}, {order}": bowl}
     for method in METHODS[:2]:
         driven = partial(pressed, order=order, method=method, walls=[DRIVEN])

@@ -18,11 +18,11 @@ GRAINS = np.array([1, 2, 7, 60])
 
 
 @pytest.fixture(
-    params=[(0, 0, 1), (1, 0, 1), (0, 0, 3), (1, 0, 3), (0, 1, 3)],
-    ids=["plain", "ahead", "plain team", "ahead team", "friction"],
+    params=[(0, 0, 0, 1), (1, 0, 0, 1), (0, 0, 0, 3), (1, 0, 0, 3), (0, 1, 1, 3)],
+    ids=["plain", "ahead", "plain team", "ahead team", "friction, restitution"],
 )
 def sizes(request: pytest.FixtureRequest) -> Sizes:
-    accelerated, friction, team = request.param
+    accelerated, friction, restitution, team = request.param
     return Sizes(
         GRAINS,
         np.full_like(GRAINS, CONTACTS),
@@ -35,6 +35,7 @@ def sizes(request: pytest.FixtureRequest) -> Sizes:
         np.array([0, 5, 0, 0]),
         accelerated,
         friction,
+        restitution,
         team,
         team,
     )

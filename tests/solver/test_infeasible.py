@@ -73,7 +73,7 @@ def test_what_a_proof_does_not_need_is_left_out() -> None:
     velocity = np.zeros((7, 2))
     velocity[1, 0] = (2.0 * radius - 0.1) / scene.dt - 1e-7  # m/s
     proof = find_infeasibility_proof(
-        scene, place, velocity, Corrections(pair, np.ones(5), NO_WALLS, np.zeros(0))
+        scene, (place, scene.velocity), velocity, Corrections(pair, np.ones(5), NO_WALLS, np.zeros(0))
     )
     assert proof is not None
     assert proof.grains == (2, 3, 4, 5, 6)
@@ -164,7 +164,7 @@ def test_rounding_claims_nothing(seed: int) -> None:
         radius = 0.25 + overlap
         place = np.array([-0.75, -0.25, 0.25, 0.75])[:, None] * line
         scene = Scene(position=place, radius=radius, mass=0.1, radius_out=1.0)
-        contacts = UnilateralConstraints.of(scene, place, every_contact(4))
+        contacts = UnilateralConstraints.of(scene, (place, scene.velocity), every_contact(4))
         # At the outer wall are the last grain, by its correction, and the first, if it is seen to overlap.
         for weight in (np.ones(len(contacts.first)), rng.uniform(0.0, 1.0, len(contacts.first))):
             speed = contacts.least_speed(weight, contacts.imbalance(weight))
@@ -176,4 +176,5 @@ def test_grains_that_just_fit_are_not_named() -> None:
     """To the last bit or two."""
     for overlap in (0.0, 2e-16, 5e-16):
         scene = chain(5, overlap)
-        assert find_infeasibility_proof(scene, scene.position, np.zeros((5, 2)), every_contact(5)) is None
+        start = scene.position, scene.velocity
+        assert find_infeasibility_proof(scene, start, np.zeros((5, 2)), every_contact(5)) is None

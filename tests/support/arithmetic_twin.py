@@ -157,6 +157,7 @@ class Contact:
     reach: float = inf
     surface: float = 0.0
     mu: float = 0.0
+    e: float = 0.0
     dv: float = 0.0
     dvt: float = 0.0
 
@@ -207,11 +208,14 @@ class Twin:
             for m, r in zip(self.m, self.r, strict=True)
         ]
         self.k = [(2.0 * m) / j for m, j in zip(self.mass, rim_mass, strict=True)]
-        self.contacts = [Contact(i, j, False, mu=scene.friction) for i in range(n) for j in range(i + 1, n)]
-        self.contacts += [Contact(i, b, True, mu=mu[b]) for i in range(n) for b in range(len(self.walls))]
+        e = scene.wall_restitutions[:1] + scene.wall_restitutions[2 - self.two :]
+        between = {"mu": scene.friction, "e": scene.restitution}
+        self.contacts = [Contact(i, j, False, **between) for i in range(n) for j in range(i + 1, n)]
+        every = range(len(self.walls))
+        self.contacts += [Contact(i, b, True, mu=mu[b], e=e[b]) for i in range(n) for b in every]
 
     def freeze(self, contact: Contact) -> None:
-        scene, x, r = self.scene, self.x[contact.i], self.r[contact.i]
+        scene, x, r, away = self.scene, self.x[contact.i], self.r[contact.i], 0.0
         if not contact.at_wall:
             d = minus(self.x[contact.j], x)
             contact.n, contact.gap_rate = unit(d), (size(d) - (r + self.r[contact.j])) / scene.dt
@@ -223,18 +227,34 @@ class Twin:
             if scene.wall == "round":
                 contact.reach = (scene.radius_out - r) / scene.dt
         else:
-            contact.n, gap, contact.surface = self.frame_inside(contact.j, x, r)
+            contact.n, gap, contact.surface, away = self.frame_inside(contact.j, x, r)
             contact.gap_rate = gap / scene.dt
+        self.let_bounce(contact, away)
 
-    def frame_inside(self, b: int, x: Vector, r: float) -> tuple[Vector, float, float]:
-        """Normal, gap, and speed of the surface."""
+    def let_bounce(self, contact: Contact, w: float) -> None:
+        """(35), for the velocities and wall speeds that the last step has left."""
+        v, n = self.v[contact.i], contact.n
+        vn = dot(v if contact.at_wall else minus(v, self.v[contact.j]), n)
+        if contact.at_wall and self.driven:
+            vn = vn - self.levers(contact)[0] * self.speed[contact.j]
+        a, vt, b = contact.reach, along(n, v), contact.gap_rate
+        if a < inf:
+            b = b - (a - sqrt(max(0.0, a * a - vt * vt)))
+        least, e = self.scene.restitution_speed, contact.e
+        if e > 0.0 and vn > b and vn - w > least:
+            contact.gap_rate = min(b, w - e * (vn - w)) + (contact.gap_rate - b)
+        if e > 0.0 and -vn > contact.back_rate and -vn > least:
+            contact.back_rate = min(contact.back_rate, -(e * -vn))
+
+    def frame_inside(self, b: int, x: Vector, r: float) -> tuple[Vector, float, float, float]:
+        """Normal, gap, and speeds of the surface along the tangent and the normal."""
         wall, dt = self.walls[b], self.scene.dt
         if self.two and b == 1:
-            return *frame(wall, x, r), (-self.scene.radius_in) * self.scene.angular_velocity_in
+            return *frame(wall, x, r), (-self.scene.radius_in) * self.scene.angular_velocity_in, 0.0
         joint = self.walls, self.joined[b], b
         if not wall.moves:
             q, d = self.way[b], self.direction[b]
-            return *frame_at_joint(*joint, (x[0] - q * d[0], x[1] - q * d[1]), r, self.way[0]), 0.0
+            return *frame_at_joint(*joint, (x[0] - q * d[0], x[1] - q * d[1]), r, self.way[0]), 0.0, 0.0
         (px, py), (vx, vy), w = wall.pivot or wall.middle, wall.velocity, wall.angular_velocity
         to_time = inf if wall.to_time is None else wall.to_time
         times = self.steps * dt, (self.steps + 1) * dt
@@ -244,13 +264,10 @@ class Twin:
         n, gap = frame_at_joint(*joint, (c * dx + s * dy, c * dy - s * dx), r, self.way[0])
         n = turned(c, s, n)
         if not tau - before > 0.5 * (times[1] - times[0]):
-            return n, gap, 0.0
+            return n, gap, 0.0, 0.0
         y = plus(x, r + gap, n)
-        return (
-            n,
-            gap,
-            along(n, ((vx + w * (py + vy * tau)) - w * y[1], (vy - w * (px + vx * tau)) + w * y[0])),
-        )
+        u = (vx + w * (py + vy * tau)) - w * y[1], (vy - w * (px + vx * tau)) + w * y[0]
+        return n, gap, along(n, u), dot(u, n)
 
     def shares(self, contact: Contact) -> tuple[float, float]:
         if contact.at_wall:
@@ -366,9 +383,9 @@ class Twin:
     def step(self) -> int:
         """Take a step, and return its iterations."""
         scene, dt, iterations, stops = self.scene, self.scene.dt, 0, False
-        self.free_velocities()
         for contact in self.contacts:
             self.freeze(contact)
+        self.free_velocities()
         self.begin()
         while not stops:
             iterations, zeta = iterations + 1, 0.0

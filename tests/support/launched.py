@@ -9,7 +9,7 @@ from warpgrains import Scene, State
 from warpgrains.kernels.gpu import Launcher, stage_kernels
 from warpgrains.kernels.record import SLOW, SOLVED, WITHOUT_ROOM
 from warpgrains.kernels.stages import OPTIONS
-from warpgrains.kernels.step import METHODS, step
+from warpgrains.kernels.step import KINDS, step
 from warpgrains.scene.state import first_state
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.loading import load_state
@@ -20,7 +20,7 @@ def every_stage(name: str) -> tuple[wp.Module, list[wp.Kernel]]:
     """Put the stages of all methods into one module: what methods share is compiled once."""
     module = wp.get_module(name)
     wp.set_module_options(OPTIONS, module)
-    kernels = dict.fromkeys(kernel for kind in METHODS for kernel in stage_kernels(step(kind), module))
+    kernels = dict.fromkeys(kernel for kind in KINDS for kernel in stage_kernels(step(kind), module))
     return module, list(kernels)
 
 

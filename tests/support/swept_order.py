@@ -2,6 +2,7 @@
 
 import ctypes
 from collections.abc import Callable
+from operator import or_
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,8 @@ class Followed(NamedTuple):
     reports: list[StepReport]
     touched: set[int]
     """Walls that carried a grain."""
+    bounced: bool
+    """Whether a pair bounced, and a grain off a wall."""
 
 
 def contacts_of(reference: Reference) -> int:
@@ -53,6 +56,17 @@ def worst_overlap(simulation: Simulation) -> float:
     return max(0.0, -float(np.concatenate(gaps).min()))
 
 
+def bounces(simulation: Simulation) -> tuple[bool, bool]:
+    """Return whether some pair, and some grain at a wall, carried a correction and left a gap of 1 mm/s."""
+    pairs, walls, v = simulation.contacts(), simulation.wall_contacts(), simulation.velocity
+    closing = v[pairs.pair[:, 0]] - v[pairs.pair[:, 1]], v[walls.wall[:, 0]]
+    left = (
+        own.gap - simulation.scene.dt * (u * own.normal).sum(axis=1)
+        for own, u in zip((pairs, walls), closing, strict=True)
+    )
+    return tuple((gap > 1e-3 * simulation.scene.dt).any() for gap in left)
+
+
 def follow_reference(
     scene: Scene,
     steps: int,
@@ -61,7 +75,7 @@ def follow_reference(
     state: State | None = None,
 ) -> Followed:
     """Hold every step against the reference, in the order of the sweeps; both are restored half-way."""
-    reports, touched = [], set[int]()
+    reports, touched, bounced = [], set[int](), [False, False]
     for count in (steps // 2, steps - steps // 2):
         simulation, reference = simulate(scene), Reference(library, scene, state)
         if state is not None:
@@ -75,5 +89,6 @@ def follow_reference(
                 assert reports[-1].contacts == contacts_of(reference)
                 assert reports[-1].overlap == worst_overlap(simulation)
             touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
+            bounced = [*map(or_, bounced, bounces(simulation))]
         state = simulation.state()
-    return Followed(scene, reports, touched)
+    return Followed(scene, reports, touched, all(bounced))

@@ -199,7 +199,7 @@ class TestFriction:
         scene = Scene.load("annulus").replace(friction=0.3, wall_friction=0.2, spin=4.0, spin_drag=1e-4)
         live = Live(Simulation(scene))
         live.set_friction(0.0, 1.0, 0.0)  # walls have their own
-        assert (live.scene.friction_at_walls, live.scene.angular_velocity_out) == (0.2, 1.0)
+        assert (live.scene.wall_frictions[0], live.scene.angular_velocity_out) == (0.2, 1.0)
         assert (live.scene.spin == 4.0).all()
         scene = scene.replace(wall_friction=None, method="exact", exact_time=50.0)
         live = Live(Simulation(scene))

@@ -81,7 +81,8 @@ class StepProblem:
         scene, position = self.scene, self.position
         pair = pairs_within(scene, position, scene.dt * speed)
         wall = every_wall(scene)
-        every = StepConstraints.at(scene, position, pair, wall, self.time).sliding(scene.dt * sliding)
+        every = StepConstraints.at(scene, (position, self.velocity), pair, wall, self.time)
+        every = every.sliding(scene.dt * sliding)
         return every.only(every.gap_rate[len(pair) :] <= speed[every.wall[:, 0]])
 
 
@@ -132,7 +133,8 @@ def solve_exactly(problem: StepProblem, motion: FloatArray) -> ExactStep:
     equals the estimate. Raises SimulationError where there is no solution, or clarabel finds none.
     """
     scene, velocity, free = problem.scene, motion[:, :2], problem.free_velocity
-    speed = REACH * np.maximum(np.hypot(*free.T), np.hypot(*velocity.T))
+    known = free, velocity, problem.velocity  # contacts bounce by the last
+    speed = REACH * np.max([np.hypot(*one.T) for one in known], axis=0)
     root = np.sqrt(scene.contact_mass)[:, np.newaxis]
     if scene.has_friction:
         root = np.column_stack([root, root, np.sqrt(0.5 * scene.rim_mass)])

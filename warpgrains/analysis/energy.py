@@ -109,7 +109,8 @@ class EnergyBalance(NamedTuple):
     drag_loss: float
     """Energy dissipated by drag, on translation and on rotation."""
     contact_loss: float
-    """Energy dissipated by contacts, by impacts and by friction."""
+    """Energy dissipated by contacts, by impacts and by friction; negative in steps in which energy grows:
+    where overlaps are removed and, with friction, where grains bounce (kernels/MODEL.md, "Restitution")."""
     friction_loss: float = 0.0
     """Part of `contact_loss` due to friction: tangential forces times slip."""
     wall_work: float = 0.0

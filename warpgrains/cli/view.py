@@ -65,6 +65,8 @@ def _require_the_texts(scene: Scene) -> None:
         f"gravity.rotate is {scene.gravity_rate} rad/s": scene.gravity_rate,
         f"friction is {scene.friction}": scene.friction,
         f"wall_friction is {scene.wall_friction}": scene.wall_friction,
+        f"restitution is {scene.restitution}": scene.restitution,
+        f"wall_restitution is {scene.wall_restitution}": scene.wall_restitution,
         f"spin_drag is {scene.spin_drag} kg m2/s": scene.spin_drag,
         f"pressure is {scene.pressure} N/m": scene.pressure is not None,
         f"walls has {len(scene.walls)} entries": scene.walls,
@@ -74,7 +76,7 @@ def _require_the_texts(scene: Scene) -> None:
         if is_lacking:
             raise InputError(
                 f"{what}: --homework needs scheme text, wall tangent, an inner wall, constant gravity, no"
-                f" friction, pressure or other walls, and at most {MOST_GRAINS} grains"
+                f" friction, restitution, pressure or other walls, and at most {MOST_GRAINS} grains"
             )
 
 

@@ -30,6 +30,10 @@ typedef struct {
     double *drives;                 /* 1 / mass, force, pressure and direction, */
     double *places, *speeds;        /* and coordinate and speed */
     double period[2];               /* of the domain along x and y; 0 where it is not periodic */
+    int bouncy;                     /* whether contacts bounce: between grains, at the annulus, and at each wall, */
+    double restitution, restitutionOut, *restitutionWalls; /* by these coefficients, */
+    double restitutionSpeed;        /* if they close faster */
+    double *vxBefore, *vyBefore, *speedsBefore; /* velocities of grains, and of driven walls, before the step */
 #endif
 } femGrains;
 

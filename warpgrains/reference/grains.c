@@ -1,4 +1,4 @@
-/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), (16) to (18), and (21) to (29) and (31), as they stand there.
+/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), (16) to (18), (21) to (29), (31) and (35), as they stand there.
  * With friction, the inner wall is a disc at the origin, because each wall has its own bound.
  *
  * NOCONTACTITERATE and NOUPDATE leave out one of the two functions that students write, NOCREATE the others.
@@ -28,7 +28,7 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->jointStart = theGrains->joints = NULL;
     theGrains->friction = theGrains->wallFriction = 0.0;
     theGrains->turning = theGrains->start = 0.0;
-    theGrains->rough = theGrains->driven = 0;
+    theGrains->rough = theGrains->driven = theGrains->bouncy = 0;
     theGrains->period[0] = theGrains->period[1] = 0.0;
     theGrains->x = malloc(n * sizeof(double));
     theGrains->y = malloc(n * sizeof(double));
@@ -88,6 +88,21 @@ static void nearestImage(const femGrains *g, double *dx, double *dy) {
     if (g->period[1] > 0.0) *dy -= g->period[1] * rint(*dy / g->period[1]);
 }
 
+/* Gap / dt of a contact, less where it bounces at a closing speed vn before the step (eq. 35); rate is that of the gap
+ * at a round wall, and surface the speed of the wall along the normal. */
+static double rebound(const femGrains *g, double gapRate, double rate, double vn, double surface, double restitution) {
+    if (!(restitution > 0.0 && vn > rate && vn - surface > g->restitutionSpeed)) return gapRate;
+    return fmin(rate, surface - restitution * (vn - surface)) + (gapRate - rate);
+}
+
+/* The same for grain i at a wall, which a round wall makes less by a sagitta; driven is the wall's own part of vn. */
+static double reboundAtWall(const femGrains *g, int i, double nx, double ny, double gapRate, double sagitta,
+                            double driven, double surface, double restitution) {
+    if (!g->bouncy) return gapRate;
+    double vn = g->vxBefore[i] * nx + g->vyBefore[i] * ny - driven;
+    return rebound(g, gapRate, gapRate - sagitta, vn, surface, restitution);
+}
+
 /* The contact of grains i < j; dvc and dtc are its accumulated corrections. Returns the larger change. */
 static double contactPair(femGrains *g, int i, int j, double *dvc, double *dtc, double dt, int iter) {
     double dx = g->x[j] - g->x[i];
@@ -100,7 +115,12 @@ static double contactPair(femGrains *g, int i, int j, double *dvc, double *dtc, 
     if (iter > 0) {
         double gap = r - (g->r[i] + g->r[j]);
         double vn = (g->vx[i] - g->vx[j]) * nx + (g->vy[i] - g->vy[j]) * ny;
-        dv = fmax(0.0, vn + *dvc - gap / dt) - *dvc;
+        double rate = gap / dt;
+        if (g->bouncy) {
+            double before = (g->vxBefore[i] - g->vxBefore[j]) * nx + (g->vyBefore[i] - g->vyBefore[j]) * ny;
+            rate = rebound(g, rate, rate, before, 0.0, g->restitution);
+        }
+        dv = fmax(0.0, vn + *dvc - rate) - *dvc;
         *dvc += dv;
     }
     double mi = contactMass(g, i, dt);
@@ -141,16 +161,17 @@ static double pushFromWall(femGrains *g, int i, double nx, double ny, double dv,
     return fmax(fabs(dv), fabs(dvt));
 }
 
-/* By how much per dt grain i, on its way along the outer wall, leaves the circle on which it touches it. */
-static double sagittaRate(const femGrains *g, int i, double nx, double ny, double dt) {
+/* By how much per dt grain i, on its way along the outer wall at (vx, vy), leaves the circle on which it touches it. */
+static double sagittaRate(const femGrains *g, int i, double nx, double ny, double vx, double vy, double dt) {
     double reach = (g->radiusOut - g->r[i]) / dt;
-    double along = nx * g->vy[i] - ny * g->vx[i];
+    double along = nx * vy - ny * vx;
     return reach - sqrt(fmax(0.0, reach * reach - along * along));
 }
 
-/* The contact of grain i with wall k where a force drives a wall (eqs. 28, 29); 0 is the annulus. Returns the change. */
-static double contactDriven(femGrains *g, int i, int k, double nx, double ny, double gap, double *dvw,
-                            double friction, double *dtw, double speed, double dt, int iter) {
+/* The contact of grain i with wall k where a force drives a wall (eqs. 28, 29); 0 is the annulus. Its surface moves at a
+ * speed along the tangent, and away along the normal. Returns the change. */
+static double contactDriven(femGrains *g, int i, int k, double nx, double ny, double gap, double *dvw, double friction,
+                            double *dtw, double speed, double away, double dt, int iter) {
     const double *drive = &g->drives[5 * k];
     double along = k == 0 ? 1.0 : nx * drive[3] + ny * drive[4];
     double share = along * contactMass(g, i, dt) * drive[0];
@@ -158,7 +179,9 @@ static double contactDriven(femGrains *g, int i, int k, double nx, double ny, do
     double dv = *dvw;
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny - along * g->speeds[k];
-        dv = fmax(0.0, *dvw + (vn - gap / dt) / compliance) - *dvw;
+        double restitution = !g->bouncy ? 0.0 : k == 0 ? g->restitutionOut : g->restitutionWalls[k - 1];
+        double rate = reboundAtWall(g, i, nx, ny, gap / dt, 0.0, g->bouncy ? along * g->speedsBefore[k] : 0.0, away, restitution);
+        dv = fmax(0.0, *dvw + (vn - rate) / compliance) - *dvw;
         *dvw += dv;
     }
     g->speeds[k] += dv * share;
@@ -172,16 +195,18 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
     double ny = r > 0.0 ? g->y[i] / r : 0.0;
     double *dtb = hasFriction(g) ? &g->dtBoundary[i] : NULL;
     if (g->driven)
-        return contactDriven(g, i, 0, nx, ny, g->radiusOut - r - g->r[i], dvb, g->wallFriction, dtb, g->radiusOut * g->turningOut, dt, iter);
+        return contactDriven(g, i, 0, nx, ny, g->radiusOut - r - g->r[i], dvb, g->wallFriction, dtb, g->radiusOut * g->turningOut, 0.0, dt, iter);
     double dv = *dvb;
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny;
         double gapOut = g->radiusOut - r - g->r[i];
         double gapIn = r - g->radiusIn - g->r[i];
-        double rateOut = gapOut / dt;
-        if (g->round) rateOut -= sagittaRate(g, i, nx, ny, dt);
+        double before = g->round && g->bouncy ? sagittaRate(g, i, nx, ny, g->vxBefore[i], g->vyBefore[i], dt) : 0.0;
+        double rateOut = reboundAtWall(g, i, nx, ny, gapOut / dt, before, 0.0, 0.0, g->restitutionOut);
+        double rateIn = reboundAtWall(g, i, -nx, -ny, gapIn / dt, 0.0, 0.0, 0.0, g->restitutionOut);
+        if (g->round) rateOut -= sagittaRate(g, i, nx, ny, g->vx[i], g->vy[i], dt);
         double dvOut = fmax(0.0, vn + *dvb - rateOut);
-        double dvIn = g->radiusIn > 0.0 ? fmax(0.0, -vn - *dvb - gapIn / dt) : 0.0;
+        double dvIn = g->radiusIn > 0.0 ? fmax(0.0, -vn - *dvb - rateIn) : 0.0;
         dv = dvOut - dvIn - *dvb;
         *dvb += dv;
     }
@@ -317,9 +342,10 @@ static double movingTime(const double *motion, double time) {
     return fmin(fmax(time, motion[5]), motion[6]) - motion[5];
 }
 
-/* The same where the wall is at the end of the step (eq. 26), or is driven (eq. 28); *speed gets that of its surface along the tangent. */
+/* The same where the wall is at the end of the step (eq. 26), or is driven (eq. 28); *speed gets that of its surface along
+ * the tangent, and *away that along the normal. */
 static double movingWallGap(const femGrains *g, int k, double begin, double end, double x, double y, double r, double *nx,
-                            double *ny, double *speed) {
+                            double *ny, double *speed, double *away) {
     const double *motion = &g->motions[7 * k];
     double px = motion[0], py = motion[1], vx = motion[2], vy = motion[3], w = motion[4];
     double moved = movingTime(motion, end), before = movingTime(motion, begin);
@@ -339,27 +365,29 @@ static double movingWallGap(const femGrains *g, int k, double begin, double end,
         double u = vx + w * (py + vy * moved) - w * (y + (r + gap) * *ny);
         double v = vy - w * (px + vx * moved) + w * (x + (r + gap) * *nx);
         *speed += *nx * v - *ny * u;
+        *away = u * *nx + v * *ny;
     }
     return gap;
 }
 
 /* The contact of grain i with wall k inside the annulus. Returns the larger change. */
 static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
-    double nx, ny, gap;
+    double nx, ny, gap, away = 0.0;
     double *dvw = &g->dvWalls[i * g->nWalls + k];
     double speed = hasFriction(g) ? g->speedWalls[k] : 0.0;
     if (g->moving || isDriven(g, k))
         gap = movingWallGap(g, k, g->start + g->steps * dt, g->start + (g->steps + 1) * dt, g->x[i], g->y[i], g->r[i], &nx,
-                            &ny, &speed);
+                            &ny, &speed, &away);
     else
         gap = jointGap(g, k, g->x[i], g->y[i], g->r[i], &nx, &ny);
     double *dtw = hasFriction(g) ? &g->dtWalls[i * g->nWalls + k] : NULL;
     double friction = hasFriction(g) ? g->frictionWalls[k] : 0.0;
-    if (g->driven) return contactDriven(g, i, k + 1, nx, ny, gap, dvw, friction, dtw, speed, dt, iter);
+    if (g->driven) return contactDriven(g, i, k + 1, nx, ny, gap, dvw, friction, dtw, speed, away, dt, iter);
     double dv = *dvw;
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny;
-        dv = fmax(0.0, vn + *dvw - gap / dt) - *dvw;
+        double rate = reboundAtWall(g, i, nx, ny, gap / dt, 0.0, 0.0, away, g->bouncy ? g->restitutionWalls[k] : 0.0);
+        dv = fmax(0.0, vn + *dvw - rate) - *dvw;
         *dvw += dv;
     }
     return pushFromWall(g, i, nx, ny, dv, friction * *dvw, dtw, speed, dt, iter);
@@ -445,6 +473,11 @@ static void moveDriven(femGrains *g, double dt) {
 void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax) {
     int n = myGrains->n;
     double gx = myGrains->gravity[0], gy = myGrains->gravity[1];
+    if (myGrains->bouncy) {
+        memcpy(myGrains->vxBefore, myGrains->vx, n * sizeof(double));
+        memcpy(myGrains->vyBefore, myGrains->vy, n * sizeof(double));
+        memcpy(myGrains->speedsBefore, myGrains->speeds, (myGrains->nWalls + 1) * sizeof(double));
+    }
     if (myGrains->turning != 0.0) turnedGravity(myGrains, dt, &gx, &gy);
     for (int i = 0; i < n; i++) {
         double m = myGrains->m[i];

@@ -23,6 +23,8 @@ MOST_GRAINS = 3000  # of scenes that are timed; the program stores and visits al
 _Doubles, _Ints = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int)
 _ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtWalls")
 _DRIVEN = ("drives", "places", "speeds")
+_BEFORE = {"vxBefore": "vx", "vyBefore": "vy", "speedsBefore": "speeds"}
+"""Copies of arrays before a step."""
 _PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
@@ -47,6 +49,11 @@ class Grains(ctypes.Structure):
         ("driven", ctypes.c_int),
         *((name, _Doubles) for name in _DRIVEN),
         ("period", ctypes.c_double * 2),
+        ("bouncy", ctypes.c_int),
+        *((name, ctypes.c_double) for name in ("restitution", "restitutionOut")),
+        ("restitutionWalls", _Doubles),
+        ("restitutionSpeed", ctypes.c_double),
+        *((name, _Doubles) for name in _BEFORE),
     )
 
 
@@ -94,7 +101,7 @@ class Reference:
         self._grains = Grains(n, *bodies.annulus[:2], gravity, scene.drag, *pointers)
         self._arrays["walls"] = np.array([wall.shape for wall in walls]).ravel()
         self._arrays["dvWalls"] = np.zeros(n * len(walls))
-        self._grains.friction, self._grains.wallFriction = scene.friction, scene.friction_at_walls
+        self._grains.friction, self._grains.wallFriction = scene.friction, scene.wall_frictions[OUTER]
         self._grains.spinDrag = scene.spin_drag
         self._grains.turningOut = scene.angular_velocity_out
         self._arrays["frictionWalls"], self._arrays["speedWalls"] = bodies.surfaces[1:].T.copy()
@@ -115,7 +122,13 @@ class Reference:
         self._arrays |= {"places": places, "speeds": speeds}
         if driven is not None:
             self._grains.radiusOut = places[OUTER]
-        for name in ("walls", "dvWalls", "speedWalls", "frictionWalls", "motions", *_ROTATING, *_DRIVEN):
+        self._grains.bouncy, self._grains.restitution = scene.has_restitution, scene.restitution
+        self._grains.restitutionOut = scene.wall_restitutions[OUTER]
+        self._grains.restitutionSpeed = scene.restitution_speed
+        self._arrays["restitutionWalls"] = bodies.restitutions[1:].copy()
+        self._arrays |= {name: self._arrays[own].copy() for name, own in _BEFORE.items()}
+        of_walls = ("walls", "dvWalls", "speedWalls", "frictionWalls", "motions", "restitutionWalls")
+        for name in (*of_walls, *_ROTATING, *_DRIVEN, *_BEFORE):
             setattr(self._grains, name, self._arrays[name].ctypes.data_as(_Doubles))
         if joints := bodies.joints:
             lists = np.cumsum([0, *map(len, joints)]), np.concatenate(joints)
@@ -154,6 +167,8 @@ class Reference:
         """
         scene, arrays = self._scene, self._arrays
         time = scene.time_after(self._grains.steps)
+        for name, own in _BEFORE.items():
+            arrays[name][:] = arrays[own]
         free = free_velocity(scene, self.velocity, bool(self._grains.staggered), time)
         arrays["vx"][:], arrays["vy"][:] = free.T
         arrays["u"][:] = scene.radius * free_spin(scene, self.spin, bool(self._grains.staggered))

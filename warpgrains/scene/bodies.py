@@ -123,11 +123,20 @@ class Bodies:
         return [[]] * (2 * first * bool(others)) + [[first + wall for wall in own] for own in others]
 
     @property
+    def _numbers(self) -> list[int]:
+        """Numbers of the walls that the bodies are; that of the annulus is its outer circle."""
+        return [wall for wall in self._scene.wall_numbers if wall != INNER or self.two_circles]
+
+    @property
     def surfaces(self) -> FloatArray:
         """Friction of each body, and the speed of its surface [m/s], shape (bodies, 2)."""
         scene = self._scene
-        walls = [wall for wall in scene.wall_numbers if wall != INNER or self.two_circles]
-        return np.array([(scene.wall_frictions[wall], scene.surface_speed(wall)) for wall in walls])
+        return np.array([(scene.wall_frictions[wall], scene.surface_speed(wall)) for wall in self._numbers])
+
+    @property
+    def restitutions(self) -> FloatArray:
+        """Restitution of each body, shape (bodies,)."""
+        return np.array(self._scene.wall_restitutions)[self._numbers]
 
     @property
     def drives(self) -> list[Drive]:

@@ -21,7 +21,7 @@ Ends = tuple[float, float]
 PERIODIC = ("", "x", "y", "xy")
 SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1.0)}
 """The sides, and the component and sign of the direction from each to the grains."""
-_OF_LINES = ("velocity", "from_time", "to_time", "friction")
+_OF_LINES = ("velocity", "from_time", "to_time", "friction", "restitution")
 OF_SIDES = ("pressure", "mass", "roughness", *_OF_LINES)
 """The keys of a side."""
 
@@ -80,8 +80,9 @@ class Box:
     )
     left: Mapping[str, Any] | None = _side_field(
         "Left side of a box, unless it is periodic: a table of keys of a wall, ``velocity``, ``from_time``,"
-        " ``to_time`` and ``friction``; ``pressure``, in N/m, and ``mass``, in kg, of a side that moves under"
-        " it; and ``roughness = {radius = 0.02, spacing = 0.05}``, in m, for half discs on the side."
+        " ``to_time``, ``friction`` and ``restitution``; ``pressure``, in N/m, and ``mass``, in kg, of a side"
+        " that moves under it; and ``roughness = {radius = 0.02, spacing = 0.05}``, in m, for half discs on"
+        " it."
     )
     right: Mapping[str, Any] | None = _side_field("Right side, as ``left``.")
     bottom: Mapping[str, Any] | None = _side_field("Lower side, as ``left``.")

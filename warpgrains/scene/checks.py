@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 LARGEST_WHOLE_NUMBER = 2**31 - 1  # the kernels count in 32 bits
 LONGEST_SHOWN = 100  # characters of a value in a message
 ABSENT = {
-    "restitution": "grains do not bounce",
     "rolling_friction": "discs roll without resistance; spin_drag slows rotation",
     "rolling_resistance": "discs roll without resistance; spin_drag slows rotation",
     "stiffness": "grains are rigid",
@@ -64,6 +63,14 @@ def not_negative(field: str, value: Any) -> float:
     converted = number(field, value)
     if converted < 0.0:
         raise InputError(f"{field} is {converted}: it must be 0 or more")
+    return converted
+
+
+def fraction(field: str, value: Any) -> float:
+    """Return a number between 0 and 1."""
+    converted = number(field, value)
+    if not 0.0 <= converted <= 1.0:
+        raise InputError(f"{field} is {converted}: it must be between 0 and 1")
     return converted
 
 

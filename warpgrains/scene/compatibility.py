@@ -78,7 +78,7 @@ def require_size(scene: Scene) -> None:
 
 def require_compatible_settings(scene: Scene) -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
-    for complaints in (_of_domain, _of_steps, _of_friction, _of_driven_walls, _of_methods):
+    for complaints in (_of_domain, _of_steps, _of_friction, _of_restitution, _of_driven_walls, _of_methods):
         for complaint in complaints(scene):
             raise InputError(complaint)
 
@@ -139,7 +139,7 @@ def _of_friction(scene: Scene) -> Iterator[str]:
         yield f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall"
     for name, wall in {"angular_velocity_out": OUTER, "angular_velocity_in": INNER}.items():
         given = f"{name} is {getattr(scene, name)} rad/s"
-        if getattr(scene, name) != 0.0 and scene.friction_at_walls == 0.0:
+        if getattr(scene, name) != 0.0 and scene.wall_frictions[wall] == 0.0:
             yield f"{given}: a wall without friction moves no grain; give wall_friction"
         if not isfinite(scene.surface_speed(wall)):
             yield f"{given}: the speed of the wall is not finite"
@@ -161,6 +161,11 @@ def _of_friction(scene: Scene) -> Iterator[str]:
         too_fast = ~np.isfinite(scene.spin * scene.radius)
     if too_fast.any():
         yield f"{checks.first_bad('spin', scene.spin, too_fast)}: the speed of its rim is not finite"
+
+
+def _of_restitution(scene: Scene) -> Iterator[str]:
+    if scene.restitution_speed != 0.0 and not scene.has_restitution:
+        yield f"restitution_speed is {scene.restitution_speed} m/s: no contact bounces; give restitution"
 
 
 def _of_driven_walls(scene: Scene) -> Iterator[str]:

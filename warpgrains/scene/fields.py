@@ -124,6 +124,25 @@ class SceneFields:
         checks.not_negative,
         default=None,
     )
+    restitution: float = _key(
+        "Coefficient of restitution between grains, from 0 to 1: the speed at which they part, in speeds at"
+        " which they met; 0 means that they do not bounce.",
+        "contact",
+        checks.fraction,
+        default=0.0,
+    )
+    wall_restitution: float | None = _key(
+        "Coefficient of restitution between grains and walls; by default that between grains.",
+        "contact",
+        checks.fraction,
+        default=None,
+    )
+    restitution_speed: float = _key(
+        "Speed up to which grains meet without bouncing [m/s].",
+        "contact",
+        checks.not_negative,
+        default=0.0,
+    )
     time: float = _key(
         "Time at the start [s], which concerns walls that move and gravity that turns.",
         "time",
@@ -207,6 +226,9 @@ class SceneOptions(TypedDict, total=False):
     spin_drag: float
     friction: float
     wall_friction: float | None
+    restitution: float
+    wall_restitution: float | None
+    restitution_speed: float
     time: float
     dt: float
     duration: float

@@ -263,15 +263,26 @@ class Scene(SceneFields, Shown):
         return self.friction > 0.0 or max(self.wall_frictions) > 0.0
 
     @property
-    def friction_at_walls(self) -> float:
-        """Coefficient of friction between grains and walls that have none of their own."""
-        return self.friction if self.wall_friction is None else self.wall_friction
-
-    @property
     def wall_frictions(self) -> list[float]:
         """Coefficients of friction of the walls 0, 1, 2, ..."""
-        common = self.friction_at_walls
-        return [common] * INSIDE + [common if own.friction is None else own.friction for own in self.walls]
+        return self._at_walls("friction")
+
+    @property
+    def has_restitution(self) -> bool:
+        """True if contacts bounce."""
+        return self.restitution > 0.0 or max(self.wall_restitutions) > 0.0
+
+    @property
+    def wall_restitutions(self) -> list[float]:
+        """Coefficients of restitution of the walls 0, 1, 2, ..."""
+        return self._at_walls("restitution")
+
+    def _at_walls(self, name: str) -> list[float]:
+        """Return a coefficient by wall: its own, or else that at walls, or else that between grains."""
+        at_walls = getattr(self, f"wall_{name}")
+        common = getattr(self, name) if at_walls is None else at_walls
+        own = (getattr(wall, name) for wall in self.walls)
+        return [common] * INSIDE + [common if value is None else value for value in own]
 
     @property
     def has_moving_walls(self) -> bool:

@@ -88,6 +88,11 @@ class Wall:
         check=checks.not_negative,
         default=None,
     )
+    restitution: float | None = described(
+        "Coefficient of restitution of the wall; by default that of the scene at walls.",
+        check=checks.fraction,
+        default=None,
+    )
     name: str | None = described(
         "Name of the wall; forces on walls of one name are added up. By default each has its own, such as"
         " Segment0.",

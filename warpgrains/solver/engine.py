@@ -283,5 +283,5 @@ class Engine:
 
 def _module_name(kind: Kind, device: str = "") -> str:
     """Return the name of the module that holds the kernels of a kind, on a CPU or for a device."""
-    parts = ["warpgrains.kernels", kind.method.replace("-", "_"), "friction" * kind.has_friction, device]
-    return "_".join(filter(None, parts))
+    flags = "friction" * kind.has_friction, "restitution" * kind.has_restitution
+    return "_".join(filter(None, ["warpgrains.kernels", kind.method.replace("-", "_"), *flags, device]))

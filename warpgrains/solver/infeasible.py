@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, Indices
-from warpgrains.solver.exact.constraints import StepConstraints, every_wall
+from warpgrains.solver.exact.constraints import Start, StepConstraints, every_wall
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -66,13 +66,10 @@ class UnilateralConstraints(StepConstraints):
     """J v <= b of the contacts that carry a correction and of the walls that grains overlap."""
 
     @classmethod
-    def of(cls, scene: Scene, position: FloatArray, corrections: Corrections, time: float = 0.0) -> Self:
-        """Collect the constraints for grains at these positions [m], shape (n, 2).
-
-        Walls that move are where they are at a time [s].
-        """
+    def of(cls, scene: Scene, start: Start, corrections: Corrections, time: float = 0.0) -> Self:
+        """Collect the constraints of a step. Walls that move are where they are at its end, a time [s]."""
         wall, key = every_wall(scene), np.array([scene.wall_count, 1])
-        every = cls.at(scene, position, corrections.pair, wall, time)
+        every = cls.at(scene, start, corrections.pair, wall, time)
         carry = np.isin(wall @ key, (corrections.wall @ key)[corrections.wall_correction > 0.0])
         return every.only(carry | (every.gap_rate[len(every.second) :] < 0.0))
 
@@ -118,15 +115,15 @@ class UnilateralConstraints(StepConstraints):
 
 
 def find_infeasibility_proof(
-    scene: Scene, position: FloatArray, velocity: FloatArray, corrections: Corrections, time: float = 0.0
+    scene: Scene, start: Start, velocity: FloatArray, corrections: Corrections, time: float = 0.0
 ) -> InfeasibilityProof | None:
     """Search for a proof that a step has no solution. None is no evidence of a solution.
 
     Parameters
     ----------
     scene : Scene
-    position : ndarray
-        Centers at the start of the step [m], shape (n, 2).
+    start : tuple of ndarray
+        Centers [m] and velocities [m/s] before the step, shape (n, 2).
     velocity : ndarray
         Velocities after the contact iteration [m/s], shape (n, 2).
     corrections : Corrections
@@ -134,7 +131,7 @@ def find_infeasibility_proof(
     time : float
         Time of the end of the step [s].
     """
-    contacts = UnilateralConstraints.of(scene, position, corrections, time)
+    contacts = UnilateralConstraints.of(scene, start, corrections, time)
     if not (contacts.gap_rate < 0.0).any():
         return None  # velocities of zero meet every demand
     too_fast = scene.annulus.diameter / scene.dt

@@ -102,7 +102,7 @@ class SceneRecords:
         """Write all fields of some records that are not arrays, and the arrays of walls."""
         host, scenes, sizes = self.host[which], self.scenes[which], self.sizes
         host["start_time"] = [scene.time for scene in scenes]
-        for name in ("drag", "spin_drag", "friction", "dt"):
+        for name in ("drag", "spin_drag", "friction", "restitution", "restitution_speed", "dt"):
             host[name] = [getattr(scene, name) for scene in scenes]
         self.set_gravity([scene.gravity for scene in scenes], which)
         host["turning"]["start"] = host["gravity"]
@@ -146,6 +146,8 @@ class SceneRecords:
             mass[:] = np.divide(1.0, inverse, np.zeros(len(inverse)), where=inverse > 0.0)
         if sizes.friction:
             self.array(k, "walls.surface")[:] = bodies.surfaces
+        if sizes.restitution:
+            self.array(k, "walls.restitution")[:] = bodies.restitutions
 
     def set_gravity(self, gravity: ArrayLike, which: slice = slice(None)) -> None:
         """Write the gravity of some scenes [m/s2], shape (scenes, 2)."""

@@ -45,7 +45,7 @@ def failure(
 
 def infeasible_grains(records: SceneRecords, k: int) -> tuple[int, ...]:
     """Return the grains of scene k that provably cannot fit in its last step."""
-    proof = _find_proof(records, k, "last_position", "velocity", 0)
+    proof = _find_proof(records, k, ("last_position", "last_velocity", "velocity"), 0)
     return () if proof is None else proof.grains
 
 
@@ -97,7 +97,7 @@ def _excess(scene: Scene, velocity: list[float]) -> str:
 
 
 def _not_converged(records: SceneRecords, k: int) -> str:
-    proof = _find_proof(records, k, "position", "next_velocity", 1)
+    proof = _find_proof(records, k, ("position", "velocity", "next_velocity"), 1)
     grains = "" if proof is None else f": {named(proof.grains)} cannot fit, {proof}"
     step = records.host["step"][k]
     iterations, zeta, residual = (step[name].item() for name in ("iterations", "zeta", "residual"))
@@ -108,15 +108,15 @@ def _not_converged(records: SceneRecords, k: int) -> str:
 
 
 def _find_proof(
-    records: SceneRecords, k: int, position: str, velocity: str, ahead: int
+    records: SceneRecords, k: int, names: tuple[str, str, str], ahead: int
 ) -> InfeasibilityProof | None:
-    """Search for a proof that the step has no solution, from the arrays of these names.
+    """Search for a proof that the step has no solution, from these arrays of its start and its sweeps.
 
     The step ends `ahead` steps after the last one that is counted.
     """
     scene = records.scenes[k]
     if scene.has_driven_walls:
         return None  # walls yield: the proof is about walls that do not
-    where, how = (records.array(k, f"grains.{name}") for name in (position, velocity))
+    position, before, velocity = (records.array(k, f"grains.{name}") for name in names)
     time = scene.time_after(int(records.host["steps"][k]) + ahead)
-    return find_infeasibility_proof(scene, where, how, corrections_of(records, k), time)
+    return find_infeasibility_proof(scene, (position, before), velocity, corrections_of(records, k), time)

@@ -41,6 +41,7 @@ class Sizes:
     history: IndexArray  # iterations of a step of which zeta and residual are kept
     accelerated: int  # 1 if sweeps are accelerated
     friction: int  # 1 if there is friction
+    restitution: int  # 1 if contacts bounce
     team: int  # CPU threads that share a scene
     partials: int  # partial maxima and sums, one per thread
 
@@ -62,6 +63,7 @@ class Sizes:
             np.zeros_like(n),
             int(scenes[0].method != "gauss-seidel"),
             int(scenes[0].has_friction),
+            int(scenes[0].has_restitution),
             team,
             team if device.is_cpu else GPU_PARTIALS,
         )
@@ -96,7 +98,7 @@ def _of_walls(scene: Scene) -> tuple[int, ...]:
 
 def kind_of(scene: Scene) -> Kind:
     """Return the kind of a scene."""
-    return Kind(scene.method, scene.has_friction)
+    return Kind(scene.method, scene.has_friction, scene.has_restitution)
 
 
 def first_pairs(n: IndexArray) -> IndexArray:
@@ -145,6 +147,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("motion", "pose"), size.mobile * (size.walls - 1)),
             "drive": size.driven * size.walls,
             "surface": friction * size.walls,
+            "restitution": size.restitution * size.walls,
         },
         "verlet": {
             **dict.fromkeys(("peak_square", "peak_limit", "recent_deviation", "skin"), bodies),

@@ -13,6 +13,9 @@ from warpgrains.scene.annulus import OUTER
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
+Start = tuple[FloatArray, FloatArray]
+"""Centers [m] and velocities [m/s] of all grains before a step, shape (n, 2)."""
+
 
 @dataclass(frozen=True, eq=False)
 class StepConstraints:
@@ -30,7 +33,9 @@ class StepConstraints:
     normal : ndarray
         Unit normals n from i to j or into the wall, shape (m, 2).
     gap_rate : ndarray
-        b = gap / dt [m/s], shape (m,).
+        b = gap / dt, less `rebound` [m/s], shape (m,).
+    rebound : ndarray
+        By how much b is smaller at contacts that bounce (eq. 35) [m/s], shape (m,).
     time : float
         Time of the end of the step [s], at which walls that move are taken.
     """
@@ -42,19 +47,19 @@ class StepConstraints:
     second: Indices
     normal: FloatArray
     gap_rate: FloatArray
+    rebound: FloatArray
     time: float
 
     @classmethod
-    def at(cls, scene: Scene, position: FloatArray, pair: Indices, wall: Indices, time: float) -> Self:
+    def at(cls, scene: Scene, start: Start, pair: Indices, wall: Indices, time: float) -> Self:
         """Return the constraints of pairs, shape (k, 2), and of contacts (grain, wall), shape (m - k, 2).
 
-        `position` holds the centers of all grains at the start of the step [m], shape (n, 2), and `time` is
-        that of its end [s].
+        `time` is that of the end of the step [s].
         """
-        (i, j), (grain, _) = pair.T, wall.T
+        (position, velocity), (i, j), (grain, _) = start, pair.T, wall.T
         between, apart = scene.pair_frames(position, pair)
         normal, gap = scene.wall_frames(position, wall, time=time)
-        return cls(
+        every = cls(
             scene=scene,
             position=position,
             wall=wall,
@@ -62,13 +67,31 @@ class StepConstraints:
             second=j,
             normal=np.concatenate([between, normal]),
             gap_rate=np.concatenate([apart, gap]) / scene.dt,
+            rebound=np.zeros(len(pair) + len(wall)),
             time=time,
         )
+        if not scene.has_restitution:
+            return every
+        rebound = every._rebound(velocity)
+        return replace(every, gap_rate=every.gap_rate - rebound, rebound=rebound)
+
+    def _rebound(self, velocity: FloatArray) -> FloatArray:
+        """Return by how much restitution reduces gap / dt, for velocities before the step [m/s] (eq. 35)."""
+        scene, pairs = self.scene, len(self.second)
+        relative, surface = velocity[self.first], np.zeros(len(self.first))
+        relative[:pairs] -= velocity[self.second]
+        surface[pairs:] = scene.wall_speeds(self.position, self.wall, self.time)[:, 0]
+        vn, rate = (relative * self.normal).sum(axis=1), self.sliding(scene.dt * velocity).gap_rate
+        e = np.append(np.full(pairs, scene.restitution), np.array(scene.wall_restitutions)[self.wall[:, 1]])
+        bounces = (e > 0.0) & (vn > rate) & (vn - surface > scene.restitution_speed)
+        return np.where(bounces, np.maximum(0.0, rate - (surface - e * (vn - surface))), 0.0)
 
     def sliding(self, move: FloatArray) -> Self:
         """Return the constraints with round-wall gaps for displacements [m], shape (n, 2) (eq. 18)."""
         _, gap = self.scene.wall_frames(self.position, self.wall, move, self.time)
-        return replace(self, gap_rate=np.append(self.gap_rate[: len(self.second)], gap / self.scene.dt))
+        pairs = len(self.second)
+        at_walls = gap / self.scene.dt - self.rebound[pairs:]
+        return replace(self, gap_rate=np.append(self.gap_rate[:pairs], at_walls))
 
     @property
     def circle(self) -> FloatArray:
@@ -99,6 +122,7 @@ class StepConstraints:
             first=self.first[kept],
             normal=self.normal[kept],
             gap_rate=self.gap_rate[kept],
+            rebound=self.rebound[kept],
             wall=self.wall[at_walls],
         )
 

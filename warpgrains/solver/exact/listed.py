@@ -54,7 +54,8 @@ class ListedContacts:
         wall = np.stack([grain, np.repeat(scene.wall_numbers, [own.sum() for _, own in sides])], axis=1)
         self._sign = bodies.sign(wall[:, 1])
         time = scene.time_after(int(records.host["steps"][k]) + 1)
-        self.constraints = StepConstraints.at(scene, records.array(k, "grains.position"), pair, wall, time)
+        start = records.array(k, "grains.position"), records.array(k, "grains.velocity")
+        self.constraints = StepConstraints.at(scene, start, pair, wall, time)
 
     def read(self, name: str) -> FloatArray:
         """Return the corrections `name` [m/s], shape (m,); < 0 where the other circle carries."""
