@@ -8,13 +8,13 @@ import sys
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from command import exit_code, require_refusal
+from command import exit_code
 from matplotlib.image import imread
 from PIL import Image, ImageSequence
 from recordings import make_scene, moment, record
 from walls_seen import View
 
-from warpgrains import InputError, OutputError, Scene, Segment, Simulation
+from warpgrains import InputError, Scene, Segment, Simulation
 from warpgrains.analysis.plots import plot
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.drawing.chains import CHAIN_COLOR
@@ -156,21 +156,6 @@ def test_a_film_that_is_not_finished_leaves_what_was_there(tmp_path, suffix):
         pass
     assert path.read_bytes() == b"earlier"
     assert list(tmp_path.iterdir()) == [path]
-
-
-@pytest.mark.parametrize("suffix", [".mp4", ".png"])
-def test_two_processes_do_not_draw_one_output(tmp_path, held_elsewhere, states, capfd, suffix):
-    path = tmp_path / f"run{suffix}"
-    held_elsewhere(path)
-    assert exit_code("run", "annulus", "-o", path) == 2
-    require_refusal(capfd, "is being written by")
-    recording = record(tmp_path / "run.usdc", states, Scene.load("annulus"))
-    picture = Simulation(Scene.load("annulus")).plot()
-    with pytest.raises(OutputError, match="is being written by"):
-        picture.save(path) if suffix == ".png" else draw_film(recording, path)
-    if suffix == ".png":
-        with pytest.raises(OutputError, match="is being written by"):
-            plot(recording, path)
 
 
 def test_what_a_killed_film_left_is_removed(tmp_path):

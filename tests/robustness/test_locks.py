@@ -129,6 +129,10 @@ class TestRun:
         ("words", "locked"),
         [
             ("run annulus -o {}", "run.usdc"),
+            ("run annulus -o {}", "run.mp4"),
+            ("run annulus -o {}", "run.png"),
+            ("plot {home}/done.usdc -o {}", "run.mp4"),
+            ("plot {home}/done.usdc -o {}", "run.png"),
             ("run annulus --checkpoint {}", "run.npz"),
             ("export {home}/done.usdc -o {}", "run.pvd"),
             ("report annulus -o {home}", "report.md"),

@@ -7,7 +7,6 @@ import pytest
 from cases import CASES, Case
 from invariants import checked_step
 from schemes import MIXED, SCHEMES
-from trimmed import trimmed
 
 from warpgrains import Scene, Simulation, SimulationError
 
@@ -20,14 +19,34 @@ def simulate(scene: Scene, **changes: Any) -> Simulation:
     return Simulation(scene, tolerance=TOLERANCE, **{**solver, **changes})
 
 
-def run(case: Case, steps: int, order: str, scheme: dict[str, str]) -> None:
-    """Run a case, and once more if something changes on the way."""
+def take(simulation: Simulation, steps: int) -> None:
+    for step in range(steps):
+        report = checked_step(simulation)
+        assert report.converged, f"step {step}: {report}"
+
+
+def ways(order: str, schemes: list[Any], marks: Any = ()) -> list[Any]:
+    return [
+        pytest.param(case, order, *scheme.values, id=f"{order}, {case.name}, {scheme.id}", marks=marks)
+        for case in CASES
+        for scheme in schemes
+    ]
+
+
+SLOW = pytest.mark.slow
+WAYS = [*ways("sequential", SCHEMES), *ways("sequential", MIXED, SLOW), *ways("color", SCHEMES, SLOW)]
+
+
+@pytest.mark.parametrize(("case", "order", "scheme"), WAYS)
+def test_hard_case(case: Case, order: str, scheme: dict[str, str]) -> None:
+    """Those in color order take more steps. A case runs once more if something changes on the way."""
     simulation = simulate(case.scene(), order=order, **scheme)
     if case.refused and scheme["wall"] == "round":
         with pytest.raises(SimulationError, match=r"step 1, .*: grain \d+ .* leaves the circle of"):
             simulation.step()
         assert np.array_equal(simulation.position, simulation.scene.position)
         return
+    steps = case.steps if order == "sequential" else case.long_steps
     take(simulation, steps)
     if case.then:
         state = simulation.state()
@@ -35,32 +54,6 @@ def run(case: Case, steps: int, order: str, scheme: dict[str, str]) -> None:
         simulation.restore(state)
         take(simulation, steps)
     case.outcome(simulation)
-
-
-def take(simulation: Simulation, steps: int) -> None:
-    for step in range(steps):
-        report = checked_step(simulation)
-        assert report.converged, f"step {step}: {report}"
-
-
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_hard_case(case: Case, scheme: dict[str, str]) -> None:
-    run(case, case.steps, "sequential", scheme)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scheme", MIXED)
-@pytest.mark.parametrize("case", CASES[: trimmed(len(CASES))], ids=lambda case: case.name)
-def test_hard_case_in_a_mixed_scheme(case: Case, scheme: dict[str, str]) -> None:
-    run(case, case.steps, "sequential", scheme)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_hard_case_for_long(case: Case, scheme: dict[str, str]) -> None:
-    run(case, case.long_steps, "color", scheme)
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])  # the exact method solves them

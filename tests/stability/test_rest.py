@@ -93,8 +93,9 @@ def jacobian_of(simulation: Simulation) -> FloatArray:
     return rows.reshape(len(rows), 2 * n)
 
 
-def check_rest(steps: int, scheme: dict[str, str], every: int = 1) -> None:
-    """Look at the heap after every so many steps; all must converge."""
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize(("steps", "every"), [(1000, 1), pytest.param(20_000, 10, marks=pytest.mark.slow)])
+def test_heap_stays_at_rest(steps: int, every: int, scheme: dict[str, str]) -> None:
     scene, state = resting(scheme)
     simulation = Simulation(scene)
     simulation.restore(state)
@@ -117,14 +118,3 @@ def check_rest(steps: int, scheme: dict[str, str], every: int = 1) -> None:
         assert abs(turning) <= rest.frequency * swing
         assert np.linalg.norm(u - turned * rest.rotation) <= deformation
         assert scene.dt * np.linalg.norm(v - turning * rest.rotation) <= deformation
-
-
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_heap_stays_at_rest(scheme: dict[str, str]) -> None:
-    check_rest(1000, scheme)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_heap_stays_at_rest_for_20000_steps(scheme: dict[str, str]) -> None:
-    check_rest(20_000, scheme, every=10)

@@ -92,20 +92,11 @@ def test_shows_the_discs_of_the_state(rendered, tmp_path, scene, suffix):
         assert wrong <= 1e-3 * np.count_nonzero(expected)
 
 
-def test_shows_the_colors_as_they_are_meant(rendered, tmp_path):
-    path = record(tmp_path / "run.usdc", [(make_scene().position, np.zeros((5, 2)))], color_by="radius")
-    (picture,), _ = rendered(path, [0])
-    x, y = pixel_centres()
-    shown = GrainColors(make_scene(), "radius")
-    for centre, color in zip(make_scene().position, shown.colors[shown.still], strict=True):
-        pixel = picture[np.argmin(np.abs(y - centre[1])), np.argmin(np.abs(x - centre[0])), :3]
-        assert np.allclose(pixel, color, atol=0.01)
-
-
 def test_reads_every_number_of_the_grains(rendered, tmp_path):
     simulation, path = Simulation(Scene.load("annulus", ["contact.friction=0.5"])), tmp_path / "run.usdc"
     simulation.run(steps=60, record=path, fps=50, forces=True)
     _, imported = rendered(path, [30], size=SMALL)
+    assert (imported["frames"], imported["rate"]) == ([0, 30], 50)  # it plays in real time
     stage = Usd.Stage.Open(str(path))
     grains = stage.GetPrimAtPath(GRAINS)
     names = {"angle", "mass", "mobilized", "pressure", "radius", "speed", "spin"}
@@ -166,12 +157,6 @@ class TestAsOpened:
             for shift, expected in ((-ahead, colors), (ahead, mark_color(colors))):
                 shown = self.pixels_at(scene.position + shift, picture)
                 assert np.allclose(shown, expected, atol=0.02 if draw_as == "discs" else 0.08)  # shaded
-
-    def test_plays_in_real_time(self, rendered, tmp_path):
-        Simulation(Scene.load("annulus")).run(duration=2.0, record=tmp_path / "run.usdc")
-        _, imported = rendered(tmp_path / "run.usdc", [], "Standard", SMALL)
-        first, last = imported["frames"]
-        assert (last - first) / imported["rate"] == 2.0
 
     def test_colors_are_told_apart_by_the_view_that_is_default(self, rendered, tmp_path):
         scene = make_scene()
