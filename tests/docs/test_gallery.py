@@ -18,18 +18,40 @@ from warpgrains.pictures.still import FrameArtists
 from warpgrains.scene.toml import shipped_scenes
 
 
+def listening(patch, kind, name):
+    """Return the list of arguments and results of all calls of a method."""
+    calls, method = [], getattr(kind, name)
+
+    def call(*given, **how):
+        calls.append((*given, method(*given, **how)))
+        return calls[-1][-1]
+
+    patch.setattr(kind, name, call)
+    return calls
+
+
 @pytest.fixture(scope="module")
-def numbers(tmp_path_factory):
+def drawn(tmp_path_factory):
+    """Return what a section finds, and the calls that draw color bars, curves and frames."""
     folder = tmp_path_factory.mktemp("gallery")
 
     @cache
     def of(name):
-        figure, found = gallery.SECTIONS[name]()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(gallery, "COUNT", 40)
+            methods = (Figure, "colorbar"), (Axes, "plot"), (FrameArtists, "show")
+            calls = [listening(patch, *method) for method in methods]
+            figure, found = gallery.SECTIONS[name]()
         figure.savefig(folder / f"{name}.png")
         assert (folder / f"{name}.png").stat().st_size > 10_000
-        return found
+        return found, *calls
 
     return of
+
+
+@pytest.fixture(scope="module")
+def numbers(drawn):
+    return lambda name: drawn(name)[0]
 
 
 def test_a_column_carries_its_weight(numbers):
@@ -40,11 +62,8 @@ def test_a_column_carries_its_weight(numbers):
     assert found["worst difference of a force [N]"] <= 49 * 49 * 1e-6 * 0.1 / 0.01
 
 
-def test_no_curve_of_the_column_hides_another(monkeypatch):
-    curves = []
-    plot = Axes.plot
-    monkeypatch.setattr(Axes, "plot", lambda axes, *of, **how: curves.append(of[1]) or plot(axes, *of, **how))
-    gallery.SECTIONS["column"]()
+def test_no_curve_of_the_column_hides_another(drawn):
+    curves = [y for _, _, y, *_ in drawn("column")[2]]
     assert len(curves) == 5
     for one, other in itertools.combinations(curves, 2):
         shared = min(len(one), len(other))
@@ -52,35 +71,23 @@ def test_no_curve_of_the_column_hides_another(monkeypatch):
         assert np.abs(one[:shared] - other[:shared]).max() > 3.0 or abs(len(one) - len(other)) > 5
 
 
-def test_scales_of_the_jam_reach_to_its_forces(monkeypatch):
-    drawn, show = [], FrameArtists.show
-    keep = lambda artists, now: drawn.append((artists._painter, now)) or show(artists, now)  # noqa: E731
-    monkeypatch.setattr(FrameArtists, "show", keep)
-    gallery.SECTIONS["jam"]()
-    chains = [painter.chains(now) for painter, now in drawn]
-    first, last = (max(now.force.max(), now.wall_force.max()) for _, now in drawn)
+def test_scales_of_the_jam_reach_to_its_forces(drawn):
+    frames = [(artists._painter, now) for artists, now, _ in drawn("jam")[3]]
+    chains = [painter.chains(now) for painter, now in frames]
+    first, last = (max(now.force.max(), now.wall_force.max()) for _, now in frames)
     assert last == pytest.approx(16.0 * first, rel=0.02)  # 400 N a step, and the first somewhat more
-    for painter, _ in drawn:
+    for painter, _ in frames:
         assert painter.chain_scale.force == pytest.approx(last, rel=0.01)  # that of a wall is a little larger
         assert painter.colors.scale.high >= 2.0 * last / (2.0 * np.pi * painter.scene.radius.max())
     assert chains[0].width.max() < 0.1 * chains[1].width.max()
 
 
 @pytest.mark.parametrize("name", ["drum", "batch", "jam", "bidisperse", "bullet"])
-def test_a_quantity_has_one_colormap(name, monkeypatch):
+def test_a_quantity_has_one_colormap(drawn, name):
     """That of a quantity that grains are colored by, and no other quantity has it."""
-    monkeypatch.setattr(gallery, "COUNT", 10)
-    bars, draw = [], Figure.colorbar
-
-    def colorbar(figure, mapped, **options):
-        bar = draw(figure, mapped, **options)
-        bars.append((bar, mapped))
-        return bar
-
-    monkeypatch.setattr(Figure, "colorbar", colorbar)
-    gallery.SECTIONS[name]()
+    bars = drawn(name)[1]
     assert bars
-    for bar, mapped in bars:
+    for _, mapped, bar in bars:
         quantity = bar.ax.get_ylabel().partition(" [")[0]
         shown = mapped.cmap(np.linspace(0.0, 1.0, 5))[:, :3]
         for other, of in COLORINGS.items():
@@ -154,8 +161,7 @@ def test_a_jam_names_its_grains(numbers):
     assert found["force that a step adds [N]"] == pytest.approx(400.0, rel=1e-6)  # as that of the page
 
 
-def test_a_batch_has_few_ways_to_rest(numbers, monkeypatch):
-    monkeypatch.setattr(gallery, "COUNT", 40)
+def test_a_batch_has_few_ways_to_rest(numbers):
     found = numbers("batch")
     assert found["scenes"] == 40
     assert 1.5 < found["mean of the largest forces [N]"] < 2.1
