@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from command import exit_code
+from walled_scenes import filled
 
 import warpgrains as wg
 import warpgrains.packings.pack as pack_module
@@ -47,6 +48,15 @@ def test_walls_carry_the_weight_and_the_grains_stay(rest: wg.Rest) -> None:
     assert np.abs(simulation.position - before).max() < 1e-4 * scene.smallest_radius
     energy = 0.5 * scene.mass @ (simulation.velocity**2).sum(axis=1)
     assert energy < 1e-9 * 9.81 * scene.mass.sum() * 2.0 * scene.radius.mean()
+
+
+def test_grains_beyond_periodic_sides_rest_on_the_lower_one() -> None:
+    simulation = wg.pack(filled(gravity=(0.0, -9.81), dt=5e-3)).simulation
+    simulation.advance(10)
+    walls, weight = simulation.wall_contacts(), 9.81 * simulation.scene.mass.sum()
+    assert (walls.wall[:, 1] == 2).all()
+    assert walls.force.sum() == pytest.approx(weight, rel=1e-4)
+    assert np.hypot(*simulation.velocity.T).max() < 1e-4
 
 
 def test_energy_is_least_among_near_packings(scene: Scene, rest: wg.Rest) -> None:

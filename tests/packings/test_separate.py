@@ -3,6 +3,7 @@
 import re
 import warnings
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,10 +73,27 @@ MOBILE = {
 }
 
 
-def test_only_positions_change() -> None:
+LID = {"pressure": 1.0, "mass": 1.0, "friction": 0.2}
+BELT = {"velocity": (1.0, 0.0), "roughness": {"radius": 0.05, "spacing": 0.1}}
+IN_A_BOX = {
+    "radius_out": None,
+    "domain": {"x": (0.0, 1.0), "y": (-0.5, 0.5), "periodic": "x", "top": LID, "bottom": BELT},
+    "friction": 0.5,
+    "spin": 3.0,
+    "walls": [Disc((0.95, 0.0), 0.2, velocity=(0.5, 0.0))],
+}
+
+
+@pytest.mark.parametrize(
+    ("fields", "position"),
+    [
+        (MOBILE, [[0.0, -0.22], [0.2, 0.31], [0.61, 0.35], [0.3, 0.33]]),
+        (IN_A_BOX, [[1.2, 0.0], [0.5, 0.45], [0.6, 0.43], [0.5, -0.38]]),
+    ],
+)
+def test_only_positions_change(fields: dict[str, Any], position: list[list[float]]) -> None:
     """Walls that move, or that forces drive, do neither; grains that overlap them move."""
-    position = [[0.0, -0.22], [0.2, 0.31], [0.61, 0.35], [0.3, 0.33]]
-    scene = Scene(**{**KICKED, **MOBILE, "position": position, "velocity": np.ones((4, 2))})
+    scene = Scene(**{**KICKED, **fields, "position": position, "velocity": np.ones((4, 2))})
     assert scene.count_overlaps()[:2] == (1, 4)
     found = wg.separate(scene).scene
     assert found.count_overlaps().largest <= 1e-8

@@ -10,6 +10,7 @@ import numpy as np
 
 from warpgrains import Arc, Box, Disc, Scene, Segment
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.layouts import random
 from warpgrains.scene.wall import Wall
 
 
@@ -154,6 +155,16 @@ BOXES: dict[str, dict[str, Any]] = {
     },
     "ramp": {"walls": (Segment((0.0, 0.3), (0.4, 0.0)), Segment((1.0, 0.5), (0.7, 0.2))), **FALL},
 }
+
+
+def filled(**fields: Any) -> Scene:
+    """Return a scene of grains at random in a box that is periodic in x, with sides and other fields."""
+    sides = {name: fields.pop(name) for name in ("bottom", "top") if name in fields}
+    box = Box((0.2, 0.7), (0.0, 0.6), periodic="x", **sides)
+    position, radius = random(box.space, box.among(()), radius=[0.02, 0.028], packing_fraction=0.6)
+    own = {"radius": radius, "mass": 10.0 * pi * radius**2, "domain": box, "gravity": (0.0, 0.0)}
+    how = {"drag": 0.05, "dt": 0.02, "duration": 30.0, "method": "accelerated", "tolerance": 1e-7}
+    return Scene(position=position, **{**own, **how, **fields})
 
 
 def boxed(kind: str, n: int = 60, seed: int = 1, **changes: Any) -> Scene:

@@ -1,19 +1,26 @@
-"""Jammed packings: grains without gravity in an outer wall under a pressure, until they rest."""
+"""Jammed packings: grains without gravity in walls under a pressure, until they rest."""
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from math import prod
+from operator import add
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from warpgrains.analysis.network import rattlers
-from warpgrains.analysis.packing import global_packing_fraction
+from warpgrains.analysis.packing import global_packing_fraction, packing_fraction
 from warpgrains.analysis.profiles import radial_profile
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError
+from warpgrains.scene import checks
 from warpgrains.scene.annulus import OUTER
+from warpgrains.scene.box import SIDES, Box
+from warpgrains.scene.container import container_of
 from warpgrains.scene.energy import TOLERANCES, kinetic_energy
-from warpgrains.scene.scene import SceneLike, as_scene
+from warpgrains.scene.geometry import left_of
+from warpgrains.scene.line import Line
+from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
@@ -21,7 +28,7 @@ from warpgrains.simulation.until import TEST_INTERVAL, EndCriterion
 from warpgrains.solver.statistics import Summary
 
 ENERGY = 1e-8  # largest kinetic energy at rest, in pressure times area, or that at `TOLERANCES` if larger
-BALANCE = 1e-3  # largest relative difference of the forces of the outer wall from 2 pi R p at rest
+BALANCE = 1e-3  # largest relative difference of the forces of a wall from its pressure times length at rest
 HELD = 10  # tests in a row that the grains must rest
 WEAK = 1e-4  # force of contacts that do not count, in mean forces
 WALL_LAYER = 4.0  # depth of the grains that a wall orders, in mean diameters
@@ -45,12 +52,14 @@ class Packing(Shown):
     at_rest: bool
     """Whether the grains came to rest, see `compress`."""
     radius: float
-    """Radius of the outer wall [m]."""
+    """Radius of the outer wall [m]; NaN in a box."""
+    lengths: tuple[float, float] | None
+    """Lengths of the box along x and y [m]; None in an annulus."""
     fraction: float
     """Fraction of the area between the walls that grains fill. Walls order the grains next to them, which
     fill less."""
     bulk_fraction: float
-    """The same at least 4 mean diameters from the circles; NaN if less than 4 diameters remain there."""
+    """The same at least 4 mean diameters from circles and sides; NaN if less than 4 remain there."""
     contacts: float
     """Contacts of a grain that is no rattler: twice the contacts of the grains that carry, those with walls
     included, per grain. Without friction it is 4, but for terms of order 1 / n, where forces follow from
@@ -58,7 +67,7 @@ class Packing(Shown):
     rattlers: int
     """Grains that carry no loads, see `analysis.rattlers`."""
     pressure: float
-    """Sum of the forces of the outer wall per length of the circle [N/m]."""
+    """Sum of the forces of the walls under pressure per length of these [N/m]."""
     mean_force: float
     """Mean force of contacts between grains [N]; NaN without contacts."""
     largest_force: float
@@ -73,15 +82,18 @@ class Packing(Shown):
 
     def summary(self) -> dict[str, str]:
         """Return the lines that describe the packing, by name."""
-        given = self.simulation.scene.pressure
+        load = _load(self.simulation)
+        size = {"outer radius": f"{self.radius:.6g} m"}
+        if self.lengths is not None:
+            size = {"box": f"{self.lengths[0]:.6g} m by {self.lengths[1]:.6g} m"}
         bulk = f", {self.bulk_fraction:.4f} away from walls" if np.isfinite(self.bulk_fraction) else ""
         return {
             "scene": f"{self.simulation.scene.name}, {number_of(self.simulation.scene.n, 'grain')}",
             "steps": f"{self.run.steps}, {'at' if self.at_rest else 'not at'} rest",
-            "outer radius": f"{self.radius:.6g} m",
+            **size,
             "packing fraction": f"{self.fraction:.4f}{bulk}",
             "contacts": f"{self.contacts:.3f} a grain, without {self.rattlers} rattlers",
-            "pressure": f"{self.pressure:.6g} N/m of contacts, {given:g} N/m given",
+            "pressure": f"{self.pressure:.6g} N/m of contacts, {load.given / load.length:g} N/m given",
             "forces": f"mean {self.mean_force:.3e} N, largest {self.largest_force:.3e} N",
             "not converged": number_of(self.run.unconverged, "step"),
             "worst overlap": f"{self.run.overlap:.2e} m",
@@ -91,12 +103,13 @@ class Packing(Shown):
 def compress(
     scene: SceneLike, pressure: float | None = None, duration: float | None = None, progress: bool = False
 ) -> Packing:
-    """Compress grains without gravity by a pressure on the outer wall until they rest.
+    """Compress grains without gravity by a pressure on the outer wall, or sides of a box, until they rest.
 
     Parameters
     ----------
     scene : Scene, path or str
-        Loose grains. Its gravity is set to 0, and its outer wall to "tangent".
+        Loose grains. Its gravity is set to 0, and its outer wall to "tangent". In a box, the sides move that
+        have a pressure.
     pressure : float, optional
         Pressure [N/m]; by default that of the scene.
     duration : float, optional
@@ -108,14 +121,15 @@ def compress(
     -------
     Packing
         Fraction, contacts and forces, and the simulation. Its `at_rest` is True if, at ten tests in a row, 10
-        steps apart, the forces of the outer wall added up to 2 pi R p within 0.1 %, and the kinetic energy of
-        grains and wall, without rotation, was at most 1e-8 of p times the area, or that of 30 tolerances.
+        steps apart, the forces of the walls under pressure p added up to p times their length within 0.1 %,
+        and the kinetic energy of grains and walls, without rotation, was at most 1e-8 of p times the area, or
+        that of 30 tolerances.
 
     Raises
     ------
     InputError
-        There is no pressure, it is not positive, nothing holds it, the scene has segments or arcs, or another
-        argument is invalid. The method "exact" is refused.
+        There is no pressure, it is not positive, nothing holds it, the scene has segments or arcs, a wall in
+        a box moves as given, or another argument is invalid. The method "exact" is refused.
 
     Examples
     --------
@@ -124,55 +138,113 @@ def compress(
     (True, 1.0)
     """
     scene = as_scene("scene", scene)
-    pressure = scene.pressure if pressure is None else pressure
-    if pressure is None:
-        raise InputError("pressure is missing: give it, or domain.pressure in the scene")
-    thin = [wall for wall in scene.walls if wall.border is None]
+    inside = [wall for wall in scene.walls if scene.domain is None or wall.name not in SIDES]
+    thin = [wall for wall in inside if wall.border is None]
     if thin:
-        raise InputError(f"the scene has {thin[0].one()}: the outer wall would shrink through it")
-    scene = scene.replace(pressure=pressure, gravity=(0.0, 0.0), wall="tangent")
-    if scene.pressure is None or scene.pressure <= 0.0:
-        raise InputError(f"pressure is {scene.pressure} N/m: it must be positive to compress grains")
-    if scene.n == 1 and scene.radius_in == 0.0 and not scene.walls:
-        raise InputError("compress: the scene has one grain, which cannot hold a circle around it")
+        which = "a side" if scene.domain else "the outer wall"
+        raise InputError(f"the scene has {thin[0].one()}: {which} would move through it")
+    if scene.domain is not None:
+        scene = _under_pressure(scene, scene.domain, pressure)
+    else:
+        pressure = scene.pressure if pressure is None else pressure
+        if pressure is None:
+            raise InputError("pressure is missing: give it, or domain.pressure in the scene")
+        pressure = checks.positive("pressure", pressure)
+        scene = scene.replace(pressure=pressure, gravity=(0.0, 0.0), wall="tangent")
+        if scene.n == 1 and scene.radius_in == 0.0 and not scene.walls:
+            raise InputError("compress: the scene has one grain, which cannot hold a circle around it")
     simulation, rest = Simulation(scene), EndCriterion(_is_at_rest, (HELD - 1) * TEST_INTERVAL, "rest")
     run = simulation.run(duration=duration, until=rest, progress=progress)
     return _packing(simulation, run)
 
 
+def _under_pressure(scene: Scene, box: Box, pressure: float | None) -> Scene:
+    """Return a scene in a box without gravity, with another pressure, if given, on sides that have one."""
+    if box.periodic == "xy":
+        raise InputError("the box is periodic in x and y: it has no side that could compress the grains")
+    sides = {name: {**(getattr(box, name) or {})} for name in box.sides}
+    pressed = {name: side for name, side in sides.items() if "pressure" in side}
+    if not pressed:
+        raise InputError(
+            "no side of the box has a pressure: give one, and a mass, such as domain.top.pressure"
+        )
+    if scene.has_moving_walls:
+        raise InputError(
+            "a wall moves as given: compress takes walls at rest, and those that a pressure drives"
+        )
+    if pressure is not None:
+        changes: dict[str, Any] = {name: side | {"pressure": pressure} for name, side in pressed.items()}
+        box = replace(box, **changes)
+    for name in pressed:
+        checks.positive(f"pressure on {name}", getattr(box, name)["pressure"])
+    return scene.replace(domain=box, gravity=(0.0, 0.0))
+
+
+class _Load(NamedTuple):
+    """What acts on the walls under pressure, in sum."""
+
+    force: float
+    """Of their contacts [N]."""
+    given: float
+    """Of their pressures [N]."""
+    length: float
+    """[m]."""
+    energy: float
+    """Kinetic energy [J]."""
+
+
+def _load(simulation: Simulation) -> _Load:
+    scene, contacts, driven = simulation.present_scene, simulation.wall_contacts(), simulation.driven
+    assert driven is not None
+    if scene.pressure is not None:
+        force = float(contacts.force[contacts.wall[:, 1] == OUTER].sum())
+        length = 2.0 * np.pi * scene.radius_out
+        energy = 0.5 * driven[OUTER, 1] ** 2 / scene.bodies.drives[OUTER].inverse_mass
+        return _Load(force, scene.pressure * length, length, energy)
+    found, normal = _Load(0.0, 0.0, 0.0, 0.0), contacts.normal
+    push = contacts.force[:, np.newaxis] * normal + contacts.tangential_force[:, np.newaxis] * left_of(normal)
+    speeds = driven[len(driven) - len(scene.walls) :, 1].tolist()
+    for line, speed in zip(scene.walls, speeds, strict=True):
+        if isinstance(line, Line) and line.force is not None and line.mass is not None:
+            own = [number for number, wall in scene.numbered_walls.items() if wall.name == line.name]
+            force = float(-(push[np.isin(contacts.wall[:, 1], own)] @ line.normal).sum())
+            added = force, line.force, line.length, 0.5 * line.mass * speed**2
+            found = _Load(*map(add, found, added))
+    return found
+
+
 def _is_at_rest(simulation: Simulation) -> bool:
-    scene, state = simulation.scene, simulation.state()
-    assert state.driven is not None
-    assert scene.pressure is not None
-    radius, speed = state.driven[OUTER]
-    wall = 0.5 * speed**2 / scene.bodies.drives[OUTER].inverse_mass
+    scene, load = simulation.scene, _load(simulation)
     # without rotation: a rattler without drag on its spin never stops turning
-    energy = wall + float(kinetic_energy(scene.mass, scene.radius, state.velocity, 0.0))
+    energy = load.energy + float(kinetic_energy(scene.mass, scene.radius, simulation.velocity, 0.0))
     least = 0.5 * float(scene.mass.sum()) * (TOLERANCES * scene.tolerance) ** 2
-    excess = _wall_pressure(simulation) / scene.pressure - 1.0
-    return abs(excess) <= BALANCE and energy <= max(ENERGY * scene.pressure * np.pi * radius**2, least)
+    area = prod(_lengths(simulation)) if scene.domain else np.pi * simulation.present_scene.radius_out**2
+    most = max(ENERGY * load.given / load.length * area, least)
+    return bool(abs(load.force / load.given - 1.0) <= BALANCE and energy <= most)
 
 
-def _wall_pressure(simulation: Simulation) -> float:
-    """Return the forces of the outer wall per length of its circle [N/m]."""
-    contacts = simulation.wall_contacts()
-    force = contacts.force[contacts.wall[:, 1] == OUTER].sum()
-    return float(force / (2.0 * np.pi * simulation.present_scene.radius_out))
+def _lengths(simulation: Simulation) -> tuple[float, float]:
+    """Return width and height of the container [m]."""
+    container = container_of(simulation.present_scene, simulation.time, simulation.position)
+    width, height = np.ptp(container.region.outer_box, axis=0).tolist()
+    return width, height
 
 
 def _packing(simulation: Simulation, run: Summary) -> Packing:
     now = snapshot(simulation)
     force = now.force if len(now.force) else np.array([np.nan])
     contacts, loose = carrying_contacts(now)
+    load = _load(simulation)
     return Packing(
         simulation=simulation,
         at_rest=run.met,
-        radius=now.scene.radius_out,
+        radius=float("nan") if now.scene.domain else now.scene.radius_out,
+        lengths=_lengths(simulation) if now.scene.domain else None,
         fraction=global_packing_fraction(now),
         bulk_fraction=_bulk_fraction(now),
         contacts=contacts,
         rattlers=loose,
-        pressure=_wall_pressure(simulation),
+        pressure=load.force / load.length,
         mean_force=float(force.mean()),
         largest_force=float(force.max()),
         run=run,
@@ -191,9 +263,15 @@ def carrying_contacts(now: Snapshot) -> tuple[float, int]:
 
 
 def _bulk_fraction(now: Snapshot) -> float:
-    """Return the packing fraction of the rings that are far from the circles; NaN if these are few."""
-    profile, scene = radial_profile(now, RINGS), now.scene
+    """Return the packing fraction far from circles and sides; NaN if little space is there."""
+    scene = now.scene
     layer = WALL_LAYER * 2.0 * float(scene.radius.mean())
+    if scene.domain is not None:
+        region = now.container.region
+        lengths = np.ptp(region.outer_box, axis=0)[region.period == 0.0]
+        is_small = (lengths < 3.0 * layer).any()
+        return float("nan") if is_small else packing_fraction(now, region.without_layer(layer))
+    profile = radial_profile(now, RINGS)
     inner, outer, _ = scene.annulus.without_layer(layer)
     if outer - inner < layer:
         return float("nan")

@@ -6,6 +6,7 @@ from typing import Any
 from warpgrains.described import fields_in_help
 from warpgrains.errors import SimulationError
 from warpgrains.scene import checks
+from warpgrains.scene.box import Box
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import first_state
@@ -83,12 +84,12 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
     if overlap is None:
         overlap = max(scene.dt * scene.tolerance, LEAST * scene.smallest_radius)
     overlap = checks.positive("overlap", overlap)
+    domain: dict[str, Any] = {"radius_in": scene.radius_in, "radius_out": scene.radius_out}
     resting = Scene(
         position=scene.position,
         radius=scene.radius,
         mass=(scene.radius / scene.smallest_radius) ** 2,
-        radius_in=scene.radius_in,
-        radius_out=scene.radius_out,
+        **({"domain": _wide(scene.domain)} if scene.domain else domain),
         walls=tuple(_at_rest(wall.at(scene.time)) for wall in scene.walls),
         gravity=(0.0, 0.0),
         dt=1.0,
@@ -112,8 +113,17 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
     raise SimulationError(f"grains cannot be moved apart: they overlap by {left}")
 
 
+def _wide(box: Box) -> Box:
+    """Return a box like another, but with plain sides far beyond: its own are among the walls at rest."""
+    x, y = (
+        (low, high) if period > 0.0 else (2.0 * low - high, 2.0 * high - low)
+        for (low, high), period in zip((box.x, box.y), box.period, strict=True)
+    )
+    return Box(x, y, periodic=box.periodic)
+
+
 def _at_rest(wall: Wall) -> Wall:
-    """Return a wall that neither moves nor has friction."""
-    given = ("velocity", "angular_velocity", "force", "mass", "friction")
+    """Return a wall without a name that neither moves nor has friction."""
+    given = ("velocity", "angular_velocity", "force", "mass", "friction", "name")
     changes: dict[str, Any] = {own.name: own.default for own in fields(wall) if own.name in given}
     return replace(wall, **changes)

@@ -31,7 +31,7 @@ DAMPING = 9.0  # time in which damping divides a speed by e, in sqrt(d / g)
 DAMPED = 10  # steps between which velocities are damped; it divides those in which the sinking is watched
 WATCHED = 10.0  # time over which the sinking is measured, in sqrt(d / g)
 FIRST = 1.0  # first dt of the steps that balance forces, in sqrt(d / g)
-SLIDING = 0.7  # their longest dt, in sqrt(R / g), the time in which a packing slides in the outer wall
+SLIDING = 0.7  # their longest dt, in sqrt(R / g), the time in which a packing slides in a wall of radius R
 EXACT = 1e-7  # their tolerance, in g dt
 BALANCED = 1e-6  # unbalanced acceleration [g] at their end
 TRIED = 20  # such steps at most
@@ -111,7 +111,8 @@ class Settling:
 
     def _balance(self) -> bool:
         """Let the forces balance, and return whether they do, up to rest after `TESTED` steps."""
-        first, longest = FIRST * self._time, SLIDING * sqrt(self._scene.radius_out / self.gravity)
+        half = 0.5 * float(np.ptp(self._scene.space.box, axis=0).max())
+        first, longest = FIRST * self._time, SLIDING * sqrt(half / self.gravity)
         dt = first
         for _ in range(TRIED):
             self._change(dt, EXACT, "exact")
