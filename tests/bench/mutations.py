@@ -10,22 +10,18 @@ python -m tests.bench.mutations --only verlet neighbors -o mutations.csv
 
 import argparse
 import csv
-import multiprocessing
 import os
 import re
 import shutil
+import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from multiprocessing.connection import Connection, wait
+from multiprocessing.pool import ThreadPool
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
-
-import pytest
-import warp as wp
 
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).with_suffix(".toml")
@@ -50,24 +46,13 @@ BUILD_ERRORS = re.compile(r"WarpCodegen\w*Error|kernel build failed|SyntaxError|
 
 @dataclass(frozen=True)
 class Mutant:
-    """A kernel file with other text in one place.
+    """A kernel file with other text in one place."""
 
-    Attributes
-    ----------
-    file : str
-        Of kernels/, without its suffix; empty for the package as it is.
-    old, new : str
-    effect : str
-        What it changes: "result" (or the proof of one), "speed" alone, or "nothing".
-    reason : str
-        Why it changes no result.
-    """
-
-    file: str = ""
+    file: str = ""  # of kernels/, without its suffix; empty for the package as it is
     old: str = ""
     new: str = ""
-    effect: str = ""
-    reason: str = ""
+    effect: str = ""  # what it changes: "result" (or the proof of one), "speed" alone, or "nothing"
+    reason: str = ""  # why it changes no result
 
     @property
     def source(self) -> str:
@@ -99,104 +84,47 @@ def copy_package(folder: Path, mutant: Mutant) -> None:
         target.write_text(mutant.source.replace(mutant.old, mutant.new))
 
 
-class FirstFailure:
-    """A plugin of pytest that keeps the name of the first test that fails."""
-
-    name = NONE
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        if report.failed and self.name == NONE:
-            self.name = UNBUILT if BUILD_ERRORS.search(report.longreprtext) else report.nodeid
-
-    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        if report.failed and self.name == NONE:
-            self.name = UNBUILT if BUILD_ERRORS.search(report.longreprtext) else f"import of {report.nodeid}"
-
-
-@wp.kernel
-def nothing() -> None:
-    pass
-
-
-def prepare(cache: Path) -> None:
-    """Start Warp and precompile its headers: every process forked from this one begins with them."""
-    wp.config.log_level = wp.LOG_WARNING
-    wp.config.kernel_cache_dir, wp.config.use_precompiled_headers = str(cache), True
-    wp.load_module(sys.modules[__name__], device="cpu")
-
-
-def run_tests(answer: Connection, folder: Path, cache: Path, tests: list[str]) -> None:
-    """Run tests of a copy of the package until one fails, and send its name; in a process of its own."""
-    os.chdir(folder)
-    sys.path.insert(0, str(folder))
-    wp.config.kernel_cache_dir = str(cache)
-    first = FirstFailure()
-    options = ["-n", "0", "-x", "-q", "-p", "no:cacheprovider"]
-    with (folder / "log").open("w") as log, redirect_stdout(log), redirect_stderr(log):
-        code = pytest.main([*options, *tests], plugins=[first])
-    answer.send(first.name if first.name != NONE or code == 0 else f"exit code {int(code)}")
-
-
-class Trial:
-    """A mutant whose tests run in a process of their own, in a folder of its own."""
-
-    def __init__(self, mutant: Mutant, tests: list[str], warm: Path):
-        self._mutant, self._start, self._folder = mutant, monotonic(), TemporaryDirectory()
-        folder, cache = Path(self._folder.name), warm
+def trial(mutant: Mutant, tests: list[str], warm: Path) -> dict[str, object]:
+    """Run tests of a copy of the package until one fails, and return the row."""
+    start = monotonic()
+    with TemporaryDirectory() as name:
+        folder, cache = Path(name), warm
         copy_package(folder, mutant)
         if mutant.file:  # what it leaves unchanged is compiled already
             cache = folder / "cache"
             shutil.copytree(warm, cache, copy_function=os.link)
-        self.answer, end = multiprocessing.Pipe(duplex=False)
-        context = multiprocessing.get_context("fork")
-        self._process = context.Process(target=run_tests, args=(end, folder, cache, tests))
-        self._process.start()
-        end.close()
+        command = [sys.executable, "-m", "pytest", "-n", "0", "-x", "-q", "-p", "no:cacheprovider", *tests]
+        environment = {**os.environ, "PYTHONPATH": str(folder), "WARP_CACHE_PATH": str(cache)}
+        longest = TIME_LIMIT if mutant.file else 4.0 * TIME_LIMIT  # the first run compiles all
+        how = {"cwd": folder, "env": environment, "text": True, "timeout": longest}
+        try:
+            done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **how)
+            found = first_failure(done.stdout) if done.returncode else NONE
+        except subprocess.TimeoutExpired:
+            found = LATE
+    line, seconds = mutant.line if mutant.file else "", f"{monotonic() - start:.0f}"
+    cells = (mutant.file, line, mutant.old, mutant.new, mutant.effect, found, seconds)
+    return dict(zip(COLUMNS, cells, strict=True))
 
-    def seconds_left(self) -> float:
-        return max(0.0, self._start + TIME_LIMIT - monotonic())
 
-    def row(self) -> dict[str, object]:
-        found = LATE
-        if self.answer.poll():
-            try:
-                found = self.answer.recv()
-            except EOFError:
-                found = "the process ended"
-        self._process.kill()
-        self._process.join()
-        self._folder.cleanup()
-        mutant, seconds = self._mutant, f"{monotonic() - self._start:.0f}"
-        line = mutant.line if mutant.file else ""
-        cells = (mutant.file, line, mutant.old, mutant.new, mutant.effect, found, seconds)
-        return dict(zip(COLUMNS, cells, strict=True))
+def first_failure(printed: str) -> str:
+    """Return the name of the test that pytest says has failed, or what else has happened."""
+    failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", printed, re.M)
+    if BUILD_ERRORS.search(printed):
+        return UNBUILT
+    return failed[1] if failed else f"no test: {printed[-200:]!r}"
 
 
 def rows(files: list[str], tests: list[str], jobs: int, most: int) -> Iterator[dict[str, object]]:
-    """Run the package as it is, which warms the cache, and then the mutants of some files."""
+    """Run the package as it is, which warms the cache, and then the mutants of some files, as they end."""
     deciding = {file: tests or [f"tests/kernels/test_{name}.py" for name in DECIDING[file]] for file in files}
-    with TemporaryDirectory() as name:
+    chosen = [mutant for file in files for mutant in [one for one in mutants() if one.file == file][:most]]
+    with TemporaryDirectory() as name, ThreadPool(jobs) as pool:
         warm = Path(name)
-        prepare(warm)
-        all_tests = list(dict.fromkeys(test for several in deciding.values() for test in several))
-        (as_it_is,) = trials([Mutant()], all_tests, 1, warm)
+        as_it_is = trial(Mutant(), list(dict.fromkeys(one for own in deciding.values() for one in own)), warm)
         yield as_it_is
-        for file in files if as_it_is["detected by"] == NONE else []:
-            chosen = [mutant for mutant in mutants() if mutant.file == file][:most]
-            yield from trials(chosen, deciding[file], jobs, warm)
-
-
-def trials(chosen: list[Mutant], tests: list[str], jobs: int, warm: Path) -> Iterator[dict[str, object]]:
-    """Run mutants, and yield the rows in the order in which they end."""
-    left, running = list(chosen), []
-    while left or running:
-        while left and len(running) < jobs:
-            running.append(Trial(left.pop(0), tests, warm))
-        wait([trial.answer for trial in running], min(trial.seconds_left() for trial in running))
-        for trial in running[:]:
-            if trial.answer.poll() or trial.seconds_left() == 0.0:
-                running.remove(trial)
-                yield trial.row()
+        if as_it_is["detected by"] == NONE:
+            yield from pool.imap_unordered(lambda one: trial(one, deciding[one.file], warm), chosen)
 
 
 def is_as_it_should_be(row: dict[str, object]) -> bool:
