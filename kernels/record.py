@@ -97,8 +97,6 @@ class Control:
     resuming: wp.int32  # whether accelerated sweeps continue from the velocities and momentum that they have
     may_stop: wp.int32  # whether sweeps end here, if a measurement or a scan that follows agrees
     rejected: wp.int32  # whether the last sweep was rolled back
-    holds: wp.int32  # on a GPU: whether the condition tested last holds (gpu.py)
-    sets_left: wp.int32  # on a GPU: sets still to be swept
 
 
 @wp.struct

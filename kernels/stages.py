@@ -1,7 +1,7 @@
 """A step as data: stages, loops and conditions, and `fuse`, which compiles them into one function.
 
-Every CPU thread of a team calls that function, `(team, scene)`, with a barrier after every stage; gpu.py
-launches the stages instead. Conditions are predicates of the record, such as those of step.py.
+Every thread of a team calls that function, `(team, scene)`, with a barrier after every stage. Conditions are
+predicates of the record, such as those of step.py.
 
 Each stage is compiled separately (`inline=False`) and called: that takes a third of the time that a step in
 one function takes to compile, and costs a step nothing. Warp detects changed kernels by the functions that a
@@ -15,7 +15,7 @@ import warp as wp
 
 from .contacts import set_count
 from .record import Scene
-from .threads import Team, thread_range
+from .threads import Team, is_on_gpu, thread_range
 from .waiting import barrier
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
@@ -36,8 +36,8 @@ class Each:
     ----------
     count, stage : wp.Function
     atomic : bool
-        Whether elements change the same places, by atomics. On a CPU Warp's are not atomic between threads,
-        so that one thread does all elements.
+        Whether elements change the same places, by atomics. These are atomic on a GPU alone: of a CPU's
+        team, one thread does all elements.
     """
 
     count: wp.Function
@@ -133,7 +133,7 @@ def _each(count: wp.Function, stage: wp.Function, atomic: bool) -> wp.Function:
     def each(team: Team, s: Scene):
         begin = int(0)
         end = count(s)
-        if wp.static(not atomic):
+        if wp.static(not atomic) or is_on_gpu(team):
             begin, end = thread_range(team, 0, end)
         elif team.rank > 0:
             end = 0

@@ -1,7 +1,7 @@
 """A team of threads, among which the elements of a stage are divided.
 
-On a CPU every OS thread is one thread of the team, and they meet at a barrier after every stage (waiting.py).
-On a GPU the team is a launch, and its end is the barrier. No result depends on the size of the team.
+On a CPU every OS thread is one thread of the team, on a GPU every thread of a block. They meet at a barrier
+after every stage (waiting.py). No result depends on the size of the team.
 """
 
 import warp as wp
@@ -10,7 +10,7 @@ from .access import at, put, raise_to
 from .types import Floats
 
 WORDS = 24  # of a team, by which its threads wait
-GPU_PARTIALS = 64  # over which a GPU's threads spread partial maxima and sums
+GPU_PARTIALS = 8  # over which a GPU's threads spread partial maxima and sums
 
 
 @wp.struct
@@ -20,8 +20,7 @@ class TeamRecord:
     rank: wp.int32
     size: wp.int32
     words: wp.array(dtype=wp.int64)  # by which CPU threads wait for each other (waiting.py); empty on a GPU
-    scene: wp.array(dtype=wp.int32)  # that the team works on (advance.py)
-    going_on: wp.array(dtype=wp.int32)  # whether it goes on with it
+    scene: wp.array(dtype=wp.int32)  # that CPU threads work on (advance.py)
 
 
 Team = wp.ref[TeamRecord]
@@ -29,26 +28,28 @@ Team = wp.ref[TeamRecord]
 
 def team_records(size: int) -> list[TeamRecord]:
     """Return the record of a new team of CPU threads for each of them."""
-    scene, going_on = (wp.zeros(1, dtype=wp.int32, device="cpu") for _ in range(2))
+    scene = wp.zeros(1, dtype=wp.int32, device="cpu")
     words = wp.zeros(WORDS, dtype=wp.int64, device="cpu")
     records = []
     for rank in range(size):
         record = TeamRecord()
-        record.rank, record.size, record.words = rank, size, words
-        record.scene, record.going_on = scene, going_on
+        record.rank, record.size, record.words, record.scene = rank, size, words, scene
         records.append(record)
     return records
 
 
 @wp.func
+def is_on_gpu(team: Team) -> bool:
+    """Return whether the team is a block of a GPU."""
+    return team.words.shape[0] == 0
+
+
+@wp.func
 def thread_range(team: Team, begin: int, end: int):
-    """Return this thread's range of [begin, end): ranges are consecutive and of nearly equal length."""
-    first, last = begin, end
-    if team.size > 1:
-        rank, size, count = wp.int64(team.rank), wp.int64(team.size), wp.int64(end - begin)
-        first = begin + int(count * rank / size)
-        last = begin + int(count * (rank + wp.int64(1)) / size)
-    return first, last
+    """Return this thread's range of [begin, end): consecutive ranges, of one length but for the last."""
+    length = (end - begin + team.size - 1) // team.size
+    first = wp.min(begin + team.rank * length, end)
+    return first, wp.min(first + length, end)
 
 
 @wp.func

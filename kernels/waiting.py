@@ -1,10 +1,10 @@
 """How the threads of a team wait for each other: at one barrier, after every stage.
 
-A thread that arrives adds 1 to ARRIVED. The last one sets it to 0 and raises GENERATION, for which the
-others wait. They spin for about half a millisecond, and then sleep. A sleeping thread leaves its core to
-others, also to the thread that it waits for. Spinning for less costs more where a core that sleeps wakes
-slowly, as those of virtual machines do: with a tenth of it, a team of two took 1.2 to 3 times as long as
-one thread.
+On a GPU it is the barrier of a block. On a CPU, a thread that arrives adds 1 to ARRIVED. The last one sets it
+to 0 and raises GENERATION, for which the others wait. They spin for about half a millisecond, and then sleep.
+A sleeping thread leaves its core to others, also to the thread that it waits for. Spinning for less costs
+more where a core that sleeps wakes slowly, as those of virtual machines do: with a tenth of it, a team of two
+took 1.2 to 3 times as long as one thread.
 """
 
 import warp as wp
@@ -17,7 +17,11 @@ SPINS = 10_000  # polls before a thread sleeps
 
 @wp.func_native("""
     double time = 0.0;
-#if defined(__linux__) && !defined(__CUDA_ARCH__)
+#if defined(__CUDA_ARCH__)
+    unsigned long long now;
+    asm volatile("mov.u64 %0, %globaltimer;" : "=l"(now));
+    time = 1e-9 * double(now);
+#elif defined(__linux__)
     long long now[2];
     int read_clock(int, long long *) __asm__("clock_gettime");
     read_clock(1, now);
@@ -31,7 +35,9 @@ def seconds() -> wp.float64:
 
 
 @wp.func_native(f"""
-#if !defined(__CUDA_ARCH__)
+#if defined(__CUDA_ARCH__)
+    __syncthreads();
+#else
     long long *arrived = words.data + {ARRIVED}, *sleepers = words.data + {SLEEPERS};
     int *generation = (int *)(words.data + {GENERATION});
     const int before = __atomic_load_n(generation, __ATOMIC_ACQUIRE);
@@ -79,6 +85,6 @@ def meet(words: wp.array(dtype=wp.int64), size: int):
 
 @wp.func
 def barrier(team: Team):
-    """Wait for the other CPU threads of the team. On a GPU, the end of a launch is the barrier."""
-    if team.size > 1 and team.words.shape[0] > 0:
+    """Wait for the other threads of the team."""
+    if team.size > 1:
         meet(team.words, team.size)

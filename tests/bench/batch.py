@@ -20,9 +20,9 @@ IN_C = 5  # scenes that are run in C, too
 PILE_STEPS = 25
 
 
-def course(count: int) -> list[Scene]:
+def course(count: int, grains: int = 15, columns: int = 5) -> list[Scene]:
     """The course's scene, its grains moved a little at random, each time by other numbers."""
-    scene = Scene.load("annulus")
+    scene = Scene.load("annulus", [f"grains.count={grains}", f"grains.columns={columns}"])
     return [_moved(scene, seed, 0.01 * scene.radius[0]).replace(duration=8.0) for seed in range(count)]
 
 

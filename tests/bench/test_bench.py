@@ -25,6 +25,7 @@ BENCHES = (  # module, options, rows
     ("step", [*SMALL, "--only", "moving"], 4),
     ("batch", ["--scenes", 2, "--repeats", 1], 5),
     ("features", SMALL, 3 * len(FEATURES)),
+    ("gpu", [*SMALL, "--device", "cpu"], 2),
     ("exact", ["--only", "shipped", "--steps", 2], 9),
 )
 

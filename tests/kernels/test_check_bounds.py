@@ -51,7 +51,6 @@ def test_every_access_is_checked() -> None:
     """C++ that uses data of a scene is passed to `checked`, and writes elements as ARRAY.data[INDEX]."""
     elsewhere = {
         "advance.py",
-        "gpu.py",
         "placing.py",
         "pushing.py",
         "threads.py",

@@ -2,16 +2,20 @@
 
 from pathlib import Path
 
+import pytest
 import warp as wp
-from launched import every_stage
+
+from warpgrains.kernels.advance import kernel
+from warpgrains.kernels.record import Kind
+from warpgrains.kernels.step import KINDS, fused_step
 
 HOPPER = 90
+OF_EVERY_STAGE = [kind for kind in KINDS if kind.method != "accelerated" and kind[1] == kind[2]]
+"""The exact method has the stages of the accelerated one, and these are with all options or without."""
 
 
-def test_compiles_for_cuda(tmp_path: Path) -> None:
-    """Every kernel that a GPU would launch, by any method."""
-    module, kernels = every_stage("compiled_for_cuda")
-    assert len(kernels) > 50
-    assert len({kernel.key for kernel in kernels}) == len(kernels)
+@pytest.mark.parametrize("kind", OF_EVERY_STAGE, ids=str)
+def test_compiles_for_cuda(tmp_path: Path, kind: Kind) -> None:
+    module = kernel(f"compiled_for_cuda_{kind}", fused_step(kind), on_gpu=True).module
     wp.compile_aot_module(module, arch=HOPPER, module_dir=tmp_path, use_ptx=True)
     assert list(tmp_path.glob("*.ptx"))

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from time import perf_counter, sleep
 from typing import Any
@@ -91,18 +92,18 @@ def test_a_step_that_has_been_served_is_finished_or_undone(
 def test_a_gpu_returns_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its memory holds the last good step also after an interrupt, and the host's does not."""
     worker = Simulation("annulus")._engine
-    returned: list[int] = []
+    copied: list[str] = []
 
-    def interrupt(graph: object) -> None:
+    def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(worker, "_graph", lambda k: None)
-    monkeypatch.setattr(engine.wp, "capture_launch", interrupt)
-    monkeypatch.setattr(worker.records, "pull", returned.append)
+    monkeypatch.setattr(engine.wp, "launch", interrupt)
+    for name in ("push", "pull"):
+        monkeypatch.setattr(worker.records, name, partial(copied.append, name))
     worker.submit([1])
     with pytest.raises(KeyboardInterrupt):
         worker._work_on_gpu()
-    assert returned == [0]
+    assert copied == ["push", "pull"]
 
 
 def test_short_steps_are_ended(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from hard_scenes import couette, drum, heap, past_the_origin, random_masses, stack
-from launched import launched_state
 from same_bits import assert_same_bits_however_run, at_annulus, contents, dense_pair_correction, run_of
 from sample_scenes import SUDDEN, chain, dense_start
 from schemes import contact_mass
@@ -244,10 +243,12 @@ HOSTED: dict[str, tuple[Callable[[], Scene], int, Any]] = {
 """Scenes that the host solves, steps of them, and what has the function `solve`."""
 
 
+@pytest.mark.gpu
 @pytest.mark.parametrize("which", HOSTED)
-def test_stages_launched_as_on_a_gpu_give_the_same_bits(which: str) -> None:
+def test_a_gpu(which: str) -> None:
     make, steps, _ = HOSTED[which]
-    assert contents(launched_state(make(), steps)) == contents(run_of(make(), steps).state())
+    on_gpu = run_of(make(), steps, device="cuda:0")
+    assert contents(on_gpu.state()) == contents(run_of(make(), steps).state())
 
 
 @pytest.mark.parametrize("which", HOSTED)

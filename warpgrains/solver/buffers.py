@@ -85,36 +85,35 @@ def bytes_needed(size: Sizes) -> IndexArray:
     return BlockLayout.of(size).size + SceneRecord.numpy_dtype()["itemsize"]
 
 
-class Block:
+def copied_memory(length: int, dtype: Any, device: wp.Device) -> tuple[wp.array, wp.array]:
+    """Return zeroed arrays on the host and on a GPU; the former is pinned, which is copied fast."""
+    return tuple(wp.zeros(length, dtype, where, pinned=where == "cpu") for where in ("cpu", device))
+
+
+class Block(NamedTuple):
     """The memory of all arrays of one scene: on a CPU the arrays themselves, else a host copy of them.
 
-    `pointer` is the address on the device. On the host, blocks are in separate cache lines, because a line
-    that two threads write to slows both down.
+    On the host, blocks are in separate cache lines, because a line that two threads write to slows both down.
     """
 
-    def __init__(self, host: NDArray[np.uint8], pointer: int, device: wp.Device):
-        self.host, self.pointer = host, pointer
-        self._device = None
-        if device.is_cuda:
-            self._device = wp.array(host, dtype=wp.uint8, device=device)
-            self.pointer = self._device.ptr
+    host: NDArray[np.uint8]
+    pointer: int
+    """Address on the device."""
+    copies: tuple[wp.array, ...]
+    """The memory on the host, and on the GPU, that it is in; none on a CPU."""
 
     @classmethod
     def several(cls, sizes: IndexArray, device: wp.Device) -> list[Block]:
-        """Return zeroed blocks of these sizes [bytes]. On the host they are in one allocation."""
+        """Return zeroed blocks of these sizes [bytes], in one allocation."""
         whole = (sizes // LINE + 1) * LINE
-        memory = np.zeros(int(whole.sum()) + LINE, np.uint8)
-        begin = memory.ctypes.data
+        total = int(whole.sum()) + LINE
+        copies: tuple[wp.array, ...] = ()
+        if device.is_cpu:
+            host = np.zeros(total, np.uint8)
+            begin = host.ctypes.data
+        else:
+            copies = copied_memory(total, wp.uint8, device)
+            host, begin = copies[0].numpy(), copies[1].ptr
         first = np.cumsum(whole) - whole - begin % LINE + LINE
         places = zip(first.tolist(), sizes.tolist(), strict=True)
-        return [cls(memory[start : start + size], begin + start, device) for start, size in places]
-
-    def pull(self) -> None:
-        """Copy the block from the device to the host."""
-        if self._device is not None:
-            self.host[:] = self._device.numpy()
-
-    def push(self) -> None:
-        """Copy the block from the host to the device."""
-        if self._device is not None:
-            self._device.assign(self.host)
+        return [cls(host[start : start + size], begin + start, copies) for start, size in places]

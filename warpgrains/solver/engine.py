@@ -14,24 +14,21 @@ from warpgrains.arrays import IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.kernels import advance as advance_kernel
 from warpgrains.kernels.access import CHECKED
-from warpgrains.kernels.gpu import Launcher
 from warpgrains.kernels.record import (
     BEYOND_WALL,
     CANCELLED,
     NOT_CONVERGED,
     NOT_FINITE,
-    PAUSED,
     SLOW,
     SOLVED,
     WITHOUT_ROOM,
-    Kind,
     Phase,
 )
-from warpgrains.kernels.stages import OPTIONS
-from warpgrains.kernels.step import fused_step, step
-from warpgrains.kernels.threads import team_records
+from warpgrains.kernels.step import fused_step
+from warpgrains.kernels.threads import TeamRecord, team_records
 from warpgrains.scene.checks import LARGEST_WHOLE_NUMBER
 from warpgrains.scene.snapshot import Snapshots
+from warpgrains.solver import tuning
 from warpgrains.solver.forces import force_of
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loaded_scene import LoadedScene
@@ -74,17 +71,24 @@ class Engine:
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, sizes: Sizes):
         count = len(scenes)
         self._device, self.team = device, sizes.team
+        self._block = CPU_BLOCK if device.is_cpu else tuning.block_size(scenes)
         self.records = SceneRecords(scenes, sizes, device)
         self.scenes = [LoadedScene(self.records, k) for k in range(count)]
         solver = exact_solver(scenes[0].method)
         self._exact = [] if solver is None else [solver(self.records, k) for k in range(count)]
         self._queue = advance_kernel.Queue()
-        self._queue.cursor = wp.zeros(1, dtype=wp.int64, device="cpu")
-        for name in ("taken", "left", "outcome"):
-            setattr(self._queue, name, wp.zeros(count, dtype=wp.int32, device="cpu"))
-        self._queue.seconds = wp.zeros(count, dtype=wp.float64, device="cpu")
-        self._queue.cancel = wp.zeros(1, dtype=wp.int32, device="cpu")
-        self._queue.most_unconverged = wp.zeros(1, dtype=wp.int32, device="cpu")
+        for name, length, dtype in (
+            ("cursor", 1, wp.int64),
+            ("taken", count, wp.int32),
+            ("left", count, wp.int32),
+            ("outcome", count, wp.int32),
+            ("seconds", count, wp.float64),
+            ("cancel", 1, wp.int32),
+            ("most_unconverged", 1, wp.int32),
+        ):  # a GPU reads and writes pinned memory of the host
+            array = wp.zeros(length, dtype=dtype, device="cpu", pinned=device.is_cuda)
+            setattr(self._queue, name, array)
+        self._queue.going_on = wp.zeros(count, dtype=wp.int32, device=device)
         self.left, self._outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self.seconds, self._cancel = self._queue.seconds.numpy(), self._queue.cancel.numpy()
         self._most_unconverged = self._queue.most_unconverged.numpy()
@@ -97,26 +101,24 @@ class Engine:
         self.last_steps = LastSteps(self.records.scenes, *arrays, self._errors)
         self._sums = host["statistics"].view(np.void)  # filled ten times as fast as by fields
         self._no_steps = np.zeros((), self._sums.dtype)
-        self._graphs: dict[int, wp.Graph] = {}
 
     @property
     def kernel(self) -> wp.Kernel:
-        """The kernel that advances the scenes on a CPU."""
-        kind = kind_of(self.records.scenes[0])
+        """The kernel that advances the scenes."""
+        kind, on_gpu = kind_of(self.records.scenes[0]), self._device.is_cuda
+        flags = "friction" * kind.has_friction, "restitution" * kind.has_restitution, "gpu" * on_gpu
+        name = "_".join(filter(None, ["warpgrains.kernels", kind.method.replace("-", "_"), *flags]))
         with BUILDING:
-            return advance_kernel.kernel(_module_name(kind), fused_step(kind))
+            return advance_kernel.kernel(name, fused_step(kind), on_gpu)
 
     @property
     def is_compiled(self) -> bool:
-        """True if the kernels are in the cache; on a GPU always True, because Warp does not report it."""
-        if self._device.is_cuda:
-            return True
-        return kernel_cache.is_cached(self.kernel.module, CPU_BLOCK)
+        """True if the kernels are in the cache."""
+        return kernel_cache.is_cached(self.kernel.module, self._block)
 
     def load_kernels(self) -> None:
         """Compile the kernels, or load them from the cache."""
-        if self._device.is_cpu:
-            kernel_cache.load(self.kernel.module, self._device, CPU_BLOCK)
+        kernel_cache.load(self.kernel.module, self._device, self._block)
 
     def fits(self, k: int, scene: Scene) -> bool:
         """Return True if `loading.change_scene` can give scene k other parameters in this engine."""
@@ -177,39 +179,20 @@ class Engine:
         return self._tasks[:count]
 
     def _work_on_gpu(self) -> None:
-        """Do the steps of all scenes, one scene after the other.
+        """Do the steps of all scenes.
 
-        The memory of the device holds a scene only meanwhile: before and after, the host's does.
+        The memory of the device holds them only meanwhile: before and after, the host's does.
         """
-        for k in range(len(self.scenes)):
-            self.records.push(k)
-            try:
-                while self.left[k] > 0 and self._outcome[k] == SOLVED and not self._cancel[0]:
-                    with BUILDING:
-                        graph = self._graph(k)
-                    start = perf_counter()
-                    wp.capture_launch(graph)
-                    self.records.pull_records()
-                    self.seconds[k] += perf_counter() - start
-                    self.left[k] -= self.records.host["control"]["phase"][k] == Phase.ACCEPTED
-                    self._outcome[k] = self.records.host["step"]["outcome"][k]
-                    if self.last_steps.sums["unconverged"][k] >= self._most_unconverged[0]:
-                        self._outcome[k] = PAUSED
-            finally:
-                self.records.pull(k)
-
-    def _graph(self, k: int) -> wp.Graph:
-        """Return the CUDA graph of one step of scene k."""
-        if k not in self._graphs:
-            kind = kind_of(self.records.scenes[k])
-            stages = step(kind)
-            module = wp.get_module(_module_name(kind, "gpu"))
-            wp.set_module_options(OPTIONS, module)
-            launcher = Launcher(module, self.records.device, k, stages)
-            with wp.ScopedCapture(device=self._device) as capture:
-                launcher(stages)
-            self._graphs[k] = capture.graph
-        return self._graphs[k]
+        self.load_kernels()
+        team = TeamRecord()
+        team.size = self._block
+        self.records.push()
+        try:
+            inputs, threads = (self.records.device, self._queue, team), len(self.scenes) * self._block
+            with BUILDING:
+                wp.launch(self.kernel, threads, inputs, device=self._device, block_dim=self._block)
+        finally:
+            self.records.pull()
 
     def cancel(self, abandon: bool) -> None:
         """Start no other step. A GPU ends its step; CPU threads abandon theirs, or else end them.
@@ -279,9 +262,3 @@ class Engine:
             run_threads(self.tasks(self.team))
             left[amid] += self.left[amid] - 1
             self.left[:] = left
-
-
-def _module_name(kind: Kind, device: str = "") -> str:
-    """Return the name of the module that holds the kernels of a kind, on a CPU or for a device."""
-    flags = "friction" * kind.has_friction, "restitution" * kind.has_restitution
-    return "_".join(filter(None, ["warpgrains.kernels", kind.method.replace("-", "_"), *flags, device]))

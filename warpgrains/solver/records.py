@@ -17,7 +17,7 @@ from warpgrains.kernels.neighbors import MOST_CONTACTS
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stopping import StopOn
 from warpgrains.solver import tuning
-from warpgrains.solver.buffers import Block, BlockLayout, array_fields, bytes_needed
+from warpgrains.solver.buffers import Block, BlockLayout, array_fields, bytes_needed, copied_memory
 from warpgrains.solver.memory import require_memory
 from warpgrains.solver.sizes import Sizes, grid_width
 
@@ -47,8 +47,11 @@ class SceneRecords:
         self.sizes = sizes
         require_memory(bytes_needed(self.sizes), int(self.sizes.grains.sum()), device)
         self._number = {field.name: number for number, field in enumerate(array_fields())}
-        self.device = wp.zeros(len(scenes), dtype=SceneRecord, device=device)
-        self.host = self.device.numpy()
+        if device.is_cpu:
+            own = self.device = wp.zeros(len(scenes), dtype=SceneRecord, device=device)
+        else:
+            own, self.device = self._copies = copied_memory(len(scenes), SceneRecord, device)
+        self.host = own.numpy()
         self._blocks: list[Any] = [None] * len(scenes)
         self._memory: NDArray[np.uint8] | None = None
         self._length = np.zeros((len(array_fields()), len(scenes)), np.int64)
@@ -253,19 +256,13 @@ class SceneRecords:
             moved = self.array(k, name)
             moved[: len(array)] = array[: len(moved)]
 
-    def pull_records(self) -> None:
-        """Copy the records of all scenes from the device, without their blocks."""
-        if not self._device.is_cpu:
-            self.host[:] = self.device.numpy()
+    def pull(self) -> None:
+        """Wait for the GPU, and copy all records and blocks from it."""
+        for host, gpu in {self._copies, *(block.copies for block in self._blocks)}:
+            wp.copy(host, gpu)
+        wp.synchronize_device(self._device)
 
-    def pull(self, k: int) -> None:
-        """Copy the record and block of scene k from the device."""
-        self.pull_records()
-        if not self._device.is_cpu:
-            self._blocks[k].pull()
-
-    def push(self, k: int) -> None:
-        """Copy the record and block of scene k to the device."""
-        if not self._device.is_cpu:
-            self.device.assign(self.host)
-            self._blocks[k].push()
+    def push(self) -> None:
+        """Copy all records and blocks to the GPU."""
+        for host, gpu in {self._copies, *(block.copies for block in self._blocks)}:
+            wp.copy(gpu, host)

@@ -6,6 +6,7 @@ result.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +28,8 @@ HOST_FEW, HOST_MANY = 750.0, 0.15  # the host's solution of a step costs a + b n
 SHARED_SET = 1000  # pairs of a set above which threads that synchronize after each set gain
 FARTHEST = 1e6  # radii of a circle about a box: beyond periodic sides, positions are exact enough
 FEWEST = 400  # grains of each thread of a team
+WARP, BLOCK = 32, 256  # threads of a GPU that share a scene of few, and of many grains
+MANY = 200  # grains from which on it has many
 
 
 def first_skin(scene: Scene) -> float:
@@ -73,6 +76,11 @@ def paying_threads(scene: Scene) -> int:
 def useful_threads(scene: Scene, threads: int) -> int:
     """Return how many of some threads have a core and enough grains each."""
     return max(1, min(threads, cores(), scene.n // FEWEST))
+
+
+def block_size(scenes: Sequence[Scene]) -> int:
+    """Return the number of a GPU's threads that share a scene."""
+    return WARP if max(scene.n for scene in scenes) < MANY else BLOCK
 
 
 def patience(scene: Scene) -> int:
