@@ -13,6 +13,7 @@ from .record import (
     NOT_CONVERGED,
     SLOW,
     SOLVED,
+    Asking,
     Phase,
     Scene,
     grain_count,
@@ -42,7 +43,7 @@ def begin(s: Scene):
     else:
         s.control.phase = Phase.BEGIN
         s.control.resuming = 0
-        s.step.patience = s.stopping.patience
+        s.step.asking = Asking.EARLY if s.stopping.patience > 0 else Asking.NEVER
         s.step.rebuilds = 0
         s.step.restarts = 0
         s.step.factorizations = 0
@@ -52,8 +53,9 @@ def begin(s: Scene):
 def start(s: Scene):
     """Start an attempt to solve the step, with a list that is sorted now, unless the list does not fit."""
     s.control.unordered = 0
-    if s.control.phase == Phase.BEGIN or s.control.phase == Phase.LISTED:
+    if s.control.phase == Phase.BEGIN:
         s.control.phase = Phase.START
+    if s.control.phase == Phase.START:
         s.verlet.flags.without_normal = 0
 
 
@@ -106,7 +108,7 @@ def judge(s: Scene):
     converged = meets_tolerance(s)
     outcome = outcome_of_check(s)
     if outcome == SOLVED and not converged:
-        if s.step.patience != 0:
+        if s.step.asking != Asking.NEVER:
             outcome = SLOW
         elif s.stopping.raise_on_unconverged != 0:
             outcome = NOT_CONVERGED

@@ -59,8 +59,8 @@ VELOCITIES = """
 
 KEEP = """
     #if !defined(__CUDA_ARCH__)
-        *(couple *)&kept.data[place + 2 * k] = *vi;
-        *(couple *)&kept.data[place + 2 * k + 1] = *vj;
+        *(couple *)&kept.data[place + 2 * k] = after_i;
+        *(couple *)&kept.data[place + 2 * k + 1] = after_j;
     #endif
 """
 """C++ that keeps the velocities of a pair after its correction, because a later pair may change them."""
@@ -150,8 +150,9 @@ def lanes(count: int, friction: bool = False, keep: bool = False) -> SimpleNames
             couple impulse = *(const couple *)&n * dv.c[k];
             {TURN if friction else ""}
             couple *vi = velocity_at(i), *vj = velocity_at(j);
-            *vi = *vi - impulse * share_i.c[k];
-            *vj = *vj + impulse * share_j.c[k];
+            const couple after_i = *vi - impulse * share_i.c[k], after_j = *vj + impulse * share_j.c[k];
+            *vi = after_i;
+            *vj = after_j;
             {KEEP if keep else ""}
         }}
     """)

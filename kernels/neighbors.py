@@ -202,7 +202,7 @@ def find_walls(s: Scene, i: int):
 def check_capacity(s: Scene):
     """List the contacts found, or leave the step until the host has reserved memory for them."""
     if at(s.neighbors.total, 0) <= s.neighbors.found.shape[0]:
-        s.control.phase = Phase.LISTED
+        s.control.phase = Phase.START
         s.control.unordered = 1
     else:
         s.control.phase = Phase.FULL

@@ -46,7 +46,7 @@ class Kind(NamedTuple):
 class Phase(IntEnum):
     """The next part of a step. Serial stages choose it, by stopping.py and attempt.py; step.py reads it.
 
-    Besides, the list's own stages choose SEARCH, LISTED and FULL, `contact_list.keep_pair` repeats a search,
+    Besides, the list's own stages choose SEARCH, START and FULL, `contact_list.keep_pair` repeats a search,
     and the host answers steps that are FULL or SLOW.
     """
 
@@ -55,17 +55,24 @@ class Phase(IntEnum):
     FULL = 2  # nothing: the host reserves memory for the list
     BEGIN = 3  # free velocities
     SEARCH = 4  # find the candidate contacts
-    LISTED = 5  # sort them: their list fits in memory
-    START = 6  # freeze contacts, and apply their corrections
-    CORRECTED = 7  # take the velocities that the host's corrections make
-    DECLINED = 8  # go on: the host has found no better corrections
-    SWEEP = 9
-    CHECK_LIST = 10  # check the list before all contacts are scanned (working_set.py)
-    MEASURE = 11  # measure the residual; accelerated sweeps continue from velocities recomputed for it
-    RECORD = 12  # measure it for the history, or its trend, alone
-    SCAN = 13  # scan all contacts for the working set
-    VERIFY = 14  # verify the list and judge the step: the sweeps have stopped, or the list has not sufficed
-    EXPIRE = 15  # set aside the list, in which a contact may be missing
+    START = 5  # freeze contacts, and apply their corrections
+    CORRECTED = 6  # take the velocities that the host's corrections make
+    DECLINED = 7  # go on: the host has found no better corrections
+    SWEEP = 8
+    CHECK_LIST = 9  # check the list before all contacts are scanned (working_set.py)
+    MEASURE = 10  # measure the residual; accelerated sweeps continue from velocities recomputed for it
+    RECORD = 11  # measure it for the history, or its trend, alone
+    SCAN = 12  # scan all contacts for the working set
+    VERIFY = 13  # verify the list and judge the step: the sweeps have stopped, or the list has not sufficed
+    EXPIRE = 14  # set aside the list, in which a contact may be missing
+
+
+class Asking(IntEnum):
+    """When the host is still asked to solve a step. Its answers say so, and before them the method."""
+
+    NEVER = 0
+    AT_LAST = 1  # after the last sweep
+    EARLY = 2  # also as soon as sweeps converge too slowly
 
 
 @wp.struct
@@ -81,7 +88,7 @@ class StepState:
     restarts: wp.int32  # attempts that a missing contact made void
     factorizations: wp.int32  # by the host
     measured: wp.int32  # last iteration after which the residual was measured
-    patience: wp.int32  # `StoppingCriterion.patience`; 0: the host is done, -1: it is only to end the step
+    asking: wp.int32  # an `Asking`
     trend_residual: f64  # eta with which the next one is compared, by which it falls too slowly [m/s]
     converged: wp.int32  # whether it has met the tolerance
     outcome: wp.int32

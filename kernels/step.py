@@ -54,7 +54,6 @@ def in_phase(*phases: Phase) -> wp.Function:
 unsolved = in_phase(*set(Phase) - {Phase.ENDED, Phase.ACCEPTED, Phase.FULL})
 beginning = in_phase(Phase.BEGIN)
 searching = in_phase(Phase.SEARCH)
-listed = in_phase(Phase.LISTED)
 starting = in_phase(Phase.START)
 answered = in_phase(Phase.CORRECTED, Phase.DECLINED)
 attempting = in_phase(Phase.START, Phase.CORRECTED, Phase.DECLINED)
@@ -95,7 +94,7 @@ SEARCH = [
     Each(grain_count, neighbors.find_walls, atomic=True),
     Serial(neighbors.check_capacity),
     If(
-        listed,
+        unordered,
         [
             Serial(neighbors.fill_rows),
             Each(grain_count, contact_list.match_rows, atomic=True),

@@ -10,7 +10,7 @@ from enum import IntEnum
 import warp as wp
 
 from .access import put
-from .record import Phase, Scene, has_friction, has_swept, is_accelerated, is_cancelled
+from .record import Asking, Phase, Scene, has_friction, has_swept, is_accelerated, is_cancelled
 from .threads import take_max
 
 f64 = wp.float64
@@ -102,7 +102,7 @@ def is_too_slow(s: Scene) -> bool:
     fallen = wp.log(s.step.trend_residual / s.step.residual)
     left = wp.log(s.step.residual / s.stopping.tolerance)
     sweeps = wp.min(s.step.iterations - HALF_WAY, RECOMPUTE_EVERY)
-    return left * f64(sweeps) > fallen * f64(s.step.patience)
+    return left * f64(sweeps) > fallen * f64(s.stopping.patience)
 
 
 @wp.func
@@ -123,7 +123,8 @@ def measurement_or(s: Scene, following: int) -> int:
     k = s.step.iterations
     if is_measurement_due(s):
         return Phase.MEASURE
-    if not is_measured(s) and (k <= s.history.zeta.shape[0] or (s.step.patience > 0 and k == HALF_WAY)):
+    begins_trend = s.step.asking == Asking.EARLY and k == HALF_WAY
+    if not is_measured(s) and (k <= s.history.zeta.shape[0] or begins_trend):
         return Phase.RECORD
     return following
 
@@ -174,7 +175,7 @@ def end_measurement(s: Scene):
     take_residual(s)
     decides = s.control.phase != Phase.RECORD
     stopping = decides and not stops_on_zeta(s) and meets_tolerance(s)
-    if decides and s.step.patience > 0 and s.step.iterations % RECOMPUTE_EVERY == 0:
+    if decides and s.step.asking == Asking.EARLY and s.step.iterations % RECOMPUTE_EVERY == 0:
         stopping = stopping or is_too_slow(s)
         s.step.trend_residual = s.step.residual
     elif s.step.iterations == HALF_WAY:

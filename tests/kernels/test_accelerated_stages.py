@@ -11,7 +11,7 @@ from stages import OneRecord, grains_apart
 from warpgrains.arrays import FloatArray
 from warpgrains.kernels import attempt, momentum, stopping, working_set
 from warpgrains.kernels.contacts import chunk_count
-from warpgrains.kernels.record import CANCELLED, SOLVED, Phase, grain_count
+from warpgrains.kernels.record import CANCELLED, SOLVED, Asking, Phase, grain_count
 from warpgrains.kernels.stages import Each, Serial, Sets
 from warpgrains.kernels.stopping import StopOn
 
@@ -272,7 +272,7 @@ def test_the_history_leaves_the_trend_of_the_residual_alone(
     record = Accelerated().record
     whole, step = record.record, record.record["step"]
     whole["stopping"]["on"], whole["stopping"]["max_iterations"] = StopOn.RESIDUAL, 1000
-    whole["stopping"]["patience"], step["patience"] = 750, 750
+    whole["stopping"]["patience"], step["asking"] = 750, Asking.EARLY
     step["iterations"], whole["control"]["rejected"], whole["control"]["phase"] = iterations, rejected, phase
     step["trend_residual"], record["partial.residual"][0] = 1.0, 0.99
     record.run(Serial(stopping.end_measurement))

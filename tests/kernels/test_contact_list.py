@@ -52,7 +52,7 @@ class Listed:
         self.record["verlet.skin"][:], self.record.verlet_numbers["frame_skin"] = skin, skin
         self.record.record["control"]["phase"] = Phase.SEARCH
         self.record.run(*LISTED)
-        assert self.record.record["control"]["phase"] == Phase.LISTED
+        assert self.record.record["control"]["phase"] == Phase.START
 
     @property
     def bodies(self) -> list[Bodies]:
@@ -195,9 +195,9 @@ def test_step_waits_for_capacity() -> None:
     listed = Listed(cloud("sequential", "gauss-seidel", True), NARROW)
     control, step = listed.record.record["control"], listed.record.record["step"]
     capacity = len(listed.record["neighbors.found"])
-    for total, phase, outcome in ((capacity, Phase.LISTED, 0), (capacity + 1, Phase.FULL, WITHOUT_ROOM)):
+    for total, phase, outcome in ((capacity, Phase.START, 0), (capacity + 1, Phase.FULL, WITHOUT_ROOM)):
         step["outcome"], control["phase"], control["unordered"] = 0, Phase.SEARCH, 1
         listed.record["neighbors.total"][0] = total
         listed.record.run(Serial(neighbors.check_capacity))
         assert (control["phase"], step["outcome"]) == (phase, outcome)
-        assert control["unordered"] == (phase == Phase.LISTED)
+        assert control["unordered"] == (phase == Phase.START)

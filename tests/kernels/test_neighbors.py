@@ -80,7 +80,7 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     record.reserve_contacts(int(record["neighbors.total"][0]))
     poison(record)
     record.run(*SEARCH)
-    assert record.record["control"]["phase"] == Phase.LISTED
+    assert record.record["control"]["phase"] == Phase.START
     return listed.listed_pairs(record.records, 0)[0]
 
 

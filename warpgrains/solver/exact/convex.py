@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.kernels.record import Phase
+from warpgrains.kernels.record import Asking, Phase
 from warpgrains.solver.exact import active_set, interior_point
 from warpgrains.solver.exact.bordered import BorderedMatrix
 from warpgrains.solver.exact.constraints import StepConstraints
@@ -86,7 +86,7 @@ class ConvexSolver:
         if is_better:
             contacts.write("dv", q / problem.unit)
         if left > tolerance or not is_better:
-            record["step"]["patience"] = 0  # the methods have done what they can
+            record["step"]["asking"] = Asking.NEVER  # the methods have done what they can
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
 
 

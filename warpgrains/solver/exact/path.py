@@ -17,7 +17,7 @@ from warpgrains.arrays import FloatArray, Indices
 from warpgrains.host_kernels import Array, launch, shared
 from warpgrains.kernels import path as kernels
 from warpgrains.kernels.block_lu import Factors
-from warpgrains.kernels.record import Phase
+from warpgrains.kernels.record import Asking, Phase
 from warpgrains.solver.exact.constraints import StepConstraints
 from warpgrains.solver.exact.listed import ListedContacts
 
@@ -248,7 +248,7 @@ class PathSolver:
             listed.write("dv", best.dv)
             listed.write("dvt", best.dvt)
         if is_last or is_solved:
-            state["patience"] = 0
+            state["asking"] = Asking.NEVER
         elif self._attempts >= len(ATTEMPTS) or answer.factorizations == 0:
-            state["patience"] = -1
+            state["asking"] = Asking.AT_LAST
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
