@@ -10,6 +10,7 @@ import pytest
 import pyvista
 from command import exit_code, require_refusal
 from pxr import Usd
+from walled_scenes import boxed
 
 import warpgrains as wg
 from warpgrains import InputError, Scene, Segment, Simulation, analysis
@@ -280,6 +281,30 @@ def test_vtk_has_the_walls_where_they_are(tmp_path, velocity):
     names = {"grain", "radius", "mass", "velocity", "speed", "spin", "angle"}
     assert all({*blocks["Grains"].point_data} == names for _, blocks in found)
     assert {*found[0][1]} == {"Grains", "Walls"}
+
+
+@pytest.mark.parametrize("kind", ["shear", "walls", "everywhere"])
+def test_vtk_has_grains_and_contacts_of_a_periodic_box_inside(tmp_path, kind):
+    """Of a contact that leaves it, the pieces have the length and the numbers of the contact."""
+    scene, path = boxed(kind, 80), tmp_path / "run.usdc"
+    Simulation(scene).run(steps=40, record=path, forces=True)
+    frame, (*_, (_, last)) = wg.Recording(path).frame(-1), exported(path)
+    grains, contacts, number = last["Grains"], last["Contacts"], last["Grains"].point_data["grain"]
+    away = (grains.points[:, :2] - frame.position[number]) / np.where(scene.period > 0.0, scene.period, 1.0)
+    assert away == pytest.approx(np.rint(away), abs=1e-12)
+    assert np.array_equal(number[: scene.n], np.arange(scene.n))
+    assert len(number) > scene.n
+    assert np.array_equal(grains.point_data["radius"], scene.radius[number])
+    ends = contacts.points[contacts.lines.reshape(-1, 3)[:, 1:], :2]
+    inside = ends[..., scene.period > 0.0], scene.period[scene.period > 0.0]
+    assert ((inside[0] >= -1e-12) & (inside[0] <= inside[1] + 1e-12)).all()
+    pairs = np.stack([contacts.cell_data[name] for name in ("grain", "other")], axis=1)
+    for (i, j), force in zip(frame.pair.tolist(), frame.force.tolist(), strict=True):
+        pieces = (pairs == (i, j)).all(axis=1)
+        length = np.hypot(*(ends[pieces, 1] - ends[pieces, 0]).T).sum()
+        assert length == pytest.approx(scene.radius[[i, j]].sum(), abs=0.02)  # which few iterations leave
+        assert (contacts.cell_data["force"][pieces] == force).all()
+    assert len(frame.pair) > 10
 
 
 def test_an_export_replaces_frames_only(tmp_path, capfd):

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from command import exit_code
 from matplotlib.image import imread
+from moments import far_away
 from PIL import Image, ImageSequence
 from recordings import make_scene, moment, record
+from walled_scenes import boxed
 from walls_seen import View
 
 from warpgrains import InputError, Scene, Segment, Simulation
@@ -62,6 +64,29 @@ def _milliseconds(path):
     content = path.read_bytes()
     starts = [place.start() for place in re.finditer(b"ANMF", content)]
     return sum(int.from_bytes(content[start + 20 : start + 23], "little") for start in starts)
+
+
+@pytest.mark.parametrize("kind", ["shear", "everywhere", "walls"])
+def test_a_picture_of_a_periodic_box_is_the_same_on_both_sides(kind):
+    """Wherever its grains and walls have gone: columns at its sides differ by up to four rows."""
+    simulation = Simulation(boxed(kind, 100))
+    simulation.run(duration=0.2)
+    pictures = []
+    for shown in (snapshot(simulation), far_away(snapshot(simulation))):
+        figure = Picture(Painter(shown.scene, "speed", False), shown).figure
+        figure.canvas.draw()
+        pictures.append(np.asarray(figure.canvas.buffer_rgba())[..., :3] / 255.0)
+    assert np.array_equal(*pictures)
+    window = figure.axes[0].get_window_extent()
+    left, right = (np.ceil(window.x0).astype(int) + 1, np.floor(window.x1).astype(int) - 2)
+    top = pictures[0].shape[0] - int(window.y1)
+    rows = slice(top + 20, top + int(window.height) - 20)
+    first, last, middle = (pictures[0][rows, column] for column in (left, right, (left + right) // 2))
+    shares = []
+    for other in (last, middle):
+        moved = [np.abs(first - np.roll(other, row, axis=0)).max(axis=1) for row in range(-4, 5)]
+        shares.append((np.min(moved, axis=0) > 0.2).mean())
+    assert shares[0] < 0.15 < 0.3 < shares[1]
 
 
 @pytest.mark.parametrize("suffix", FILMS)

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from warpgrains import Scene, Segment, Simulation
+from warpgrains import Box, Scene, Segment, Simulation
 
 BOX = [(-0.3, -0.4), (0.3, -0.4), (0.3, 0.6), (-0.3, 0.6)]
 WHOLE = (-2.0, -2.0, 2.0, 2.0)
@@ -18,6 +18,15 @@ OPEN, CLOSED = walls([BOX[3], BOX[0], BOX[1], BOX[2]]), walls([*BOX, BOX[0]])
 FUNNEL = walls([(-0.5, 0.5), (-0.1, -0.4)], [(0.5, 0.5), (0.1, -0.4)])
 SHELF = walls([(1.0, -1.0), (1.2, -1.0)])
 LID = walls([BOX[3], BOX[2]], velocity=(0.0, 0.5))
+
+ROUGH = {"velocity": (0.3, 0.0), "roughness": {"radius": 0.02, "spacing": 0.1}}
+
+
+def of_box(left_to=-0.3, **sides):
+    """A box, and its extent."""
+    box = Box((-0.3, 0.3), (-0.4, 0.6), **sides)
+    return {"domain": box, "radius_out": None, "duration": 5.0}, (left_to, -0.4, 0.3, 0.6)
+
 
 CASES = {
     "no wall inside": ({}, WHOLE),
@@ -47,6 +56,12 @@ CASES = {
     "a lid that moves up to the wall": ({"walls": [*OPEN, *LID], "duration": 100.0}, WHOLE),
     "a lid that moves later": ({"walls": [*OPEN, *LID], "time": 9.0, "duration": 100.0}, WHOLE),
     "a grain above a box": ({"walls": OPEN, "position": [(0.0, 1.0)]}, WHOLE),
+    "a box as the domain": of_box(),
+    "a box with a piston that moves out": of_box(
+        left={"velocity": (-0.1, 0.0), "to_time": 2.0}, left_to=-0.5
+    ),
+    "a periodic box with rough sides that move along": of_box(periodic="x", bottom=ROUGH, top=ROUGH),
+    "a box that is periodic in both directions": of_box(periodic="xy"),
 }
 
 

@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils
 from recordings import FORMS, GRAINS, RADIUS, bands_of, make_frames, make_scene, moment, moments, record
 
-from warpgrains import Disc, Scene, Segment, Simulation
-from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, all_contacts
+from warpgrains import Box, Disc, Scene, Segment, Simulation
+from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, all_contacts, cut
 from warpgrains.drawing.colorings import (
     COLORINGS,
     colorings_of,
@@ -305,6 +305,26 @@ def test_force_chains_join_centers_and_walls_along_forces(tmp_path, friction):
         beyond = ((other - contact) * normal).sum(axis=1, keepdims=True)
         expected = contact - RADIUS[i, np.newaxis] * direction, contact + beyond * direction
         assert_allclose(ends, np.stack(expected, axis=1), rtol=0.0, atol=FLOAT32)
+
+
+def test_lines_are_cut_at_periodic_sides():
+    """Pieces lie in the box, and join at its sides: end to start, a length apart."""
+    box = Box((-0.4, 0.6), (0.1, 0.6), periodic="xy")
+    rng = np.random.default_rng(1)
+    start, way = rng.uniform(-2.0, 2.0, (200, 2)), rng.uniform(-0.2, 0.2, (200, 2))
+    begin, end, line = cut(box.space, start, start + way)
+    low, high = np.array([box.x, box.y]).T
+    for points in (begin, end):
+        assert ((points > low - 1e-12) & (points < high + 1e-12)).all()
+    total = np.stack([np.bincount(line, along) for along in (end - begin).T], axis=1)
+    assert_allclose(total, way, rtol=0.0, atol=1e-12)
+    assert np.array_equal(line[:200], np.arange(200))
+    for whole in np.flatnonzero(np.bincount(line) > 1):
+        own = np.flatnonzero(line == whole)
+        joins = (begin[own, np.newaxis] - end[own]) / box.lengths
+        joins = np.abs(joins - np.rint(joins)).max(axis=2) < 1e-12
+        assert np.count_nonzero(joins) == len(own) - 1
+    assert np.bincount(np.bincount(line)).tolist()[1:] != [200]
 
 
 @pytest.mark.parametrize(("draw_as", "height"), [("discs", 0.24), ("spheres", 1.0), ("points", 1.0)])

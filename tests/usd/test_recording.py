@@ -1,5 +1,6 @@
 import re
 from dataclasses import replace
+from itertools import product
 
 import lightusd
 import numpy as np
@@ -18,16 +19,18 @@ from recordings import (
     record,
     recorder_of,
 )
+from walled_scenes import boxed
 
 import warpgrains
-from warpgrains import Scene, Segment, Simulation
-from warpgrains.analysis.snapshot import snapshot_of
+from warpgrains import Recording, Scene, Segment, Simulation
+from warpgrains.analysis.snapshot import snapshot, snapshot_of
 from warpgrains.drawing.colorings import speed_scale
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError, OutputError
 from warpgrains.scene.toml import read_parameters
 from warpgrains.usd.check import inspect_recording
+from warpgrains.usd.grains import position_of
 from warpgrains.usd.recorder import log_of, recover
 
 FRICTION = make_scene(friction=0.3)
@@ -114,6 +117,35 @@ def test_every_frame_equals_the_float32_state_and_passes_checks(tmp_path, suffix
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(str(path)))
     assert [error.GetMessage() for error in errors] == []
+
+
+@pytest.mark.parametrize("kind", ["shear", "everywhere", "walls", "closed"])
+@pytest.mark.parametrize("options", [{}, {"draw_as": "discs"}, {"draw_as": "spheres", "color_by": "radius"}])
+def test_a_box_is_recorded_with_images_and_read_back_without(tmp_path, kind, options):
+    """Points are in the box, and go on beyond it for `Recording`; float32 rounds them by 6e-8."""
+    path, simulation = tmp_path / "run.usdc", Simulation(boxed(kind, 80))
+    simulation.run(steps=40, record=path, fps=20, forces=True, **options)
+    now, found = snapshot(simulation), Recording(path).frame(-1)
+    assert inspect_recording(path) == []
+    stage, validators = Usd.Stage.Open(str(path)), UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert [error.GetMessage() for error in errors] == []
+    assert found.position == pytest.approx(now.position, abs=6e-8)
+    assert np.array_equal(found.pair, now.pair)
+    assert np.array_equal(found.wall, now.wall)
+    assert found.force == pytest.approx(now.force, rel=6e-8)
+    prim, end, n = stage.GetPrimAtPath(GRAINS), stage.GetEndTimeCode(), now.n
+    points, radius = position_of(prim).Get(end), prim.GetAttribute("primvars:radius").Get(end)
+    points, period, high = np.array(points)[:, :2], now.scene.period, np.array([1.0, 0.7])
+    assert ((points[:n] >= -6e-8) & (points[:n] <= high + 6e-8)).all()
+    ways = np.unique(np.array([*product((-1, 0, 1), repeat=2)]) * period, axis=0)
+    images = np.concatenate([np.zeros((0, 2)), *(points[:n] + way for way in ways if way.any())])
+    reach = np.resize(now.scene.radius, len(images))[:, np.newaxis]
+    crosses = ((images + reach > 0.0) & (images - reach < high)).all(axis=1)
+    expected = np.column_stack([images, reach])[crosses]
+    shown = np.column_stack([points, radius])[n:]
+    assert shown[np.lexsort(shown.T)] == pytest.approx(expected[np.lexsort(expected.T)], abs=2e-7)
+    assert len(expected) or kind == "closed"
 
 
 @pytest.mark.parametrize("suffix", RECORDINGS)

@@ -9,7 +9,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.chains import all_contacts, contact_lines
+from warpgrains.drawing.chains import all_contacts, contact_lines, cut
 from warpgrains.drawing.shapes import drawn_walls, moved_walls, wall_mesh
 from warpgrains.errors import InputError, requiring
 from warpgrains.files import draft_of, make_folder, require_writable_path, resolve_link, write_atomically
@@ -24,7 +24,8 @@ def export(recording: str | Path, output: str | Path) -> int:
 
     RUN.pvd lists the times, and for each the files ``RUN/grains-0000.vtp`` and so on of its blocks:
 
-    - ``Grains``: points with vertex cells. Point data are `grain` (the number), `radius` [m], `mass` [kg],
+    - ``Grains``: points with vertex cells, in the box if it is periodic, and then images of the grains that
+      cross its sides. Point data are `grain` (the number), `radius` [m], `mass` [kg],
       `velocity` [m/s], and what else is recorded: `speed` [m/s], `pressure` [N/m], and with friction `spin`
       [rad/s], `angle` [rad] and `mobilized`.
     - ``Contacts``, if recorded: lines between centers, or from a center to a wall. Cell data are `force` [N],
@@ -83,24 +84,30 @@ def _vtp(data: Any) -> bytes:
 def _blocks(source: Recording, k: int) -> dict[str, Any]:
     """Return the polydata of a frame by name, without walls if they are as in the frame before."""
     frame = source.frame(k, contacts=source.has_forces)
-    number, scene = np.arange(frame.n), frame.scene
-    grains = _polydata(frame.position)
-    grains.SetVerts(_cells(number[:, np.newaxis]))
+    (places, number), scene = frame.images, frame.scene
+    grains = _polydata(places)
+    grains.SetVerts(_cells(np.arange(len(places))[:, np.newaxis]))
     own = {**frame.recorded, "radius": scene.radius, "mass": scene.mass}
     own |= {"spin": frame.spin, "angle": frame.angle} if scene.has_friction else {}
-    vector = {"grain": number, "velocity": _in_space(frame.velocity)}
-    _add(grains.GetPointData(), dict(sorted(own.items())) | vector)
+    of_grain: dict[str, Any] = dict(sorted(own.items())) | {
+        "grain": np.arange(frame.n),
+        "velocity": _in_space(frame.velocity),
+    }
+    _add(grains.GetPointData(), {name: values[number] for name, values in of_grain.items()})
     found = {"Grains": grains}
     if source.has_forces:
         pair, force, tangential = all_contacts(frame)
-        ends = np.stack(contact_lines(frame, pair)[:2], axis=1).reshape(-1, 2)
+        start, end, _ = contact_lines(frame, pair)
+        start, end, contact = cut(scene.space, start, end)
+        ends = np.stack([start, end], axis=1).reshape(-1, 2)
         found["Contacts"] = contacts = _polydata(ends)
         contacts.SetLines(_cells(np.arange(len(ends)).reshape(-1, 2)))
         carried = {"force": force} | ({"tangential_force": tangential} if scene.has_friction else {})
-        _add(contacts.GetCellData(), {"grain": pair[:, 0], "other": pair[:, 1]} | carried)
+        ends_of = {"grain": pair[contact, 0], "other": pair[contact, 1]}
+        _add(contacts.GetCellData(), ends_of | {name: own[contact] for name, own in carried.items()})
     moved = moved_walls(scene, scene, frame.time)
-    if moved or k == 0:
-        meshes = [wall_mesh(band) for band in (drawn_walls(scene) | moved).values()]
+    meshes = [wall_mesh(band) for band in (drawn_walls(scene) | moved).values()]
+    if meshes and (moved or k == 0):
         first = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
         corners = [mesh.corners.reshape(-1, 4) + of for mesh, of in zip(meshes, first, strict=False)]
         found["Walls"] = _polydata(np.concatenate([mesh.points[:, :2] for mesh in meshes]))

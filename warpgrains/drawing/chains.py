@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray, IntArray
+from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from warpgrains.drawing.colorings import pressure_scale
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import left_of
+from warpgrains.scene.geometry import left_of, nearest_image
 
 if TYPE_CHECKING:
+    from warpgrains.scene.region import Region
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.snapshot import Snapshot
 
@@ -43,25 +44,52 @@ class ChainScale(NamedTuple):
 
 
 class Chains(NamedTuple):
-    """Bands of the contacts of a snapshot, in the order of `all_contacts`."""
+    """Bands of the contacts of a snapshot, in the order of `all_contacts`, and then what `cut` cuts off."""
 
     corners: FloatArray
     """Corners of each band [m], counter-clockwise, shape (m, 4, 2)."""
     width: FloatArray
     """Width of each band [m], shape (m,)."""
+    contact: IndexArray
+    """Number of the contact of each band, shape (m,)."""
 
 
 def chains_of(scale: ChainScale, now: Snapshot) -> Chains:
-    """Return a band from center to center or wall for each contact, in the direction of its force."""
+    """Return a band from center to center or wall for each contact, in the direction of its force.
+
+    Bands are cut where they leave a periodic box.
+    """
     pair, force, tangential = all_contacts(now)
     start, end, normal = contact_lines(now, pair)
     if now.scene.has_friction:
         start, end = _turned(now.scene.radius[pair[:, :1]], normal, (start, end), (force, tangential))
-    width = np.minimum(np.hypot(force, tangential) / scale.force, 1.0) * scale.width
+    start, end, contact = cut(now.scene.space, start, end)
+    width = (np.minimum(np.hypot(force, tangential) / scale.force, 1.0) * scale.width)[contact]
     along = end - start
     length = np.hypot(*along.T)[:, np.newaxis]
     side = 0.5 * width[:, np.newaxis] * (left_of(along) / np.where(length > 0.0, length, 1.0))
-    return Chains(np.stack([start - side, end - side, end + side, start + side], axis=1), width)
+    return Chains(np.stack([start - side, end - side, end + side, start + side], axis=1), width, contact)
+
+
+def cut(space: Region, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, IndexArray]:
+    """Return the pieces of lines in a periodic box [m], and the line of each: first those at their starts."""
+    start, end, line = start.copy(), end.copy(), np.arange(len(start))
+    for d in np.flatnonzero(space.period).tolist():
+        low, period = space.low[d], space.period[d]
+        away = period * np.floor((start[:, d] - low) / period)
+        start[:, d] -= away
+        end[:, d] -= away
+        cells = np.floor((end[:, d] - low) / period)
+        leaves = np.flatnonzero(cells)
+        side = low + period * (cells[leaves] > 0.0)
+        share = (side - start[leaves, d]) / (end[leaves, d] - start[leaves, d])
+        met = start[leaves] + share[:, np.newaxis] * (end - start)[leaves]
+        back = np.zeros_like(met)
+        back[:, d] = -period * cells[leaves]
+        start, beyond = np.concatenate([start, met + back]), end[leaves] + back
+        end[leaves] = met
+        end, line = np.concatenate([end, beyond]), np.concatenate([line, line[leaves]])
+    return start, end, line
 
 
 def _turned(
@@ -100,11 +128,14 @@ def pairs_and_walls(pair: IntArray) -> tuple[BoolArray, IntArray, IntArray]:
 def contact_lines(now: Snapshot, pair: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return where contacts of `all_contacts` begin and end [m], and their unit vectors, (m, 2) each.
 
-    They go from a grain's center to the other center, or into a wall.
+    They go from a grain's center to the nearest image of the other center, or into a wall.
     """
     between, pairs, wall = pairs_and_walls(pair)
     normal, (i, j), center = np.zeros(pair.shape), pair.T, now.position
     normal[between], _ = now.scene.pair_frames(center, pairs)
     normal[~between], _ = now.scene.wall_frames(center, wall, time=now.time)
     foot = center[i] + now.scene.radius[i, np.newaxis] * normal
-    return center[i], np.where(between[:, np.newaxis], center[np.maximum(j, 0)], foot), normal
+    other = center[np.maximum(j, 0)]
+    if now.scene.period.any():
+        other = center[i] + nearest_image(other - center[i], now.scene.period)
+    return center[i], np.where(between[:, np.newaxis], other, foot), normal

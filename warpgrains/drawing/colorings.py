@@ -10,7 +10,9 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.annulus import INNER, OUTER
+from warpgrains.scene.line import Line
 from warpgrains.scene.snapshot import Snapshot
+from warpgrains.scene.wall import Wall
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -49,7 +51,7 @@ def speed_scale(scene: Scene) -> float:
     """Return a speed [m/s] of grains: at the start, by a fall across the domain, a force, or a wall."""
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
-    falling = np.sqrt(2.0 * gravity * scene.annulus.radius_out)
+    falling = np.sqrt(gravity * scene.widest)
     if scene.drag > 0.0:
         falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
     out, inside = (scene.surface_speed(wall) for wall in (OUTER, INNER))
@@ -61,8 +63,13 @@ def speed_scale(scene: Scene) -> float:
         found.append(wall.motion.largest_speed(wall.farthest(wall.motion.pivot) + rim))
         if wall.drive is not None:
             inverse_mass, force, *_ = wall.drive
-            found.append(sqrt(2.0 * abs(force) * scene.annulus.diameter / (1.0 / inverse_mass + mass)))
+            found.append(sqrt(2.0 * abs(force) * scene.widest / (1.0 / inverse_mass + mass)))
     return max(found)
+
+
+def _length(wall: Wall) -> float:
+    """Return the length over which a force on a wall is spread [m]."""
+    return wall.length if isinstance(wall, Line) else 2.0 * wall.circle[2]
 
 
 def spin_scale(scene: Scene) -> float:
@@ -71,16 +78,16 @@ def spin_scale(scene: Scene) -> float:
 
 
 def pressure_scale(scene: Scene) -> float:
-    """Return a large pressure [N/m]: the weight of all grains on a quarter of the outer diameter.
+    """Return a large pressure [N/m]: the weight of all grains on a quarter of the width of the domain.
 
     It is at least four times the pressure on a driven wall. Without these, it is that on a mean grain that is
     stopped within one step from the scene's largest speed, or if that is zero, from a radius per step.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
-    driven = [abs(wall.drive[1]) / (2.0 * wall.circle[2]) for wall in scene.walls if wall.drive is not None]
+    driven = [abs(wall.drive[1]) / _length(wall) for wall in scene.walls if wall.drive is not None]
     given = 4.0 * max([abs(scene.pressure or 0.0), *driven])
     if weight > 0.0 or given > 0.0:
-        return max(given, weight / (scene.annulus.radius_out / 2.0))
+        return max(given, weight / (scene.widest / 4.0))
     radius = float(scene.radius.mean())
     stopping = float(scene.mass.mean()) * (speed_scale(scene) or radius / scene.dt) / scene.dt
     return stopping / (2.0 * np.pi * radius)

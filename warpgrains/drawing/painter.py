@@ -6,6 +6,8 @@ from functools import cached_property, reduce
 from math import hypot
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
 from warpgrains.drawing.colors import GrainColors
@@ -33,8 +35,8 @@ class Painter:
         self.scene, self.colors = scene, GrainColors(scene, color_by)
         self.chain_scale = ChainScale.of(scene) if forces else None
         self._is_framed = frame is not None
-        margin = _MARGIN * scene.extent.half
-        self.view = scene.extent.grown(margin) if frame is None else frame_of("frame", frame)
+        margin = (_MARGIN * scene.extent.half * (scene.period == 0.0)).tolist()
+        self.view = scene.extent.grown(*margin) if frame is None else frame_of("frame", frame)
 
     @property
     def needs_contacts(self) -> bool:
@@ -48,7 +50,7 @@ class Painter:
     @property
     def has_free_corners(self) -> bool:
         """Whether nothing is drawn in the corners, because they are outside of the outer wall."""
-        return hypot(*self.view[:2]) > 1.3 * self.walls["Outer"].reach
+        return "Outer" in self.walls and hypot(*self.view[:2]) > 1.3 * self.walls["Outer"].reach
 
     def color(self, now: Snapshot) -> FloatArray:
         """Return the colors of the grains (sRGB), shape (n, 3)."""
@@ -58,7 +60,8 @@ class Painter:
         return None if self.chain_scale is None else chains_of(self.chain_scale, now)
 
     def show_all(self, *snapshots: Snapshot) -> None:
-        """Widen the rectangle to contain all grains of snapshots, unless it was given."""
+        """Widen the rectangle to contain all grains of snapshots, unless it was given or is periodic."""
         if not self._is_framed:
-            boxes = [box_of_discs(now.position, now.scene.radius) for now in snapshots]
+            reach = np.outer(self.scene.radius, self.scene.period == 0.0)
+            boxes = [box_of_discs(self.scene.space.wrapped(now.position), reach) for now in snapshots]
             self.view = reduce(Bounds.covering, boxes, self.view)

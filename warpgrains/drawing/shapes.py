@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.scene.annulus import OUTER
 from warpgrains.scene.band import Band, ring
+from warpgrains.scene.row import Row
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
+    from warpgrains.scene.wall import Wall
 
 WALL_COLOR = (0.35, 0.35, 0.35)
 """Color of walls (sRGB)."""
@@ -115,9 +117,12 @@ def wall_mesh(band: Band) -> Shape:
 
 def drawn_walls(scene: Scene) -> dict[str, Band]:
     """Return the drawn walls by name; they lie outside the space of the grains."""
-    thickness, circles = _THICKNESS * scene.extent.half, enumerate(scene.annulus.borders)
+    thickness, circles = (
+        _THICKNESS * scene.extent.half,
+        () if scene.domain else enumerate(scene.annulus.borders),
+    )
     drawn = {number: ring(border, thickness) for number, border in circles if border.radius > 0.0}
-    drawn |= {number: wall.drawn(thickness) for number, wall in scene.numbered_walls.items()}
+    drawn |= {number: _drawn(scene, wall, None, thickness) for number, wall in scene.numbered_walls.items()}
     return _by_name(scene, drawn)
 
 
@@ -127,8 +132,22 @@ def moved_walls(scene: Scene, now: Scene, time: float) -> dict[str, Band]:
     moved = {} if scene.pressure is None else {OUTER: ring(now.annulus.borders[OUTER], thickness)}
     for number, wall in now.numbered_walls.items():
         if wall.is_mobile:
-            moved[number] = wall.drawn_at(time, thickness)
+            moved[number] = _drawn(scene, wall, time, thickness)
     return _by_name(scene, moved)
+
+
+def _drawn(scene: Scene, wall: Wall, time: float | None, thickness: float) -> Band:
+    """Return a wall as drawn at a time [s] or, for None, as given; and in a periodic box its images."""
+    if isinstance(wall, Row):
+        return wall.drawn_about(scene.domain.middle if scene.domain else wall.point, time or scene.time)
+    band = wall.drawn(thickness) if time is None else wall.drawn_at(time, thickness)
+    x, y, reach = wall.circle
+    if not scene.period.any() or reach == np.inf:
+        return band
+    center = wall.motion.pose(scene.time if time is None else time).place(np.array([[x, y]]))
+    ways = scene.space.images(center, np.array([reach]))[0] - center
+    most = 2 ** int(np.count_nonzero(scene.period))  # a mesh has the same number of points at all times
+    return band.copied(np.concatenate([ways, np.tile(ways[:1], (most - len(ways), 1))]))
 
 
 def _by_name(scene: Scene, drawn: dict[int, Band]) -> dict[str, Band]:

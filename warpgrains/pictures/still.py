@@ -58,13 +58,13 @@ class FrameArtists:
         self._grains = EllipseCollection(
             2.0 * radius,
             2.0 * radius,
-            np.zeros_like(radius),
+            np.zeros(1),
             units="xy",
             offsets=np.zeros((len(radius), 2)),
             offset_transform=axes.transData,
             edgecolors="black",
-            linewidths=np.minimum(_OUTLINE, 6.0 * radius / view.half),
         )
+        self._lines = np.minimum(_OUTLINE, 6.0 * radius / view.half)
         self._marks = PolyCollection([], linewidths=0.0)
         self._chains = PolyCollection([], facecolors=[CHAIN_COLOR], edgecolors="white")
         window = axes.get_window_extent()
@@ -86,10 +86,14 @@ class FrameArtists:
         """Draw a snapshot, replacing the last one."""
         for name, wall in moved_walls(self._painter.scene, now.scene, now.time).items():
             self._walls[name].set_path(_outline(wall))
-        color, chains = self._painter.color(now), self._painter.chains(now)
-        self._grains.set(offsets=now.position, facecolor=color)
+        (places, grain), chains = now.images, self._painter.chains(now)
+        color, radius = self._painter.color(now)[grain], now.scene.radius[grain]
+        width = 2.0 * radius
+        self._grains.set(
+            offsets=places, facecolor=color, widths=width, heights=width, linewidth=self._lines[grain]
+        )
         if now.scene.has_friction:
-            turned = marks(now.position, now.scene.radius, now.angle)
+            turned = marks(places, radius, now.angle[grain])
             self._marks.set(verts=turned, facecolor=mark_color(color))
         if chains is not None:
             casing = _CASING * self._points * chains.width

@@ -28,6 +28,15 @@ class Band(NamedTuple):
         """Return the band where its wall is."""
         return self._replace(first=pose.place(self.first), second=pose.place(self.second))
 
+    def copied(self, ways: FloatArray) -> Band:
+        """Return copies moved by ways [m], shape (k, 2), as one band: parts between them have no area."""
+        first, second = self.first, self.second
+        if self.is_closed:
+            first, second = (np.concatenate([line, line[:1]]) for line in (first, second))
+        first, second = (np.concatenate([first[:1], line, first[-1:]]) for line in (first, second))
+        first, second = ((line + ways[:, np.newaxis]).reshape(-1, 2) for line in (first, second))
+        return Band(first, second, is_closed=False)
+
     @property
     def reach(self) -> float:
         """Largest coordinate of a point [m]."""

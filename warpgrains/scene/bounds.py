@@ -21,9 +21,10 @@ class Bounds(NamedTuple):
         """Return the smallest box that contains points [m], shape (k, 2)."""
         return cls(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
-    def grown(self, width: float) -> Self:
-        """Return the box with a border of a width [m]."""
-        return type(self)(self.left - width, self.bottom - width, self.right + width, self.top + width)
+    def grown(self, across: float, along: float | None = None) -> Self:
+        """Return the box with a border of a width along x, and y if it is another [m]."""
+        up = across if along is None else along
+        return type(self)(self.left - across, self.bottom - up, self.right + across, self.top + up)
 
     def covering(self, other: Bounds) -> Self:
         """Return the smallest box that contains both."""

@@ -11,31 +11,45 @@ from warpgrains.scene.annulus import INNER, OUTER
 from warpgrains.scene.band import ring
 from warpgrains.scene.bounds import Bounds
 from warpgrains.scene.gravity import upwards
+from warpgrains.scene.line import Line
 
 if TYPE_CHECKING:
+    from warpgrains.scene.box import Box
     from warpgrains.scene.scene import Scene
 
 _CELLS = 16384  # of the grid on which the space of the grains is explored
 _TIMES = 17  # at which a wall that moves is placed
 
 
-def box_of_discs(position: FloatArray, radius: FloatArray) -> Bounds:
-    """Return the smallest box that contains discs with centers [m], shape (n, 2), and radii [m]."""
-    return Bounds.around(np.concatenate([position - radius[:, np.newaxis], position + radius[:, np.newaxis]]))
+def box_of_discs(position: FloatArray, reach: FloatArray) -> Bounds:
+    """Return the smallest box that contains rectangles with centers and half sides [m], shape (n, 2) each."""
+    return Bounds.around(np.concatenate([position - reach, position + reach]))
 
 
 def extent_of(scene: Scene) -> Bounds:
     """Return the smallest box about the grains at the start and the walls that they can touch."""
+    if scene.domain is not None:
+        return _extent_of_box(scene, scene.domain)
     borders = enumerate(scene.annulus.borders)
     lines = {number: ring(border, 0.0).first for number, border in borders if border.radius > 0.0}
     for number, wall in scene.numbered_walls.items():
         times = scene.time + (np.linspace(0.0, scene.duration, _TIMES) if wall.moves else np.zeros(1))
         lines[number] = np.concatenate([wall.drawn_at(time, 0.0).first for time in times])
-    box = box_of_discs(scene.position, scene.radius)
+    box = box_of_discs(scene.position, scene.radius[:, np.newaxis])
     touched = _touched(scene, box, lines) if scene.walls else lines
     for number in touched:
         box = box.covering(Bounds.around(np.clip(lines[number], -scene.radius_out, scene.radius_out)))
     return box
+
+
+def _extent_of_box(scene: Scene, domain: Box) -> Bounds:
+    """Return the box, and where its sides that move as given in advance are at any time."""
+    sides = [wall for wall in scene.walls if isinstance(wall, Line)]
+    times = scene.time + np.linspace(0.0, scene.duration, _TIMES)
+    lines = [wall.drawn_at(time, 0.0).first for wall in sides for time in times]
+    corners = np.stack([domain.x, domain.y], axis=1)
+    reached = np.concatenate([corners, *lines])
+    return Bounds.around(np.where(scene.period > 0.0, np.clip(reached, *corners), reached))
 
 
 def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[int]:

@@ -63,17 +63,15 @@ def wrapped(position: FloatArray, period: FloatArray, start: FloatArray | float 
     return np.asarray(position - period * images)
 
 
-def with_images(
-    places: FloatArray, width: FloatArray | float, period: FloatArray
-) -> tuple[FloatArray, IndexArray]:
+def with_images(places: FloatArray, width: float, period: FloatArray) -> tuple[FloatArray, IndexArray]:
     """Return points between 0 and the period, and the images of those near 0 beyond the opposite sides [m].
 
     So any two points that are within `width` [m] of each other, as images, are so in the result. The numbers
-    of its points, shape (k,), are returned besides. `width` may be that of each point, shape (n,).
+    of its points, shape (k,), are returned besides.
     """
-    grain, width = np.arange(len(places)), np.broadcast_to(width, len(places))
+    grain = np.arange(len(places))
     for d in np.flatnonzero(period > 0.0).tolist():
-        near = np.flatnonzero(places[:, d] < width[grain])
+        near = np.flatnonzero(places[:, d] < width)
         images = places[near]
         images[:, d] += period[d]
         places, grain = np.concatenate([places, images]), np.concatenate([grain, grain[near]])

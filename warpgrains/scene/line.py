@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from math import dist, hypot, inf
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -103,6 +103,14 @@ class Line(StraightWall):
     def shifted(self, way: float) -> Wall:
         (x, y), (nx, ny) = self.point, self.normal
         return self if self.force is None else replace(self, point=(x + way * nx, y + way * ny))
+
+    def at(self, time: float) -> Self:
+        moved, (x, y), (nx, ny) = super().at(time), self.point, self.normal
+        way = (moved.point[0] - x) * nx + (moved.point[1] - y) * ny
+        return replace(moved, point=(x + way * nx, y + way * ny))  # motion along itself moves no place
+
+    def drawn_at(self, time: float, thickness: float) -> Band:
+        return self.at(time).drawn(thickness)
 
     def drawn(self, thickness: float) -> Band:
         behind = np.array(self.point) - 0.5 * thickness * np.array(self.normal)

@@ -108,13 +108,15 @@ class Row(Wall):
             and abs(float(way @ left_of(along[np.newaxis])[0])) < _ROUNDED
         )
 
-    def drawn(self, thickness: float) -> Band:
-        count = max(1, round(self.length / hypot(*self.step)))
-        along = np.array(self.step) / hypot(*self.step)
-        cosine = np.cos(np.linspace(np.pi, 0.0, _POINTS)) * self.radius
-        disc = np.arange(count)[:, np.newaxis] - (count - 1) // 2
-        places = (disc * hypot(*self.step) + cosine).ravel()
-        height = np.tile(np.sqrt(np.maximum(self.radius**2 - cosine**2, 0.0)), count)[:, np.newaxis]
-        middle = np.array(self.point) + np.outer(places, along)
-        across = height * left_of(along[np.newaxis])
-        return Band(middle + across, middle - across, is_closed=False)
+    def drawn_at(self, time: float, thickness: float) -> Band:
+        return self.drawn_about(self.point, time)
+
+    def drawn_about(self, middle: Vector, time: float) -> Band:
+        """Return the drawing of the discs that reach into the part about a point, at a time [s]."""
+        angle = np.linspace(np.pi, 0.0, _POINTS)
+        along = self.radius * np.outer(np.cos(angle), self.step) / hypot(*self.step)
+        across = self.radius * np.outer(np.sin(angle), left_of(np.array([self.step]))) / hypot(*self.step)
+        disc = Band(along + across, along - across, is_closed=False)
+        centers = self.discs_at(time, middle)
+        most = int((self.length + 2.0 * self.radius) / hypot(*self.step)) + 1
+        return disc.copied(np.concatenate([centers, np.tile(centers[-1:], (most - len(centers), 1))]))

@@ -361,6 +361,11 @@ class Scene(SceneFields, Shown):
         """The domain at the start, without the walls inside."""
         return self.domain.space if self.domain else Region(self.annulus)
 
+    @property
+    def widest(self) -> float:
+        """Diameter of the annulus, or longest side of the box [m]."""
+        return max(self.domain.lengths) if self.domain else self.annulus.diameter
+
     @cached_property
     def extent(self) -> Bounds:
         """The box about the grains at the start and the walls that they can touch [m]: pictures show it."""

@@ -193,6 +193,12 @@ class Snapshot:
         return Snapshots.of([self.scene], [self.time], **arrays)
 
     @cached_property
+    def images(self) -> tuple[FloatArray, IndexArray]:
+        """Where grains are drawn [m], shape (k, 2), and which, shape (k,): first all, wrapped into a periodic
+        box, and then those that cross its sides, on the other side."""
+        return self.scene.space.images(self.position, self.scene.radius)
+
+    @cached_property
     def container(self) -> Container:
         """The container of the grains."""
         return container_of(self.scene, self.time, self.position)

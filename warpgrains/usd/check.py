@@ -19,6 +19,7 @@ from warpgrains.usd.grains import (
     GRAINS,
     OF_GRAINS,
     ORIENTATIONS,
+    PERIODS,
     VELOCITIES,
     numbers_of,
     position_of,
@@ -62,9 +63,9 @@ def report_on_recording(path: str | Path) -> list[str]:
         stage = open_recording(Path(path))
         if problems := _problems(stage):
             return problems
-        position = position_of(stage.GetPrimAtPath(GRAINS))
-        frames, grains = position.GetNumTimeSamples(), len(_values(position))
-        return [f"OK: {number_of(frames, 'frame')}, {number_of(grains, 'grain')}"]
+        prim = stage.GetPrimAtPath(GRAINS)
+        frames, mass = position_of(prim).GetNumTimeSamples(), _values(prim.GetAttribute(OF_GRAINS["mass"]))
+        return [f"OK: {number_of(frames, 'frame')}, {number_of(len(mass), 'grain')}"]
 
 
 def _problems(stage: Usd.Stage) -> list[str]:
@@ -132,7 +133,10 @@ def _table(stage: Usd.Stage) -> list[Row]:
     if not are_points:
         below["protoIndices"] = len(UsdGeom.PointInstancer(grains).GetPrototypesRel().GetTargets())
     are_equal = are_points and UsdGeom.Points(grains).GetWidthsInterpolation() == "constant"
-    values = [grains.GetAttribute(name) for name in (VELOCITIES, *OF_GRAINS.values())]
+    values = [grains.GetAttribute(VELOCITIES)]
+    of_grains = [grains.GetAttribute(name) for name in OF_GRAINS.values()]
+    periods = grains.GetAttribute(PERIODS)
+    is_still = None if periods else True
     if grains.GetAttribute(ORIENTATIONS).HasAuthoredValue():
         values.append(grains.GetAttribute(ORIENTATIONS))
     rows = [
@@ -140,8 +144,10 @@ def _table(stage: Usd.Stage) -> list[Row]:
         Row(grains.GetAttribute("extent"), is_still=False),
         *(Row(own, "grains") for own in (*values, *numbers_of(grains).values())),
         *(Row(grains.GetAttribute(name), "grains", (-1, n, f"below {n}")) for name, n in below.items()),
-        Row(grains.GetAttribute("ids"), "grains", is_still=True),
-        Row(_size_of(grains), "all grains" if are_equal else "grains", _POSITIVE, is_still=True),
+        Row(grains.GetAttribute("ids"), "grains", is_still=is_still),
+        Row(_size_of(grains), "all grains" if are_equal else "grains", _POSITIVE, is_still=is_still),
+        *(Row(own, "own grains") for own in of_grains),
+        *([Row(periods, "own grains", is_still=False)] if periods else []),
     ]
     if forces:
         per = {"points": "sides", "faceVertexCounts": "bands", "faceVertexIndices": "corners", "extent": None}
@@ -162,7 +168,9 @@ def _frame_problems(stage: Usd.Stage, rows: list[Row], code: float) -> Iterator[
     if n == 0:
         yield f"{position_of(grains).GetName()} are empty"
         return
+    own = len(_values(grains.GetAttribute(OF_GRAINS["radius"]))) if grains.GetAttribute(PERIODS) else n
     counts = {"grains": (n, f"{n} grains"), "all grains": (1, f"{n} grains")}
+    counts["own grains"] = own, f"{own} grains"  # images of others follow
     half_width = size[:, 0] if size.ndim == 2 else size / 2.0
     drawn = [(grains, position, half_width)] if len(size) in (1, n) else []
     if forces:

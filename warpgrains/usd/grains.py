@@ -26,6 +26,8 @@ OF_GRAINS = {"mass": "warpgrains:mass", "radius": "warpgrains:radius"}
 
 No primvar is a double, because Blender reads no further ones.
 """
+PERIODS = "warpgrains:periods"
+"""Attribute of grains in a periodic box: how many of its lengths each is away from its point, (n, 2)."""
 ANGLE = "angle"
 VELOCITIES = "velocities"
 
@@ -41,7 +43,8 @@ class Grains:
     The `widths` of points are diameters. Colors are indices into a table. Each instance also uses one of 16
     prototypes, whose colors are means over ranges of that table, because Blender does not read primvars of an
     instancer. Further primvars hold the mass [kg], the angle [rad] with friction, and the quantities of
-    `COLORINGS`.
+    `COLORINGS`. In a periodic box, grains are followed by the images of those that cross its sides, and so
+    frames hold all arrays.
     """
 
     def __init__(self, painter: Painter, shape: Shape | None) -> None:
@@ -51,21 +54,24 @@ class Grains:
         self._shape, self._colors, self._rotates = shape, painter.colors, scene.has_friction
         self._position = "points" if shape is None else "positions"
         self._diameter = (2.0 * scene.radius).astype(np.float32)
+        self._are_equal = bool((self._diameter == self._diameter[0]).all())
         self._half_width = self._diameter.astype(np.float64) / 2.0
         self._shared = -(-len(self._colors.colors) // _MOST_PROTOTYPES)
         found = colorings_of(scene, painter.needs_contacts)
         self._changing = {name: own.values for name, own in found.items() if own.changes}
         if self._rotates:
             self._changing[ANGLE] = lambda now: now.angle
+        self._is_periodic = bool(scene.period.any())
 
     def define(self, stage: Usd.Stage) -> None:
         prim = self._points(stage) if self._shape is None else self._instancer(stage, self._shape)
         set_kind(prim, "subcomponent")
         UsdGeom.Boundable(prim).CreateExtentAttr()
         types = Sdf.ValueTypeNames
-        ids = Vt.Int64Array.FromNumpy(np.arange(len(self._diameter), dtype=np.int64))
-        prim.CreateAttribute("ids", types.Int64Array, False).Set(ids)
+        prim.CreateAttribute("ids", types.Int64Array, False)
         prim.CreateAttribute(VELOCITIES, types.Vector3fArray, False)
+        if self._is_periodic:
+            prim.CreateAttribute(PERIODS, types.Int2Array)
         primvars, vertex = UsdGeom.PrimvarsAPI(prim), UsdGeom.Tokens.vertex
         color = primvars.CreatePrimvar("displayColor", types.Color3fArray, vertex)
         color.Set(Vt.Vec3fArray.FromNumpy(linear(self._colors.colors)))
@@ -73,30 +79,48 @@ class Grains:
         for name, attribute in OF_GRAINS.items():
             value = getattr(self._scene, name)
             prim.CreateAttribute(attribute, types.DoubleArray).Set(Vt.DoubleArray.FromNumpy(value))
-            shown = Vt.FloatArray.FromNumpy(as_float32(f"the {name} of a grain", value))
-            primvars.CreatePrimvar(name, types.FloatArray, vertex).Set(shown)
+            primvars.CreatePrimvar(name, types.FloatArray, vertex)
         for name in self._changing:
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
-        if self._colors.still is not None:
-            for name, index in self._color(self._colors.still).items():
-                prim.GetAttribute(name).Set(Vt.IntArray.FromNumpy(index))
+        for name, array in self._still(np.arange(self._scene.n)).items():
+            own = prim.GetAttribute(name)
+            own.Set(type(own.GetTypeName().defaultValue).FromNumpy(array))
 
     def samples(self, now: Snapshot) -> Arrays:
-        shown = triples("the position of a grain", now.position)
-        found = {name: values(now) for name, values in self._changing.items()}
+        places, number = now.images
+        shown = triples("the position of a grain", places)
+        found = {name: values(now)[number] for name, values in self._changing.items()}
         values: dict[str, NDArray[Any]] = {
             self._position: shown,
-            "extent": covering_extent(shown, self._half_width),
-            VELOCITIES: triples("the velocity of a grain", now.velocity),
+            "extent": covering_extent(shown, self._half_width[number]),
+            VELOCITIES: triples("the velocity of a grain", now.velocity[number]),
             **{f"primvars:{name}": as_float32(f"the {name} of a grain", own) for name, own in found.items()},
         }
         if self._rotates and self._shape is not None:
-            values[ORIENTATIONS] = quaternions(now.angle)
+            values[ORIENTATIONS] = quaternions(now.angle[number])
         if self._colors.still is None and self._colors.scale is not None:
             values |= self._color(self._colors.scale.levels(found[self._colors.scale.quantity]))
+        if self._is_periodic:
+            lengths = np.where(now.scene.period > 0.0, now.scene.period, np.inf)
+            values[PERIODS] = np.rint((now.position - places[: now.n]) / lengths).astype(np.int32)
+            values |= self._still(number)
         return {f"{GRAINS}.{name}": value for name, value in values.items()}
 
-    def _color(self, levels: IndexArray) -> Arrays:
+    def _still(self, number: IndexArray) -> dict[str, NDArray[Any]]:
+        """Return the arrays of grains with numbers, shape (k,), that do not change otherwise."""
+        values: dict[str, NDArray[Any]] = {"ids": np.arange(len(number), dtype=np.int64)}
+        for name in OF_GRAINS:
+            own = as_float32(f"the {name} of a grain", getattr(self._scene, name))
+            values[f"primvars:{name}"] = own[number]
+        if self._shape is not None:
+            values["scales"] = np.repeat(
+                self._half_width[number].astype(np.float32)[:, np.newaxis], 3, axis=1
+            )
+        elif not self._are_equal:
+            values["widths"] = self._diameter[number]
+        return values | ({} if self._colors.still is None else self._color(self._colors.still[number]))
+
+    def _color(self, levels: IndexArray) -> dict[str, NDArray[Any]]:
         """Return the attributes that hold the colors, int32, shape (n,)."""
         index = {COLOR_INDICES: levels} | (
             {} if self._shape is None else {"protoIndices": levels // self._shared}
@@ -105,10 +129,8 @@ class Grains:
 
     def _points(self, stage: Usd.Stage) -> Usd.Prim:
         grains = UsdGeom.Points.Define(stage, GRAINS)
-        diameter = self._diameter
-        all_equal = bool((diameter == diameter[0]).all())
-        grains.CreateWidthsAttr(Vt.FloatArray.FromNumpy(diameter[:1] if all_equal else diameter))
-        grains.SetWidthsInterpolation(UsdGeom.Tokens.constant if all_equal else UsdGeom.Tokens.vertex)
+        grains.CreateWidthsAttr(Vt.FloatArray.FromNumpy(self._diameter[:1]))
+        grains.SetWidthsInterpolation(UsdGeom.Tokens.constant if self._are_equal else UsdGeom.Tokens.vertex)
         grains.CreatePointsAttr()
         bind_material(grains.GetPrim())
         return grains.GetPrim()
@@ -121,8 +143,7 @@ class Grains:
             path = PROTOTYPES.AppendChild(f"Color{first // self._shared:02d}")
             define_mesh(stage, path, shape, colors[first : first + self._shared].mean(axis=0))
             grains.CreatePrototypesRel().AddTarget(path)
-        scales = np.repeat(self._half_width.astype(np.float32)[:, np.newaxis], 3, axis=1)
-        grains.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
+        grains.CreateScalesAttr()
         grains.CreateProtoIndicesAttr()
         grains.CreatePositionsAttr()
         if self._rotates:

@@ -54,7 +54,10 @@ class Walls:
 
 
 class ForceChains:
-    """A mesh of bands just in front of grains of `height` [m]. Primvars hold force [N] and grains."""
+    """A mesh of bands just in front of grains of `height` [m]. Primvars hold force [N] and grains.
+
+    A contact that leaves a periodic box has several bands.
+    """
 
     def __init__(self, scale: ChainScale, height: float, has_friction: bool) -> None:
         self._scale, self._depth, self._has_friction = scale, (1.0 + _GAP) * height, has_friction
@@ -81,17 +84,18 @@ class ForceChains:
 
     def samples(self, now: Snapshot) -> Arrays:
         pair, force, tangential = all_contacts(now)
-        shown = triples("a corner of a force chain", chains_of(self._scale, now).corners.reshape(-1, 2))
+        corners, _, contact = chains_of(self._scale, now)
+        shown = triples("a corner of a force chain", corners.reshape(-1, 2))
         shown[:, 2] = self._depth
         extent = covering_extent(shown, np.zeros(len(shown))) if len(shown) else np.zeros((2, 3), np.float32)
         sampled = {
             "points": shown,
-            "faceVertexCounts": np.full(len(force), 4, np.int32),
+            "faceVertexCounts": np.full(len(contact), 4, np.int32),
             "faceVertexIndices": np.arange(len(shown), dtype=np.int32),
-            "primvars:force": as_float32("a force", force),
-            **{f"primvars:{name}": grain for name, grain in zip(GRAINS_OF, pair.T, strict=True)},
+            "primvars:force": as_float32("a force", force[contact]),
+            **{f"primvars:{name}": grain for name, grain in zip(GRAINS_OF, pair[contact].T, strict=True)},
             "extent": extent,
         }
         if self._has_friction:
-            sampled[TANGENTIAL] = as_float32("a force", tangential)
+            sampled[TANGENTIAL] = as_float32("a force", tangential[contact])
         return {f"{FORCES}.{name}": value for name, value in sampled.items()}

@@ -17,13 +17,14 @@ from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.painter import Painter
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.box import checked_domain
 from warpgrains.scene.compatibility import require_valid_positions
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import TABLES, UNITS, Snapshot
 from warpgrains.scene.toml import read_parameters
 from warpgrains.shown import Shown, number_of
 from warpgrains.tables import dataset, library
-from warpgrains.usd.grains import GRAINS, OF_GRAINS, VELOCITIES, numbers_of, position_of
+from warpgrains.usd.grains import GRAINS, OF_GRAINS, PERIODS, VELOCITIES, numbers_of, position_of
 from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, WALLS
 from warpgrains.usd.stage import RECORDED_BY, numbers, open_recording, refusing_untrusted_content
 
@@ -95,7 +96,9 @@ class Recording(Shown):
         start = checks.number("time", parameters.get("time", 0.0))
         self.times = FrameTimes.of(checks.positive("dt", parameters["dt"]), rate, first_step, start)
         checks.number("time of the last frame", self.times.time(self._count - 1))
-        n = len(numbers(position_of(prim)))
+        box = checked_domain("domain", parameters.get("domain"))
+        self._period = np.array(box.period if box else (0.0, 0.0))
+        n = len(numbers(prim.GetAttribute(OF_GRAINS["radius"]) if self._period.any() else position_of(prim)))
         self._mass, self.radius = (
             checks.positive_per_grain(name, numbers(prim.GetAttribute(attribute)), n)
             for name, attribute in OF_GRAINS.items()
@@ -122,7 +125,7 @@ class Recording(Shown):
 
     @cached_property
     def position(self) -> FloatArray:
-        """Centers of the grains [m], shape (f, n, 2)."""
+        """Centers of the grains [m], shape (f, n, 2), which go on beyond periodic sides."""
         return self._of_all_frames("position")
 
     @cached_property
@@ -149,9 +152,15 @@ class Recording(Shown):
         if attribute is None:
             return np.zeros(n)
         with refusing_untrusted_content(self.path):
-            if name in ("position", "velocity"):
-                return numbers(attribute, k, (n, 3))[:, :2]
-            return numbers(attribute, k, (n,))
+            found = numbers(attribute, k)
+            if self._period.any():  # images follow
+                found = found[:n]
+            if found.shape != ((n, 3) if name in ("position", "velocity") else (n,)):
+                raise ValueError(f"{attribute.GetPath()} has shape {found.shape}, for {n} grains")
+            if name == "position" and self._period.any():
+                periods = numbers(self._stage.GetPrimAtPath(GRAINS).GetAttribute(PERIODS), k, (n, 2))
+                return found[:, :2] + self._period * periods
+            return found[:, :2] if found.ndim == 2 else found
 
     @cached_property
     def scene(self) -> Scene:
@@ -242,6 +251,9 @@ class Recording(Shown):
             if bands.HasAttribute(TANGENTIAL):
                 tangential = numbers(bands.GetAttribute(TANGENTIAL), k, force.shape)
             ends = [numbers(bands.GetAttribute(f"primvars:{name}"), k, force.shape) for name in GRAINS_OF]
+            if self._period.any():  # of the bands of a contact that leaves the box, the first one
+                kept = np.sort(np.unique(ends, axis=1, return_index=True)[1])
+                force, tangential, *ends = (own[kept] for own in (force, tangential, *ends))
             first, other = pair = np.array(ends, np.int32)
             last_wall = -2 - len(self._parameters.get("walls", ()))
             if not ((first >= 0) & (first < n) & (last_wall <= other) & (other < n)).all():

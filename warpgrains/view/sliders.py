@@ -49,17 +49,17 @@ def _gravity(size: float, degrees: float, rate: float) -> dict[str, Any]:
 
 
 def _add_friction(gui: viser.GuiApi, player: Live, on: OnChange) -> None:
-    """Add sliders of friction and of the angular velocities of the walls."""
+    """Add sliders of friction and of the angular velocities of the circles."""
     scene = player.scene
     sliders = [gui.add_slider("friction", 0.0, max(1.0, scene.friction), 0.01, scene.friction)]
-    walls = [("outer wall [rad/s]", scene.angular_velocity_out)]
+    walls = [("outer wall [rad/s]", scene.angular_velocity_out)] * (scene.domain is None)
     walls += [("inner wall [rad/s]", scene.angular_velocity_in)] * (scene.radius_in > 0.0)
     for label, spin in walls:
         most = max(_MOST_ROTATION, abs(spin))
         sliders.append(gui.add_slider(label, -most, most, 0.1, spin, hint=_HINT))
 
     def change() -> None:
-        friction, out, inside = [*map(value_of, sliders), 0.0][:3]
+        friction, out, inside = [*map(value_of, sliders), 0.0, 0.0][:3]
         player.set_friction(friction, out, inside)
 
     for slider in sliders:

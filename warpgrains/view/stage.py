@@ -33,7 +33,8 @@ class Stage:
         self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors unchanged
         for name, wall in painter.walls.items():
             self._add_wall(name, wall)
-        self._radius, self._reach = painter.scene.radius, half
+        self._reach = half
+        self._slots = painter.scene.n * 2 ** int(np.count_nonzero(painter.scene.period))
         angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
         self._grains = self._add_instances("/grains", np.stack([np.cos(angle), np.sin(angle)], axis=1))
         self._marks = self._add_instances(_MARKS, mark())
@@ -43,14 +44,18 @@ class Stage:
         """Draw a snapshot, replacing the last one."""
         for name, wall in moved_walls(painter.scene, now.scene, now.time).items():
             self._add_wall(name, wall)
-        color, chains = painter.color(now), painter.chains(now)
-        _place(self._grains, now.position, 0.0, color)
+        (places, grain), chains = now.images, painter.chains(now)
+        unused = 0, self._slots - len(grain)  # of instances, whose number is fixed: of radius 0
+        places, radius = np.pad(places, (unused, (0, 0))), np.pad(now.scene.radius[grain], unused)
+        grain = np.pad(grain, unused)
+        color = painter.color(now)[grain]
+        _place(self._grains, places, 0.0, radius, color)
         self._marks.visible = now.scene.has_friction
         if self._marks.visible:
-            half, zero = 0.5 * now.angle, np.zeros_like(now.angle)
+            half, zero = 0.5 * now.angle[grain], np.zeros(self._slots)
             turned = np.stack([np.cos(half), zero, zero, np.sin(half)], axis=1)
             self._marks.batched_wxyzs = turned.astype(np.float32)
-            _place(self._marks, now.position, _MARK_HEIGHT * self._reach, mark_color(color))
+            _place(self._marks, places, _MARK_HEIGHT * self._reach, radius, mark_color(color))
         if chains is not None and len(chains.width):
             corners = chains.corners.reshape(-1, 2)
             raised = np.insert(corners, 2, _CHAIN_HEIGHT * self._reach, axis=1)
@@ -66,14 +71,14 @@ class Stage:
 
     def _add_instances(self, name: str, outline: FloatArray) -> viser.BatchedMeshHandle:
         """Add a convex shape of each grain, whose outline has the corners of shape (k, 2) at radius 1."""
-        grains, number = len(self._radius), np.arange(1, len(outline) - 1)
+        grains, number = self._slots, np.arange(1, len(outline) - 1)
         return self._scene.add_batched_meshes_simple(
             name,
             np.insert(outline, 2, 0.0, axis=1).astype(np.float32),
             np.stack([0 * number, number, number + 1], axis=1).astype(np.uint32),
             batched_wxyzs=np.tile(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32), (grains, 1)),
             batched_positions=np.zeros((grains, 3), dtype=np.float32),
-            batched_scales=self._radius.astype(np.float32),
+            batched_scales=np.zeros(grains, dtype=np.float32),
             batched_colors=np.zeros((grains, 3), dtype=np.uint8),
             lod="off",
             side="double",
@@ -96,7 +101,14 @@ class Stage:
         )
 
 
-def _place(shapes: viser.BatchedMeshHandle, position: FloatArray, height: float, color: FloatArray) -> None:
+def _place(
+    shapes: viser.BatchedMeshHandle,
+    position: FloatArray,
+    height: float,
+    radius: FloatArray,
+    color: FloatArray,
+) -> None:
     """Put the shapes of grains at places [m], a height [m] above the plane, in colors (sRGB)."""
+    shapes.batched_scales = radius.astype(np.float32)
     shapes.batched_positions = np.insert(position, 2, height, axis=1).astype(np.float32)
     shapes.batched_colors = np.rint(255.0 * linear(color)).astype(np.uint8)
