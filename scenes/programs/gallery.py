@@ -205,6 +205,7 @@ SECTIONS: Sections = {
     "slope": slope,
     "hopper": hopper,
     "collapse": collapse,
+    "box": partial(shipped, "box", 1.0, 1.75, 2.5),
     "jamming": jamming,
     "jam": jam,
     "batch": batch,

@@ -72,6 +72,20 @@ class TestRuns:
         for combine in ("grid", "zip"):
             assert values(load(tmp_path, f'scene = "annulus"\ncombine = "{combine}"')) == [()]
 
+    def test_sides_of_a_box(self, tmp_path):
+        axes = "domain.top.pressure = [1.0, 3.0]\ndomain.x = [[0.0, 1.6], [0.0, 2.0]]"
+        sweep = load(tmp_path, f'scene = "box"\n[set]\ndomain.top.mass = 2.0\n[axes]\n{axes}')
+        assert sweep.axes == ("domain.top.pressure", "domain.x")
+        (tmp_path / "scene.toml").write_text(sweep.runs[3].text("grains"))
+        found = Scene.load(tmp_path / "scene.toml")
+        keys = ["domain.top.mass=2.0", "domain.top.pressure=3.0", "domain.x=[0.0, 2.0]"]
+        assert found.walls == Scene.load("box", keys).walls
+        assert (found.walls[-1].force, found.walls[-1].mass, found.walls[0].velocity) == (
+            6.0,
+            2.0,
+            (0.4, 0.0),
+        )
+
     def test_scene_of_a_run(self, tmp_path):
         """The file of a run gives the scene that the same overrides give on the command line."""
         text = 'scene = "polydisperse"\n[set]\ntime.duration = 0.1\n[axes]\ngrains.seed = {seeds = 3}'

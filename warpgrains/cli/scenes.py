@@ -104,7 +104,7 @@ def keys(layout: str | None) -> Iterator[Key]:
     for section, names in SECTIONS.items():
         for name in (*names, *(of_boxes if section == "domain" else ())):
             field = FIELDS.get(name) or of_boxes[name]
-            default = None if field.default is MISSING else field.default
+            default = None if name in of_boxes else field.default
             yield Key(section, name, default, field.metadata["meaning"])
     yield from (Key("grains", name, None, meaning) for name, meaning in SOURCES.items())
     if layout in LAYOUTS:

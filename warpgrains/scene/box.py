@@ -46,7 +46,7 @@ def _side_field(meaning: str) -> Any:
     return described(meaning, check=_side, default=None)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Box:
     """A rectangle with sides along the axes, of which two opposite ones, or all, may be periodic.
 
@@ -81,8 +81,7 @@ class Box:
     left: Mapping[str, Any] | None = _side_field(
         "Left side of a box, unless it is periodic: a table of keys of a wall, ``velocity``, ``from_time``,"
         " ``to_time``, ``friction`` and ``restitution``; ``pressure``, in N/m, and ``mass``, in kg, of a side"
-        " that moves under it; and ``roughness = {radius = 0.02, spacing = 0.05}``, in m, for half discs on"
-        " it."
+        " that moves under it; and ``roughness``, half discs on it, with ``radius`` and ``spacing``, in m."
     )
     right: Mapping[str, Any] | None = _side_field("Right side, as ``left``.")
     bottom: Mapping[str, Any] | None = _side_field("Lower side, as ``left``.")
@@ -96,6 +95,17 @@ class Box:
                 raise InputError(
                     f"domain.{name} is given, and domain.periodic is {self.periodic!r}: give one"
                 )
+        for name, (line, *_) in self.sides.items():
+            given = getattr(self, name) or {}
+            numbers = {
+                key: _floats(value) for key, value in given.items() if key in ("pressure", "roughness")
+            }
+            vars(self)[name] = {
+                key: getattr(line, key) for key in given if key not in numbers
+            } | numbers or None
+
+    def __hash__(self) -> int:
+        return hash((self.x, self.y, self.periodic))
 
     def __str__(self) -> str:
         beyond = f", periodic in {' and '.join(self.periodic)}" if self.periodic else ""
@@ -205,6 +215,10 @@ class Box:
 
 
 documented(described_fields(Box).values())(Box)
+
+
+def _floats(value: Any) -> Any:
+    return {key: float(own) for key, own in value.items()} if isinstance(value, Mapping) else float(value)
 
 
 def _at_start(wall: Wall) -> Wall:
