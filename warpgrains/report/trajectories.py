@@ -79,6 +79,7 @@ def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[Front
                     overlap = follow(spending, fraction, horizon).overlap
                 except SimulationError:
                     overlap = np.nan
+                is_tangent = scene.domain is None and scene.wall == "tangent"
                 yield FrontierRow(
                     scene=scene.name,
                     method=method,
@@ -87,7 +88,7 @@ def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[Front
                     dt=dt,
                     iterations=iterations,
                     overlap=overlap,
-                    wall_floor=(fastest * dt) ** 2 / (2.0 * scene.radius_out) * (scene.wall == "tangent"),
+                    wall_floor=(fastest * dt) ** 2 / (2.0 * scene.radius_out) * is_tangent,
                 )
 
 

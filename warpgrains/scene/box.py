@@ -157,11 +157,11 @@ class Box:
         found = [*walls]
         for name in SIDES:
             own = self.sides.get(name, ())
-            given = [k for k, wall in enumerate(walls) if wall.name == name]
-            if given and [_at_start(walls[k]) for k in given] != [_at_start(wall) for wall in own]:
+            given = tuple(wall for wall in walls if wall.name == name)
+            if given and given != own and [*map(_at_start, given)] != [*map(_at_start, own)]:
                 raise InputError(
-                    f"walls[{given[0]}] has the name {name}, that of a side of the box: choose another name,"
-                    f" or give domain.{name} to change the side"
+                    f"walls[{walls.index(given[0])}] has the name {name}, that of a side of the box: choose"
+                    f" another name, or give domain.{name} to change the side"
                 )
             found += () if given else own
         return tuple(found)

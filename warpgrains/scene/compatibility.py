@@ -85,17 +85,16 @@ def require_compatible_settings(scene: Scene) -> None:
 
 def _of_domain(scene: Scene) -> Iterator[str]:
     """Yield which walls do not continue beyond periodic sides, and which rows are alone."""
+    periods = scene.period.tolist()
+    period = min((own for own in periods if own > 0.0), default=inf)
     for k, wall in enumerate(scene.walls):
         if isinstance(wall, Row) and not any(wall.fills_gaps_of(other) for other in scene.walls):
             yield f"walls[{k}] is {wall}: another row must have its discs in the middle between these"
         which = f"walls[{k}], {wall.one()}, in a periodic box:"
-        if isinstance(wall, Line) and any(
-            way and period for way, period in zip(wall.normal, scene.period, strict=True)
-        ):
+        if isinstance(wall, Line) and any(way and own for way, own in zip(wall.normal, periods, strict=True)):
             yield f"{which} its normal is {wall.normal}: it must be at a right angle to that direction"
-        if wall.angular_velocity != 0.0 and scene.period.any():
+        if wall.angular_velocity != 0.0 and period < inf:
             yield f"{which} angular_velocity is {wall.angular_velocity} rad/s: no wall can turn there"
-        period = min((own for own in scene.period if own > 0.0), default=inf)
         if period < inf and period <= 2.0 * wall.circle[2] < inf:
             yield f"{which} it is {2.0 * wall.circle[2]} m wide: it must be less than the period, {period} m"
 
