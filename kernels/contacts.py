@@ -138,7 +138,7 @@ def apply(s: Scene, velocity: Vectors, rim: Floats, contact: Contact, c: int, dv
     if at_wall:
         put(velocity, i, at(velocity, i) - impulse)
         if is_driven(s):
-            change_speed(s, velocity, i, j, contact.n, dv)
+            change_speed(s, velocity, i, j, contact.n, dv, dvt)
         return
     weight = wp.vec2d(f64(0.5), f64(0.5))
     if has_weights(s):

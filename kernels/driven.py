@@ -5,15 +5,16 @@ grains, in all arrays of velocities, and so do its mass and its numbers in the l
 every stage that treats velocities treats it as well. A scene with a driven wall has an entry for each of its
 walls; those that no force drives have the speed 0, which nothing changes.
 
-The coordinate of the outer circle is its radius, and that of another wall its way along a direction. All
-contacts of a driven wall share its speed. So one thread sweeps all contacts with walls, in the order of the
-loop over grains.
+The coordinate of the outer circle is its radius, and that of another wall its way along a direction. A row
+on a driven line has the line's speed and coordinate, and its own entries stay 0. All contacts of a driven
+wall share its speed. So one thread sweeps all contacts with walls, in the order of the loop over grains.
 """
 
 from math import pi
 
 import warp as wp
 
+from . import law
 from .access import at, put
 from .motion import pose_at
 from .record import Scene, grain_count, is_driven
@@ -24,38 +25,40 @@ TURN = wp.constant(f64(2.0 * pi))
 
 
 @wp.func
-def lever(s: Scene, j: int, n: wp.vec2d) -> f64:
-    """Return the speed of the surface of wall j along a normal n into it, at unit speed (eq. 28)."""
-    if j == grain_count(s):
-        return f64(1.0)
-    drive = at(s.walls.drive, j - grain_count(s))
-    return n[0] * drive[DriveOf.DIRECTION_X] + n[1] * drive[DriveOf.DIRECTION_Y]
+def leader_of(s: Scene, j: int) -> int:
+    """Return the body that has the speed and the coordinate of wall j."""
+    return grain_count(s) + int(at(s.walls.drive, j - grain_count(s))[DriveOf.LEADER])
 
 
 @wp.func
-def share_of_wall(s: Scene, i: int, j: int, n: wp.vec2d) -> f64:
-    """Return the change of the speed of wall j by a correction of 1 m/s of grain i (eq. 28)."""
+def levers(s: Scene, j: int, n: wp.vec2d) -> wp.vec2d:
+    """Return how fast wall j moves along a normal n into it, and its tangent, at unit speed (eq. 28)."""
+    if j == grain_count(s):
+        return wp.vec2d(f64(1.0), f64(0.0))
     drive = at(s.walls.drive, j - grain_count(s))
-    return lever(s, j, n) * at(s.grains.contact_mass, i) * drive[DriveOf.INVERSE_MASS]
+    d = wp.vec2d(drive[DriveOf.DIRECTION_X], drive[DriveOf.DIRECTION_Y])
+    return wp.vec2d(wp.dot(n, d), law.speed_along(d, n))
+
+
+@wp.func
+def shares_of_wall(s: Scene, i: int, j: int, lever: wp.vec2d) -> wp.vec2d:
+    """Return how corrections of 1 m/s of grain i, normal and tangential, change wall j's speed (eq. 28)."""
+    inverse_mass = at(s.walls.drive, j - grain_count(s))[DriveOf.INVERSE_MASS]
+    return lever * at(s.grains.contact_mass, i) * inverse_mass
 
 
 @wp.func
 def closing_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d) -> f64:
     """Return vn of grain i and wall j [m/s] (eq. 28)."""
-    return wp.dot(at(velocity, i), n) - lever(s, j, n) * at(velocity, j)[0]
+    return wp.dot(at(velocity, i), n) - levers(s, j, n)[0] * at(velocity, leader_of(s, j))[0]
 
 
 @wp.func
-def compliance_of(s: Scene, i: int, j: int, n: wp.vec2d) -> f64:
-    """Return K, the change of vn by a correction of 1 m/s (eq. 28)."""
-    return f64(1.0) + lever(s, j, n) * share_of_wall(s, i, j, n)
-
-
-@wp.func
-def change_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f64):
-    """Add the correction dv [m/s] of a contact of grain i to the speed of wall j."""
-    speed = at(velocity, j)[0] + dv * share_of_wall(s, i, j, n)
-    put(velocity, j, wp.vec2d(speed, f64(0.0)))
+def change_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f64, dvt: f64):
+    """Add the corrections [m/s] of a contact of grain i to the speed of wall j (eq. 29)."""
+    leader, share = leader_of(s, j), shares_of_wall(s, i, j, levers(s, j, n))
+    speed = at(velocity, leader)[0] + dv * share[0] + dvt * share[1]
+    put(velocity, leader, wp.vec2d(speed, f64(0.0)))
 
 
 @wp.func
@@ -83,7 +86,7 @@ def place_driven_walls(s: Scene, begin: f64, end: f64):
     for b in range(1, s.walls.drive.shape[0]):
         drive = at(s.walls.drive, b)
         if drive[DriveOf.INVERSE_MASS] > f64(0.0):
-            path = at(s.grains.position, grain_count(s) + b)[0]
+            path = at(s.grains.position, leader_of(s, grain_count(s) + b))[0]
             pose = pose_at(at(s.walls.motion, b - 1), begin, end)
             pose[PoseOf.SHIFT_X] = pose[PoseOf.SHIFT_X] + path * drive[DriveOf.DIRECTION_X]
             pose[PoseOf.SHIFT_Y] = pose[PoseOf.SHIFT_Y] + path * drive[DriveOf.DIRECTION_Y]

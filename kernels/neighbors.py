@@ -9,6 +9,7 @@ import warp as wp
 from .access import add, at, checked, lowest_bit, put
 from .cells import AT_ONCE, bucket_of, cell_of, prefix_sum
 from .contact_list import is_active, pair_end
+from .driven import leader_of
 from .record import WITHOUT_ROOM, Phase, Scene, grain_count, is_driven, time_after
 from .types import CellGrid
 from .walls import are_mobile, is_near_wall, is_periodic, joint_reach, next_near, wall_body_count, wall_path
@@ -184,7 +185,12 @@ def find_walls(s: Scene, i: int):
         j = grain_count(s) + b
         its = wall_path(b, s.walls, now, now + lifetime)
         if is_driven(s):
-            its = its + lifetime * wp.length(at(s.verlet.reference_velocity, j)) + at(s.verlet.skin, j)
+            leader = leader_of(s, j)
+            its = (
+                its
+                + lifetime * wp.length(at(s.verlet.reference_velocity, leader))
+                + at(s.verlet.skin, leader)
+            )
         reach = (own + its) * TOO_WIDE
         listed = is_near_wall(b, x, radius, s.walls, reach)
         while k_old < end_old and at(old.neighbor, k_old) < j:

@@ -20,7 +20,7 @@ import warp as wp
 from . import law
 from .access import at, bodies_of, contact_at, larger, named, put
 from .contacts import apply, contact_count, contacts_of, gap_rates_now, rim_weights, surface_of, value_at
-from .driven import closing_speed, compliance_of
+from .driven import leader_of, levers, shares_of_wall
 from .record import Phase, Scene, is_driven, pair_count, rotates
 from .threads import Team, thread_range, update_max
 
@@ -60,9 +60,13 @@ def measurement(friction: bool) -> wp.Function:
         n, gap, v, dv = contact.n, f64(contact.gap_rate), at(velocity, i), at(s.contacts.dv, c)
         at_wall = c >= pair_count(s)
         change, compliance = f64(0.0), f64(1.0)
+        along, tangential = f64(0.0), f64(0.0)  # of a driven wall: its speed along the tangent, and g_t h_t
         if at_wall and is_driven(s):
-            excess, compliance = closing_speed(s, velocity, i, j, n) - gap, compliance_of(s, i, j, n)
-            change = law.driven_change(excess, dv, compliance)
+            lever, speed = levers(s, j, n), at(velocity, leader_of(s, j))[0]
+            share = shares_of_wall(s, i, j, lever)
+            compliance = f64(1.0) + lever[0] * share[0]
+            change = law.driven_change(wp.dot(v, n) - lever[0] * speed - gap, dv, compliance)
+            along, tangential = lever[1] * speed, lever[1] * share[1]
         elif at_wall:
             gap, back = gap_rates_now(s.contacts, c, v)
             if wp.static(not friction):  # walls have one side where there is friction
@@ -77,11 +81,14 @@ def measurement(friction: bool) -> wp.Function:
             vt, mu = f64(0.0), f64(s.friction)
             if at_wall:
                 surface = surface_of(s, c)
-                vt, mu = law.wall_slip(v, n, at(rim, i), surface[1]), surface[0]
+                vt, mu = law.wall_slip(v, n, at(rim, i), surface[1] + along), surface[0]
             else:
                 vt = law.pair_slip(v, n, at(rim, i), at(rim, j))
-            share = rim_weights(s, c, at_wall)[0]
-            slip = law.tangential_change(share * vt, dvt, mu * (dv + change)) / share
+            rims = rim_weights(s, c, at_wall)
+            slowed = rims[0]
+            if at_wall and is_driven(s):
+                slowed = f64(1.0) / (f64(1.0) + rims[1] + tangential)
+            slip = law.tangential_change(slowed * vt, dvt, mu * (dv + change)) / slowed
             worst = wp.max(worst, wp.abs(slip))
         return worst
 

@@ -47,6 +47,7 @@ class DriveOf(IntEnum):
     PRESSURE = 2  # [N/m]
     DIRECTION_X = 3  # 0 for the outer circle, as the next
     DIRECTION_Y = 4
+    LEADER = 5  # the wall whose speed and coordinate it has: its own number, or that of a row's line
 
 
 Motion = wp.types.vector(length=len(MotionOf), dtype=f64)

@@ -8,7 +8,7 @@ import warp as wp
 from . import law
 from .access import at, bodies_of, contact_at, larger, put
 from .contacts import limits_at, rim_weights, surface_of
-from .driven import change_speed, closing_speed, compliance_of
+from .driven import leader_of, levers, shares_of_wall
 from .momentum import ENOUGH, mass_in_phi, relaxation_factor
 from .record import Scene, pair_count
 from .types import ContactsByRef
@@ -45,10 +45,12 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
                 listed = at(s.working.index, c)
             limits, compliance = limits_at(contacts.limits, c - first_wall), f64(1.0)
             if wp.static(driven):
-                compliance = compliance_of(s, i, j, n)
-                excess = closing_speed(s, velocity, i, j, n) - gap_rate
+                leader, lever = leader_of(s, j), levers(s, j, n)
+                share, speed = shares_of_wall(s, i, j, lever), at(velocity, leader)[0]
+                compliance = f64(1.0) + lever[0] * share[0]
+                excess = wp.dot(v, n) - lever[0] * speed - gap_rate
                 dv = law.driven_change(omega * excess, y, compliance)
-                change_speed(s, velocity, i, j, n, dv)
+                speed = speed + dv * share[0]
             else:
                 gap_rate = law.round_gap_rate(gap_rate, law.speed_along(v, n), limits[1])
                 vn = wp.dot(v, n)
@@ -59,24 +61,34 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
             put(contacts.dv, c, new)
             if wp.static(friction):
                 surface, rims = surface_of(s, listed), rim_weights(s, listed, True)
+                along, slowed = surface[1], rims[0]
+                if wp.static(driven):
+                    along = surface[1] + lever[1] * speed
+                    slowed = f64(1.0) / (f64(1.0) + rims[1] + lever[1] * share[1])
                 u, xt = at(rim, i), at(contacts.dvt, c)
                 yt = xt
                 if wp.static(ahead):
                     yt = xt + beta * (xt - at(contacts.last_dvt, c))
                     put(contacts.last_dvt, c, xt)
-                vt = law.wall_slip(v, n, u, surface[1])
-                dvt = law.tangential_change(rims[0] * vt, yt, surface[0] * new)
+                vt = law.wall_slip(v, n, u, along)
+                dvt = law.tangential_change(slowed * vt, yt, surface[0] * new)
                 push = push + dvt * law.tangent(n)
                 put(rim, i, u - dvt * rims[1])
                 put(contacts.dvt, c, yt + dvt)
-                change = larger(change, wp.abs(dvt))
+                if wp.static(driven):
+                    change = larger(change, (f64(1.0) + lever[1] * share[1]) * wp.abs(dvt))
+                    speed = speed + dvt * share[1]
+                else:
+                    change = larger(change, wp.abs(dvt))
                 if wp.static(ahead):
-                    wide_dvt = dvt / rims[0]
+                    wide_dvt = dvt / slowed
                     cost = wide_dv * dv + wide_dvt * dvt
                     slope = slope + wide_dvt * (yt + dvt - xt)
             elif wp.static(ahead):
                 cost = rise_of_phi(x, y, dv, excess, gap_rate, limits[0], compliance)
             put(velocity, i, v - push)
+            if wp.static(driven):
+                put(velocity, leader, wp.vec2d(speed, f64(0.0)))
             zeta = larger(total[0], change)
             if wp.static(ahead):
                 mass = mass_in_phi(s, i)
@@ -86,7 +98,7 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
                 if change > large:
                     monitor(s, i, at(velocity, i))
                 if wp.static(driven):  # its changes add up: the wall has more contacts than a grain
-                    monitor(s, j, at(velocity, j))
+                    monitor(s, leader, at(velocity, leader))
             c += 1
         return total
 

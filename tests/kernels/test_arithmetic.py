@@ -53,7 +53,7 @@ def random_scene(seed: int) -> Scene:
     if is_driven and rng.random() < 0.6:
         fields |= {"pressure": rng.uniform(0.1, 3.0), "wall_mass": rng.choice([None, 2.0]), "wall": "tangent"}
     elif is_driven:
-        walls.append(Segment((-0.8, 0.33), (0.7, 0.41), force=rng.uniform(-2.0, 2.0), mass=0.7, friction=0.0))
+        walls.append(Segment((-0.8, 0.33), (0.7, 0.41), force=rng.uniform(-2.0, 2.0), mass=0.7))
         fields["wall"] = "tangent"
     if has_friction:
         fields |= {"friction": rng.choice([0.0, 0.4]), "wall_friction": 0.6, "angular_velocity_out": 0.5}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pxr import Usd
-from walled_scenes import DRIVEN, ROUGH, SMOOTH_DRIVEN, pressed
+from walled_scenes import BUMPS, DRIVEN, ROUGH, SMOOTH_DRIVEN, boxed, pressed
 
 from warpgrains import (
     InputError,
@@ -92,6 +92,24 @@ def test_a_snapshot_has_the_normals_of_the_step() -> None:
         of_walls = analysis.snapshot(simulation).loads.normal[len(walls.normal) * -1 :]
         if len(walls.normal):
             assert of_walls == pytest.approx(walls.normal, abs=1e-12)  # positions are taken back by dt v
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
+def test_a_rough_lid_moves_as_one(method: str) -> None:
+    """Its rows stay where they are on the line, and once grains rest, line and rows carry the pressure."""
+    lid = {"pressure": 30.0, "mass": 1.0, "velocity": (0.5, 0.0), "to_time": 0.1, "roughness": BUMPS}
+    scene = boxed("rough lid", top=lid, drag=0.3, method=method, max_iterations=1000)
+    simulation = Simulation(scene)
+    simulation.advance(1200)
+    now, contacts = simulation.present_scene, simulation.wall_contacts()
+    moved = [np.subtract(wall.point, was.point) for wall, was in zip(now.walls, scene.walls, strict=True)]
+    assert simulation.driven[2, 0] > 0.05
+    assert (simulation.driven[3:] == 0.0).all()
+    assert np.allclose(moved, [(0.0, 0.0), *[(0.05, -simulation.driven[2, 0])] * 3], rtol=0.0, atol=1e-14)
+    tangent = np.stack([-contacts.normal[:, 1], contacts.normal[:, 0]], axis=1)
+    on_wall = contacts.force[:, None] * contacts.normal + contacts.tangential_force[:, None] * tangent
+    assert on_wall[contacts.wall[:, 1] > 2, 1].sum() == pytest.approx(30.0, abs=1e-2)
+    assert set(contacts.wall[:, 1]) > {4}
 
 
 @pytest.mark.parametrize(

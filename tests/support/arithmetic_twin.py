@@ -275,17 +275,18 @@ class Twin:
         i, j = self.mass[contact.i], self.mass[contact.j]
         return j / (i + j), i / (i + j)
 
-    def levers(self, contact: Contact) -> tuple[float, float]:
-        """g and h (28); 0 where no wall is driven."""
+    def levers(self, contact: Contact) -> tuple[float, float, float, float]:
+        """g, h, g_t and h_t (28); 0 where no wall is driven."""
         if not (contact.at_wall and self.driven):
-            return 0.0, 0.0
-        g = 1.0 if contact.j == 0 else dot(contact.n, self.direction[contact.j])
-        return g, (g * self.mass[contact.i]) * self.inverse[contact.j]
+            return 0.0, 0.0, 0.0, 0.0
+        d, mass, inverse = self.direction[contact.j], self.mass[contact.i], self.inverse[contact.j]
+        g, gt = (1.0, 0.0) if contact.j == 0 else (dot(contact.n, d), along(contact.n, d))
+        return g, (g * mass) * inverse, gt, (gt * mass) * inverse
 
     def slopes(self, contact: Contact) -> tuple[float, float, float]:
-        """share_i k_i, share_j k_j, and 1 / K_t (22)."""
-        i, j = self.shares(contact)
-        at_i, at_j = i * self.k[contact.i], 0.0 if contact.at_wall else j * self.k[contact.j]
+        """share_i k_i, share_j k_j or g_t h_t, and 1 / K_t (22)."""
+        (i, j), (_, _, gt, ht) = self.shares(contact), self.levers(contact)
+        at_i, at_j = i * self.k[contact.i], gt * ht if contact.at_wall else j * self.k[contact.j]
         return at_i, at_j, 1.0 / ((1.0 + at_i) + at_j)
 
     def sides(self, contact: Contact, out: float, back: float) -> tuple[float, float]:
@@ -296,13 +297,13 @@ class Twin:
             rate = rate - (a - sqrt(max(0.0, a * a - vt * vt)))
         return max(0.0, (vn + out) - rate), max(0.0, (-vn - back) - contact.back_rate)
 
-    def changes(self, contact: Contact) -> tuple[float, float, float]:
-        """The changes dv and b that a contact needs, and K."""
+    def changes(self, contact: Contact, is_visit: bool = True) -> tuple[float, float, float]:
+        """The changes dv and b that a contact needs, and K; in a visit, dv moves a wall before b is found."""
         i, j, n, dv = contact.i, contact.j, contact.n, contact.dv
         v = self.next[i] if contact.at_wall else minus(self.next[i], self.next[j])
         vn, stiffness = dot(v, n), 1.0
+        g, h, gt, _ = self.levers(contact)
         if contact.at_wall and self.driven:
-            g, h = self.levers(contact)
             stiffness = 1.0 + g * h
             change = max(0.0, dv + ((vn - g * self.speed[j]) - contact.gap_rate) / stiffness) - dv
         else:
@@ -311,7 +312,8 @@ class Twin:
         if not self.rough:
             return change, 0.0, stiffness
         if contact.at_wall:
-            vt = along(n, v) + (self.rim[i] - contact.surface)
+            speed = self.speed[j] + change * h if is_visit else self.speed[j]
+            vt = along(n, v) + (self.rim[i] - (contact.surface + gt * speed))
         else:
             vt = (along(n, v) + self.rim[i]) + self.rim[j]
         limit = contact.mu * (dv + change)
@@ -325,7 +327,8 @@ class Twin:
         rims = self.slopes(contact)
         self.rim[i] -= b * rims[0]
         if contact.at_wall:
-            self.speed[j] += dv * self.levers(contact)[1]
+            _, h, _, ht = self.levers(contact)
+            self.speed[j] = (self.speed[j] + dv * h) + b * ht
             return
         self.rim[j] -= b * rims[1]
         self.next[j] = plus(self.next[j], at_j, push)
@@ -342,7 +345,7 @@ class Twin:
         self.begin()
         eta = 0.0
         for contact in self.contacts:
-            change, slip, stiffness = self.changes(contact)
+            change, slip, stiffness = self.changes(contact, is_visit=False)
             if contact.back_rate < inf:  # each side by itself
                 own = max(contact.dv, 0.0), max(-contact.dv, 0.0)
                 out, back = self.sides(contact, own[0], -own[1])
@@ -394,7 +397,8 @@ class Twin:
                 self.apply(contact, dv, b)
                 contact.dv += dv
                 contact.dvt += b
-                zeta = max(zeta, stiffness * abs(dv), abs(b))
+                _, _, gt, ht = self.levers(contact)
+                zeta = max(zeta, stiffness * abs(dv), (1.0 + gt * ht) * abs(b))
             stops = iterations == scene.max_iterations
             if scene.stop != "residual":
                 stops = stops or zeta <= scene.tolerance

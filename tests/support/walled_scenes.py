@@ -134,6 +134,7 @@ BOXES: dict[str, dict[str, Any]] = {
     },
     "piston": {"left": {"velocity": (0.4, 0.0), "to_time": 0.2}, **FALL},
     "lid": {"periodic": "x", "top": LID, "friction": 0.4},
+    "rough lid": {"periodic": "x", "top": {**LID, "roughness": BUMPS}, "friction": 0.4},
     "smooth lid": {"periodic": "x", "top": {"pressure": 30.0, "mass": 1.0}},
     "rough": {"periodic": "x", "bottom": {"roughness": BUMPS}, "friction": 0.4, **FALL},
     "shear": {"periodic": "x", "top": {"velocity": (-0.7, 0.0), "roughness": BUMPS}, "friction": 0.4},

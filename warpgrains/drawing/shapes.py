@@ -130,9 +130,7 @@ def moved_walls(scene: Scene, now: Scene, time: float) -> dict[str, Band]:
     """Return the mobile walls of a scene as drawn at a time [s], by name; driven ones as in the scene now."""
     thickness = _THICKNESS * scene.extent.half
     moved = {} if scene.pressure is None else {OUTER: ring(now.annulus.borders[OUTER], thickness)}
-    for number, wall in now.numbered_walls.items():
-        if wall.is_mobile:
-            moved[number] = _drawn(scene, wall, time, thickness)
+    moved |= {number: _drawn(scene, wall, time, thickness) for number, wall in now.mobile_walls.items()}
     return _by_name(scene, moved)
 
 

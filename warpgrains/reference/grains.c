@@ -145,20 +145,20 @@ static double contactPair(femGrains *g, int i, int j, double *dvc, double *dtc, 
     return fmax(fabs(dv), fabs(dvt));
 }
 
-/* A wall's push on grain i: dv along (nx, ny), and friction at most `limit` at a surface of this speed. Returns the
- * larger change. */
+/* A wall's push on grain i: dv along (nx, ny), and friction at most `limit` at a surface of this speed, which yields by
+ * `give` of a change. Returns the change along the tangent. */
 static double pushFromWall(femGrains *g, int i, double nx, double ny, double dv, double limit, double *dtc,
-                           double speed, double dt, int iter) {
+                           double speed, double give, double dt, int iter) {
     double dvt = 0.0;
     if (hasFriction(g)) {
         double rim = rimFactor(g, i, dt);
         double vt = g->vx[i] * -ny + g->vy[i] * nx + (g->u[i] - speed);
-        dvt = frictionChange(dtc, vt, 1.0 / (1.0 + rim), limit, iter);
+        dvt = frictionChange(dtc, vt, 1.0 / (1.0 + rim + give), limit, iter);
         g->u[i] -= dvt * rim;
     }
     g->vx[i] -= dv * nx + dvt * -ny;
     g->vy[i] -= dv * ny + dvt * nx;
-    return fmax(fabs(dv), fabs(dvt));
+    return dvt;
 }
 
 /* By how much per dt grain i, on its way along the outer wall at (vx, vy), leaves the circle on which it touches it. */
@@ -168,24 +168,33 @@ static double sagittaRate(const femGrains *g, int i, double nx, double ny, doubl
     return reach - sqrt(fmax(0.0, reach * reach - along * along));
 }
 
+/* Numbers of what drives a wall: 1 / mass, force, pressure, direction, and the wall whose speed and coordinate it has. */
+enum { DRIVE = 6 };
+
 /* The contact of grain i with wall k where a force drives a wall (eqs. 28, 29); 0 is the annulus. Its surface moves at a
  * speed along the tangent, and away along the normal. Returns the change. */
 static double contactDriven(femGrains *g, int i, int k, double nx, double ny, double gap, double *dvw, double friction,
                             double *dtw, double speed, double away, double dt, int iter) {
-    const double *drive = &g->drives[5 * k];
-    double along = k == 0 ? 1.0 : nx * drive[3] + ny * drive[4];
-    double share = along * contactMass(g, i, dt) * drive[0];
-    double compliance = 1.0 + along * share;
+    const double *drive = &g->drives[DRIVE * k];
+    int lead = (int)drive[5];
+    double *own = &g->speeds[lead];
+    double into = k == 0 ? 1.0 : nx * drive[3] + ny * drive[4];
+    double along = k == 0 ? 0.0 : nx * drive[4] - ny * drive[3];
+    double share = into * contactMass(g, i, dt) * drive[0];
+    double shareAlong = along * contactMass(g, i, dt) * drive[0];
+    double compliance = 1.0 + into * share, give = along * shareAlong;
     double dv = *dvw;
     if (iter > 0) {
-        double vn = g->vx[i] * nx + g->vy[i] * ny - along * g->speeds[k];
+        double vn = g->vx[i] * nx + g->vy[i] * ny - into * *own;
         double restitution = !g->bouncy ? 0.0 : k == 0 ? g->restitutionOut : g->restitutionWalls[k - 1];
-        double rate = reboundAtWall(g, i, nx, ny, gap / dt, 0.0, g->bouncy ? along * g->speedsBefore[k] : 0.0, away, restitution);
+        double rate = reboundAtWall(g, i, nx, ny, gap / dt, 0.0, g->bouncy ? into * g->speedsBefore[lead] : 0.0, away, restitution);
         dv = fmax(0.0, *dvw + (vn - rate) / compliance) - *dvw;
         *dvw += dv;
     }
-    g->speeds[k] += dv * share;
-    return fmax(compliance * fabs(dv), pushFromWall(g, i, nx, ny, dv, friction * *dvw, dtw, speed, dt, iter));
+    *own += dv * share;
+    double dvt = pushFromWall(g, i, nx, ny, dv, friction * *dvw, dtw, speed + along * *own, give, dt, iter);
+    *own += dvt * shareAlong;
+    return fmax(compliance * fabs(dv), (1.0 + give) * fabs(dvt));
 }
 
 /* The contacts of grain i with the outer wall (dvb > 0) and the inner wall (dvb < 0). Returns the change. */
@@ -210,7 +219,8 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
         dv = dvOut - dvIn - *dvb;
         *dvb += dv;
     }
-    return pushFromWall(g, i, nx, ny, dv, g->wallFriction * *dvb, dtb, g->radiusOut * g->turningOut, dt, iter);
+    double dvt = pushFromWall(g, i, nx, ny, dv, g->wallFriction * *dvb, dtb, g->radiusOut * g->turningOut, 0.0, dt, iter);
+    return fmax(fabs(dv), fabs(dvt));
 }
 
 /* Kinds of walls inside the annulus, and the numbers of one: first its kind. */
@@ -334,7 +344,7 @@ static double jointGap(const femGrains *g, int k, double x, double y, double r, 
 
 /* Whether a force drives wall k inside the annulus. */
 static int isDriven(const femGrains *g, int k) {
-    return g->driven && g->drives[5 * (k + 1)] > 0.0;
+    return g->driven && g->drives[DRIVE * (k + 1)] > 0.0;
 }
 
 /* For how long a wall has moved at a time, from motion[5] to motion[6]. */
@@ -353,8 +363,10 @@ static double movingWallGap(const femGrains *g, int k, double begin, double end,
     double shiftX = px - (c * px - s * py) + vx * moved;
     double shiftY = py - (s * px + c * py) + vy * moved;
     if (isDriven(g, k)) {
-        shiftX += g->places[k + 1] * g->drives[5 * (k + 1) + 3];
-        shiftY += g->places[k + 1] * g->drives[5 * (k + 1) + 4];
+        const double *drive = &g->drives[DRIVE * (k + 1)];
+        double place = g->places[(int)drive[5]];
+        shiftX += place * drive[3];
+        shiftY += place * drive[4];
     }
     double dx = x - shiftX, dy = y - shiftY;
     double mx, my;
@@ -390,7 +402,7 @@ static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
         dv = fmax(0.0, vn + *dvw - rate) - *dvw;
         *dvw += dv;
     }
-    return pushFromWall(g, i, nx, ny, dv, friction * *dvw, dtw, speed, dt, iter);
+    return fmax(fabs(dv), fabs(pushFromWall(g, i, nx, ny, dv, friction * *dvw, dtw, speed, 0.0, dt, iter)));
 }
 
 double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {
@@ -460,7 +472,7 @@ static double freeSpin(const femGrains *g, double w, double m, double r, double 
 static void freeSpeeds(femGrains *g, double dt) {
     double kick = g->leapfrog && !g->staggered ? 0.5 * dt : dt;
     for (int k = 0; k <= g->nWalls; k++) {
-        const double *drive = &g->drives[5 * k];
+        const double *drive = &g->drives[DRIVE * k];
         g->speeds[k] += kick * ((drive[1] - drive[2] * (2.0 * M_PI * g->radiusOut)) * drive[0]);
     }
 }

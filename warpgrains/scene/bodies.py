@@ -9,6 +9,7 @@ At a joint, an end of a wall lies on another wall (MODEL.md, eq. 8c).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,8 @@ from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.scene.annulus import INNER, NO_WALL, OUTER, Annulus, Side
 from warpgrains.scene.disc import Disc
 from warpgrains.scene.geometry import distance, left_of
+from warpgrains.scene.line import Line
+from warpgrains.scene.row import Row
 from warpgrains.scene.wall import Drive, Wall
 
 if TYPE_CHECKING:
@@ -92,6 +95,14 @@ def joints_of(walls: tuple[Wall, ...]) -> Joints:
     return Joints(walls)
 
 
+def leaders_of(walls: Sequence[Wall]) -> list[int]:
+    """Return the wall with which each moves: itself, or of a row the line of its name that a force drives."""
+    lines = {wall.name: k for k, wall in enumerate(walls) if isinstance(wall, Line) and wall.drive}
+    return [
+        lines.get(wall.name, k) if isinstance(wall, Row) and wall.name else k for k, wall in enumerate(walls)
+    ]
+
+
 class Bodies:
     """The bodies that the walls of a scene are on the device."""
 
@@ -145,7 +156,11 @@ class Bodies:
         if scene.pressure is not None:
             mass = float(scene.mass.sum()) if scene.wall_mass is None else scene.wall_mass
             outer = Drive(1.0 / mass, pressure=scene.pressure)
-        return [outer, *(wall.drive or Drive() for wall in self.inside)]
+        drives = [outer]
+        for k, leader in enumerate(leaders_of(self.inside)):
+            drive = self.inside[leader].drive or Drive()
+            drives.append(drive._replace(force=drive.force * (k == leader), leader=1 + leader))
+        return drives
 
     def of(self, wall: IntArray) -> IntArray:
         """Return the body of each wall."""

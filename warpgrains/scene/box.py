@@ -191,8 +191,6 @@ class Box:
             raise InputError(
                 f"roughness is {checks.shown(roughness)}: it must be {{radius = ..., spacing = ...}}"
             )
-        if line.force is not None:
-            raise InputError("roughness is given, and pressure: give one")
         radius, spacing = (
             checks.positive(f"roughness.{key}", roughness[key]) for key in ("radius", "spacing")
         )

@@ -174,9 +174,10 @@ def _of_driven_walls(scene: Scene) -> Iterator[str]:
     which = "pressure" if scene.pressure is not None else "force of a wall"
     if scene.has_driven_walls and scene.method == "exact":
         yield f"{which} is given and method is 'exact': use 'accelerated' or 'gauss-seidel'"
+    driven = [wall.name for wall in scene.walls if isinstance(wall, Line) and wall.drive is not None]
     for k, wall in enumerate(scene.walls):
-        if wall.drive is not None and scene.wall_frictions[INSIDE + k] > 0.0 and not isinstance(wall, Line):
-            yield f"walls[{k}] has a force and friction: set friction = 0 for this wall"
+        if isinstance(wall, Row) and wall.name and driven.count(wall.name) > 1:
+            yield f"walls[{k}], a row, has the name of several driven lines, {wall.name}: name these apart"
     if scene.has_driven_walls and scene.wall == "round":
         yield f"{which} is given and wall is 'round': use 'tangent'"
 

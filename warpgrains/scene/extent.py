@@ -60,7 +60,7 @@ def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[in
     left, bottom, right, top = box.grown(largest + 2.0 * step)
     x, y = np.arange(left, right, step), np.arange(bottom, top, step)
     cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    mobile = [number for number, wall in scene.numbered_walls.items() if wall.is_mobile]
+    mobile = scene.mobile_walls
     with np.errstate(invalid="ignore", divide="ignore"):  # of normals, at the centers of circles
         point = np.zeros(len(cells))
         gaps = {k: scene.side(k, cells, point).gap for k in lines if k not in mobile}

@@ -12,7 +12,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band, strip
-from warpgrains.scene.wall import StraightWall, Wall, kind_of_wall
+from warpgrains.scene.wall import StraightWall, kind_of_wall
 
 Vector = tuple[float, float]
 
@@ -99,10 +99,6 @@ class Line(StraightWall):
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
         return np.tile(-np.array(self.normal), (len(position), 1))
-
-    def shifted(self, way: float) -> Wall:
-        (x, y), (nx, ny) = self.point, self.normal
-        return self if self.force is None else replace(self, point=(x + way * nx, y + way * ny))
 
     def at(self, time: float) -> Self:
         moved, (x, y), (nx, ny) = super().at(time), self.point, self.normal

@@ -25,7 +25,8 @@ class Row(Wall):
     """Equal discs in an infinite row, at equal spacing, of which a grain touches the nearest one.
 
     Another row must have its discs in the middle between these, so that no grain touches two discs of a row
-    at a time. The key `roughness` of a side of a box makes such rows.
+    at a time. A row that has the name of a line that a force drives moves with it. The key `roughness` of a
+    side of a box makes such rows.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ from warpgrains.scene.gravity import TurningGravity, upwards
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
 from warpgrains.scene.toml import read_text
-from warpgrains.scene.wall import Wall
+from warpgrains.scene.wall import Drive, Wall
 from warpgrains.scene.wall_kinds import checked_walls
 from warpgrains.shown import Shown, number_of
 
@@ -152,8 +152,12 @@ class Scene(SceneFields, Shown):
         """Return the scene with its driven walls at coordinates of `State.driven` [m]; itself for None."""
         if coordinates is None:
             return self
-        ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
-        walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
+        walls = tuple(
+            wall.shifted(*np.multiply(coordinates[drive.leader], drive.direction).tolist())
+            if drive.inverse_mass
+            else wall
+            for wall, drive in zip(self.walls, self.drives, strict=True)
+        )
         kept = {name: found for name, found in vars(self).items() if name in ("extent", "joints")}
         radius = self.radius_out if self.domain else float(coordinates[OUTER])
         return self.unchecked(radius_out=radius, walls=walls, **kept)
@@ -393,6 +397,17 @@ class Scene(SceneFields, Shown):
     def numbered_walls(self) -> dict[int, Wall]:
         """`walls` by their numbers."""
         return dict(enumerate(self.walls, INSIDE))
+
+    @property
+    def drives(self) -> list[Drive]:
+        """What drives each of `walls`."""
+        return self.bodies.drives[len(self.bodies) - len(self.walls) :]
+
+    @property
+    def mobile_walls(self) -> dict[int, Wall]:
+        """Those of `walls` by number that move as given in advance, or that forces drive."""
+        inside = zip(self.numbered_walls.items(), self.drives, strict=True)
+        return {number: wall for (number, wall), drive in inside if wall.moves or drive.inverse_mass}
 
     @property
     def wall_count(self) -> int:

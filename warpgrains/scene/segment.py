@@ -1,6 +1,5 @@
 """A straight wall inside the annulus. This is the host's side; kernels/segment.py is the device's."""
 
-from dataclasses import replace
 from math import dist
 from typing import ClassVar
 
@@ -13,7 +12,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.annulus import SMALLEST
 from warpgrains.scene.band import Band, strip
 from warpgrains.scene.geometry import left_of
-from warpgrains.scene.wall import StraightWall, Wall, kind_of_wall
+from warpgrains.scene.wall import StraightWall, kind_of_wall
 
 
 @kind_of_wall
@@ -93,13 +92,6 @@ class Segment(StraightWall):
         left = left_of(self.inwards[:1])
         is_left = (self.side(position, np.zeros(len(position))).normal * left).sum(axis=1) > 0.0
         return np.where(is_left[:, np.newaxis], left, -left)
-
-    def shifted(self, way: float) -> Wall:
-        if self.force is None:
-            return self
-        x, y = (way * along for along in self.across)
-        start, end = ((point[0] + x, point[1] + y) for point in (self.start, self.end))
-        return replace(self, start=start, end=end)
 
     @property
     def across(self) -> tuple[float, float]:

@@ -36,6 +36,8 @@ class Drive(NamedTuple):
     """[N/m]."""
     direction: tuple[float, float] = (0.0, 0.0)
     """Unit vector along which the wall moves; 0 for the outer circle."""
+    leader: int = 0
+    """The body whose speed and coordinate the wall has: itself, or the line of a row."""
 
 
 def _checked_name(field: str, name: Any) -> str:
@@ -150,14 +152,16 @@ class Wall:
         """Force and mass that drive the wall, or None if no force acts on it."""
         return None
 
-    @property
-    def is_mobile(self) -> bool:
-        """True if the wall moves as given in advance, or a force drives it."""
-        return self.moves or self.drive is not None
+    def shifted(self, x: float, y: float) -> Self:
+        """Return the wall at a place that is so far away [m]."""
+        places: dict[str, Any] = {name: (own[0] + x, own[1] + y) for name, own in self._places.items()}
+        return replace(self, **places)
 
-    def shifted(self, way: float) -> "Wall":
-        """Return the wall after a force has driven it by a way [m]."""
-        return self
+    @property
+    def _places(self) -> dict[str, Any]:
+        """The fields that are places [m], where they are given."""
+        names = ("center", "point", "start", "end", "pivot")
+        return {name: getattr(self, name) for name in names if getattr(self, name, None)}
 
     @property
     def moves(self) -> bool:
@@ -180,9 +184,8 @@ class Wall:
         if not self.moves or time <= self.motion.from_time:
             return self
         pose = self.motion.pose(time)
-        given = [name for name in ("center", "point", "start", "end", "pivot") if getattr(self, name, None)]
-        places = pose.place(np.array([getattr(self, name) for name in given])).tolist()
-        moved: dict[str, Any] = dict(zip(given, places, strict=True))
+        places = pose.place(np.array([*self._places.values()])).tolist()
+        moved: dict[str, Any] = dict(zip(self._places, places, strict=True))
         angles = ("from_angle", "to_angle")
         moved |= {name: getattr(self, name) + pose.angle for name in angles if hasattr(self, name)}
         rest = {"velocity": (0.0, 0.0), "angular_velocity": 0.0, "from_time": None, "to_time": None}

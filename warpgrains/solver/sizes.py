@@ -89,7 +89,7 @@ def _of_walls(scene: Scene) -> tuple[int, ...]:
     return (
         len(scene.bodies),
         sum(map(len, scene.joints.others)),
-        any(wall.is_mobile for wall in scene.walls),
+        bool(scene.mobile_walls),
         scene.has_driven_walls,
         scene.bodies.annulus.radius_in > 0.0 or scene.wall == "round",
         not has_equal_shares,
