@@ -6,6 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils
 from recordings import FORMS, GRAINS, RADIUS, bands_of, make_frames, make_scene, moment, moments, record
+from walled_scenes import BOXES, boxed
 
 from warpgrains import Box, Disc, Scene, Segment, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, all_contacts, cut
@@ -19,7 +20,7 @@ from warpgrains.drawing.colorings import (
     spin_scale,
 )
 from warpgrains.drawing.colors import LEVELS, PALETTE, GrainColors, colormap, encoded, linear, mark_color
-from warpgrains.drawing.shapes import disc, mark, sphere
+from warpgrains.drawing.shapes import disc, drawn_walls, mark, moved_walls, sphere
 from warpgrains.usd.recording import Recording, painter_of
 
 FORCES = "/World/Forces"
@@ -77,6 +78,33 @@ def test_scales_reach_what_walls_inside_give_to_grains_at_rest():
     assert pressure_scale(driven) == pytest.approx(4 * 60.0 / 2.0)
     assert ChainScale.of(driven).force == pytest.approx(120 * 2 * RADIUS.mean())
     assert pressure_scale(driven.replace(gravity=(0, -1000))) == pytest.approx(5 * 1000 / 1.0)
+
+
+def test_scales_of_a_box_come_from_its_longer_side():
+    top = {"pressure": 30.0, "mass": 3.0, "velocity": (0.5, 0.0)}
+    box, common = {"x": (-2.0, 2.0), "y": (-1.5, 1.5)}, {"radius_out": None, "radius_in": 0.0}
+    driven = make_scene(domain=Box(**box, top=top), gravity=(0, 0), **common)
+    assert speed_scale(driven) == pytest.approx(np.sqrt(2 * 30.0 * 4.0 * 4.0 / (3.0 + 5.0)))
+    assert pressure_scale(driven) == pytest.approx(4 * 30.0)
+    fallen = make_scene(domain=Box(**box), gravity=(0, -10), drag=0.0, **common)
+    assert speed_scale(fallen) == pytest.approx(np.sqrt(2 * 10 * 2.0))
+    assert pressure_scale(fallen) == pytest.approx(5 * 10 / 1.0)
+
+
+@pytest.mark.parametrize("kind", BOXES)
+def test_sides_and_walls_of_a_box_are_drawn_in_it_at_all_times(kind):
+    """Without a circle; what crosses a periodic side reaches beyond by its width, and in between again."""
+    scene, still = boxed(kind), drawn_walls(boxed(kind))
+    period, high = scene.period, np.array([1.0, 0.7])
+    assert {name.split("_")[0] for name in still} == {*scene.wall_names[2:]}
+    for time in (0.0, 0.3, 2.0, 50.0):
+        for name, band in (still | moved_walls(scene, scene, time)).items():
+            wall = scene.walls[list(still).index(name)]
+            points = np.concatenate([band.first, band.second])
+            assert len(points) == len(still[name].first) * 2
+            width = 2.0 * wall.circle[2] + 0.02 if np.isfinite(wall.circle[2]) else 0.03
+            outside = ((points < -width) | (points > high + width)) & (period > 0.0)
+            assert not outside.any(), (name, time)
 
 
 def test_neighbours_in_the_palette_differ():

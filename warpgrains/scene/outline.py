@@ -6,7 +6,8 @@ edges of the polygon, and of the circles. Each of these is cut where it meets th
 cuts belongs to the border if its middle lies in all others.
 """
 
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -23,6 +24,14 @@ class Part(NamedTuple):
     corner: FloatArray
     """Corners of the polygon [m], counter-clockwise, shape (k, 2)."""
     circles: tuple[Circle, ...]
+
+    @classmethod
+    def of(cls, corner: FloatArray, circles: Iterable[Circle]) -> Self:
+        """Return a part, without the circles of discs that do not touch the polygon."""
+        low, high = corner.min(axis=0), corner.max(axis=0)
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        near = (c for c in circles if c.keeps_inside or (np.abs(middle - c[:2]) <= half + c.radius).all())
+        return cls(corner, tuple(near))
 
     @property
     def along(self) -> FloatArray:

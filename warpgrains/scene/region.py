@@ -100,7 +100,7 @@ class Region:
         near, far, _ = self.ring
         inner = (Circle(0.0, 0.0, near, False),) if near > 0.0 else ()
         circles = (Circle(0.0, 0.0, far, True), *inner, *dict.fromkeys(self.discs))
-        return [Part(corner, circles) for corner in self._corners] if near < far else []
+        return [Part.of(corner, circles) for corner in self._corners] if near < far else []
 
     @property
     def _corners(self) -> list[FloatArray]:
