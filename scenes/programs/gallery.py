@@ -3,9 +3,11 @@
 python scenes/programs/gallery.py -o gallery [NAME ...]
 """
 
+import itertools
 from functools import partial
 from math import cos, radians, sin
 
+import bouncing
 import closed_forms
 import drum
 import numpy as np
@@ -87,6 +89,63 @@ def slope() -> Section:
         "2/3 g sin(30) t^2 / 2 [m]": 0.5 * rolls * time**2,
         "way of the lower grain [m]": float(ways[1]),
         "g (sin(30) - 0.1 cos(30)) t^2 / 2 [m]": 0.5 * slides * time**2,
+    }
+
+
+def balls() -> Section:
+    """Draw the balls, and hold the tops of their first bounces against those of the closed form."""
+    scene = wg.Scene.load("bouncing")
+    figure, _, _ = moments(scene, (0.45, 0.8, 1.2))
+    simulation, heights = wg.Simulation(scene), []
+    for _ in range(1600):
+        simulation.step()
+        heights.append(simulation.position[:, 1] + 0.5)
+    fall, height = scene.position[0, 1] + 0.5, np.array(heights).T
+    tops = [bouncing.tops(one)[0] / fall for one in height]
+    restitutions = scene.wall_restitutions[2:]
+    return figure, {
+        f"e {e:g}: first bounce / fall": float(top) for e, top in zip(restitutions, tops, strict=True)
+    }
+
+
+def cradle() -> Section:
+    """Draw the cradle before, during and after the first pass, and count how often a speed is handed on."""
+    scene = wg.Scene.load("cradle")
+    figure, _, _ = moments(scene, (0.2, 0.44, 0.7))
+    simulation, moving, passes = wg.Simulation(scene), 0, 0
+    for _ in range(scene.steps):
+        simulation.step()
+        last, moving = moving, int(np.abs(simulation.velocity[:, 0]).argmax())
+        passes += moving != last
+    return figure, {
+        "times that a speed is handed on": passes,
+        "speed of the last one [m/s]": analysis.largest_speed(simulation),
+        "energy / that of the start": analysis.kinetic_energy(simulation) / (0.5 * scene.mass[0]),
+    }
+
+
+def gas() -> Section:
+    """Draw the gas in the end, and the velocities of its discs against those of Maxwell and Boltzmann."""
+    scene, velocities = wg.Scene.load("gas"), []
+    simulation = wg.Simulation(scene)
+    for _ in range(100):
+        simulation.advance(scene.steps // 100)
+        velocities.append(simulation.velocity.ravel())
+    v, energy = np.concatenate(velocities[20:]), [float((one**2).sum()) for one in velocities]
+    figure, (places, speeds) = panels(1, 2, width_ratios=(1, 2))
+    for x, y in simulation.position % scene.period:
+        for image in itertools.product(
+            *((one - side, one, one + side) for one, side in zip((x, y), scene.period, strict=True))
+        ):
+            places.add_patch(Circle(image, scene.radius[0], color="C0", linewidth=0.0))
+    places.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    at = np.linspace(-4.0, 4.0, 200)
+    speeds.hist(v, bins=60, density=True, alpha=0.5)
+    speeds.plot(at, np.exp(-(at**2) / (2.0 * v.var())) / np.sqrt(2.0 * np.pi * v.var()), "k:")
+    speeds.set(xlabel="component of the velocity [m/s]", ylabel="[s/m]")
+    return figure, {
+        "energy / that of the start": energy[-1] / float((scene.velocity**2).sum()),
+        "mean of v^4 / square of that of v^2": float((v**4).mean() / (v**2).mean() ** 2),
     }
 
 
@@ -203,6 +262,9 @@ SECTIONS: Sections = {
     "rotating_drum": partial(shipped, "rotating_drum", 1.0, 2.0, 4.0),
     "couette": partial(shipped, "couette", 0.5, 4.0, color_by="spin"),
     "slope": slope,
+    "bouncing": balls,
+    "cradle": cradle,
+    "gas": gas,
     "hopper": hopper,
     "collapse": collapse,
     "box": partial(shipped, "box", 1.0, 1.75, 2.5),

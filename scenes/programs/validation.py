@@ -1,10 +1,11 @@
-"""Validation of friction and of straight walls: closed forms and experiments, with pictures and numbers.
+"""Validation of friction, restitution and straight walls: closed forms and experiments, with numbers.
 
 python scenes/programs/validation.py -o validation [NAME ...]
 """
 
 from functools import partial
 
+import bouncing
 import closed_forms
 import collapse
 import numpy as np
@@ -159,6 +160,7 @@ def couette() -> Section:
 
 SECTIONS: Sections = {
     "closed_forms": closed_forms.one_disc,
+    "bouncing": bouncing.section,
     "packings": packings,
     "repose": repose,
     "couette": couette,

@@ -26,7 +26,7 @@ BENCHES = (  # module, options, rows
     ("batch", ["--scenes", 2, "--repeats", 1], 5),
     ("features", SMALL, 3 * len(FEATURES)),
     ("gpu", [*SMALL, "--device", "cpu"], 2),
-    ("exact", ["--only", "shipped", "--steps", 2], 9),
+    ("exact", ["--only", "shipped", "--steps", 2], 12),
 )
 
 

@@ -141,6 +141,15 @@ def test_grains_on_slopes_follow_closed_forms(numbers):
 
 
 @pytest.mark.slow
+def test_balls_bounce_and_hand_on_their_speed(numbers):
+    for e, top in zip((1.0, 0.8, 0.5), numbers("bouncing").values(), strict=True):
+        assert top == pytest.approx(e**2, abs=0.01)  # a bounce is early by up to dt, 1 ms
+    assert [*numbers("cradle").values()] == [24, 1.0, 1.0]
+    energy, shape = numbers("gas").values()
+    assert 0.99 < energy <= 1.0
+    assert shape == pytest.approx(3.0, abs=0.3)
+
+
 def test_a_hopper_flows_at_a_constant_rate(numbers):
     left = np.array([0, *numbers("hopper").values()])
     rate = np.diff(left)[1:4]  # each half second, once it flows

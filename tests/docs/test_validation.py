@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import bouncing
 import closed_forms
 import collapse
 import numpy as np
@@ -27,6 +28,16 @@ def test_closed_forms_are_met(tmp_path):
     assert found["pendulum: order in dt"] == pytest.approx(2.0, abs=0.1)
     assert found["three discs, mu 0.265: fallen in 1 s [m]"] > 1e-3
     assert abs(found["three discs, mu 0.27: fallen in 1 s [m]"]) < 1e-4
+
+
+@pytest.mark.parametrize("fraction", [0.1, 0.4])
+def test_pressure_of_a_gas(fraction):
+    start = bouncing.warm(fraction, 5.0, side=20)
+    found = bouncing.equilibrium(start, 0.004)
+    # 400 discs meet 220 and 1,600 times, which scatters the part of collisions by 7 and 3 %
+    assert found.pressure == pytest.approx(bouncing.henderson(fraction), rel=0.05)
+    assert 0.0 <= found.lost < 0.05
+    assert found.velocity.var() == pytest.approx(1.0, rel=0.01)
 
 
 def test_heap_needs_the_friction_of_its_balance():

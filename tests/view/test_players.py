@@ -211,3 +211,15 @@ class TestFriction:
         assert (live.snapshot().angle == 0.0).all()
         live.advance(1)
         assert live.snapshot().angle == pytest.approx(0.01 * 4.0, rel=0.1)
+
+
+def test_restitution_is_switched_on_and_off():
+    scene = Scene.load("annulus").replace(restitution=0.5, restitution_speed=0.1)
+    live, plain = Live(Simulation(scene)), Simulation(scene)
+    for e, least in ((0.0, 0.0), (0.8, 0.1)):
+        live.set_restitution(e)
+        assert (live.scene.restitution, live.scene.restitution_speed) == (e, least)
+        live.advance(20)
+        plain.change(restitution=e, restitution_speed=least)
+        plain.advance(20)
+    assert np.array_equal(live.snapshot().position, plain.position)

@@ -112,8 +112,13 @@ def report(arguments: Namespace) -> bool:
             import_module(library)
     scenes = [Scene.load(name) for name in arguments.scenes or shipped_scenes()]
     if not arguments.scenes:
-        # with friction there is no one exact solution, and with driven walls none that is computed
-        scenes = [scene for scene in scenes if not (scene.has_friction or scene.has_driven_walls)]
+        # with friction there is no one exact solution, and with driven walls none that is computed;
+        # trajectories of grains that bounce part
+        scenes = [
+            scene
+            for scene in scenes
+            if not (scene.has_friction or scene.has_driven_walls or scene.has_restitution)
+        ]
     scenes = [scene.replace(on_unconverged="report") for scene in scenes]
     with stdout_to_stderr():
         start_warp()

@@ -130,6 +130,12 @@ class Live:
             spin_drag=first.spin_drag if rotates else 0.0,
         )
 
+    def set_restitution(self, restitution: float) -> None:
+        """Go on with another restitution; where no contact bounces, without a `restitution_speed`."""
+        first = self._first
+        bounces = restitution or first.wall_restitution or any(wall.restitution for wall in first.walls)
+        self.change(restitution=restitution, restitution_speed=first.restitution_speed if bounces else 0.0)
+
     def set_style(self, color_by: str, forces: bool) -> None:
         self.painter = Painter(self._simulation.scene, color_by, forces)
 

@@ -25,7 +25,7 @@ def value_of(slider: viser.GuiInputHandle[Any]) -> float:
 
 
 def add_physics(gui: viser.GuiApi, player: Live, on: OnChange) -> None:
-    """Add sliders of drag, gravity, tolerance and friction, which start at the scene's values."""
+    """Add sliders of the physics, which start at the values of the scene."""
     scene, rate = player.scene, player.scene.gravity_rate
     size, angle = float(np.hypot(*scene.gravity)), float(np.degrees(np.arctan2(*scene.gravity[::-1])))
     most_drag = 0.9 * float(scene.mass.min()) / scene.dt
@@ -39,6 +39,8 @@ def add_physics(gui: viser.GuiApi, player: Live, on: OnChange) -> None:
     exponent = float(np.log10(scene.tolerance)) if scene.tolerance > 0.0 else -12.0
     tolerance = gui.add_slider("log10 of tolerance [m/s]", min(-12.0, exponent), 0.0, 0.1, exponent)
     tolerance.on_update(on(lambda: player.change(tolerance=10.0 ** value_of(tolerance))))
+    restitution = gui.add_slider("restitution", 0.0, 1.0, 0.01, scene.restitution)
+    restitution.on_update(on(lambda: player.set_restitution(value_of(restitution))))
     _add_friction(gui, player, on)
 
 
