@@ -37,9 +37,13 @@ DECIDING = {
     "momentum": ("momentum", "accelerated_stages", "working_set"),
     "stopping": ("momentum", "accelerated_stages", "working_set", "monitoring", "missing_contacts"),
     "coloring": ("coloring",),
-    "contacts": ("accelerated_stages",),
+    "contacts": ("accelerated_stages", "driven_walls", "same_bits"),
+    "residual": ("accelerated_stages", "accelerated", "driven_walls", "friction"),
+    "attempt": ("accelerated_stages", "missing_contacts", "driven_walls", "second_order", "exact"),
+    "path": ("exact_friction",),
+    "block_lu": ("exact_friction",),
 }
-"""Test files of tests/kernels that decide on the mutants of a file, the fastest first."""
+"""Test files of tests/kernels, or tests/stability, that decide on the mutants of a file, the fastest first."""
 NONE, LATE, UNBUILT = "none", "time limit", "cannot be built"
 BUILD_ERRORS = re.compile(r"WarpCodegen\w*Error|kernel build failed|SyntaxError|IndentationError")
 
@@ -115,9 +119,14 @@ def first_failure(printed: str) -> str:
     return failed[1] if failed else f"no test: {printed[-200:]!r}"
 
 
+def test_file(name: str) -> str:
+    folder = "stability" if name.startswith("exact") else "kernels"
+    return f"tests/{folder}/test_{name}.py"
+
+
 def rows(files: list[str], tests: list[str], jobs: int, most: int) -> Iterator[dict[str, object]]:
     """Run the package as it is, which warms the cache, and then the mutants of some files, as they end."""
-    deciding = {file: tests or [f"tests/kernels/test_{name}.py" for name in DECIDING[file]] for file in files}
+    deciding = {file: tests or [test_file(name) for name in DECIDING[file]] for file in files}
     chosen = [mutant for file in files for mutant in [one for one in mutants() if one.file == file][:most]]
     with TemporaryDirectory() as name, ThreadPool(jobs) as pool:
         warm = Path(name)
