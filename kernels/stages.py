@@ -27,6 +27,17 @@ class Serial:
 
     stage: wp.Function
 
+    def fused(self) -> wp.Function:
+        stage = self.stage
+
+        @wp.func(inline=False)
+        def serial(team: Team, s: Scene):
+            if team.rank == 0:
+                stage(s)
+            barrier(team)
+
+        return serial
+
 
 @dataclass(frozen=True)
 class Each:
@@ -44,12 +55,41 @@ class Each:
     stage: wp.Function
     atomic: bool = False
 
+    def fused(self) -> wp.Function:
+        count, stage, atomic = self.count, self.stage, self.atomic
+
+        @wp.func(inline=False)
+        def each(team: Team, s: Scene):
+            begin = int(0)
+            end = count(s)
+            if wp.static(not atomic) or is_on_gpu(team):
+                begin, end = thread_range(team, 0, end)
+            elif team.rank > 0:
+                end = 0
+            k = int(begin)
+            while k < end:
+                stage(s, k)
+                k += 1
+            barrier(team)
+
+        return each
+
 
 @dataclass(frozen=True)
 class Shared:
     """A stage `(team, scene)` that divides its work among the threads itself."""
 
     stage: wp.Function
+
+    def fused(self) -> wp.Function:
+        stage = self.stage
+
+        @wp.func(inline=False)
+        def shared(team: Team, s: Scene):
+            stage(team, s)
+            barrier(team)
+
+        return shared
 
 
 @dataclass(frozen=True)
@@ -62,6 +102,19 @@ class Sets:
 
     stage: wp.Function
 
+    def fused(self) -> wp.Function:
+        stage = self.stage
+
+        @wp.func(inline=False)
+        def sets(team: Team, s: Scene):
+            k = int(0)
+            while k < set_count(s):
+                stage(team, s, k)
+                barrier(team)
+                k += 1
+
+        return sets
+
 
 @dataclass(frozen=True)
 class If:
@@ -69,6 +122,18 @@ class If:
 
     condition: wp.Function
     stages: Sequence["Stage"]
+
+    def fused(self) -> wp.Function:
+        condition, body = self.condition, fuse(self.stages)
+
+        @wp.func
+        def run_if(team: Team, s: Scene):
+            holds = condition(s)
+            barrier(team)  # before a stage of the body changes what others have still to read
+            if holds:
+                body(team, s)
+
+        return run_if
 
 
 @dataclass(frozen=True)
@@ -78,30 +143,27 @@ class While:
     condition: wp.Function
     stages: Sequence["Stage"]
 
+    def fused(self) -> wp.Function:
+        condition, body = self.condition, fuse(self.stages)
+
+        @wp.func
+        def run_while(team: Team, s: Scene):
+            holds = condition(s)
+            barrier(team)
+            while holds:
+                body(team, s)
+                holds = condition(s)
+                barrier(team)
+
+        return run_while
+
 
 Stage = Serial | Each | Shared | Sets | If | While
 
 
 def fuse(stages: Sequence[Stage]) -> wp.Function:
     """Return the function that runs stages in turn, with a barrier after each."""
-    return _in_turn([_fused(stage) for stage in stages])
-
-
-def _fused(stage: Stage) -> wp.Function:
-    """Return the function that runs one stage, loop or condition, and ends with a barrier."""
-    match stage:
-        case Serial(run):
-            return _serial(run)
-        case Each(count, run, atomic):
-            return _each(count, run, atomic)
-        case Shared(run):
-            return _shared(run)
-        case Sets(run):
-            return _sets(run)
-        case If(condition, stages):
-            return _if(condition, fuse(stages))
-        case While(condition, stages):
-            return _while(condition, fuse(stages))
+    return _in_turn([stage.fused() for stage in stages])
 
 
 def _in_turn(runs: list[wp.Function]) -> wp.Function:
@@ -116,76 +178,3 @@ def _in_turn(runs: list[wp.Function]) -> wp.Function:
         others(team, s)
 
     return in_turn
-
-
-def _serial(stage: wp.Function) -> wp.Function:
-    @wp.func(inline=False)
-    def serial(team: Team, s: Scene):
-        if team.rank == 0:
-            stage(s)
-        barrier(team)
-
-    return serial
-
-
-def _each(count: wp.Function, stage: wp.Function, atomic: bool) -> wp.Function:
-    @wp.func(inline=False)
-    def each(team: Team, s: Scene):
-        begin = int(0)
-        end = count(s)
-        if wp.static(not atomic) or is_on_gpu(team):
-            begin, end = thread_range(team, 0, end)
-        elif team.rank > 0:
-            end = 0
-        k = int(begin)
-        while k < end:
-            stage(s, k)
-            k += 1
-        barrier(team)
-
-    return each
-
-
-def _shared(stage: wp.Function) -> wp.Function:
-    @wp.func(inline=False)
-    def shared(team: Team, s: Scene):
-        stage(team, s)
-        barrier(team)
-
-    return shared
-
-
-def _sets(stage: wp.Function) -> wp.Function:
-    @wp.func(inline=False)
-    def sets(team: Team, s: Scene):
-        k = int(0)
-        while k < set_count(s):
-            stage(team, s, k)
-            barrier(team)
-            k += 1
-
-    return sets
-
-
-def _if(condition: wp.Function, body: wp.Function) -> wp.Function:
-    @wp.func
-    def run_if(team: Team, s: Scene):
-        holds = condition(s)
-        barrier(team)  # before a stage of the body changes what others have still to read
-        if holds:
-            body(team, s)
-
-    return run_if
-
-
-def _while(condition: wp.Function, body: wp.Function) -> wp.Function:
-    @wp.func
-    def run_while(team: Team, s: Scene):
-        holds = condition(s)
-        barrier(team)
-        while holds:
-            body(team, s)
-            holds = condition(s)
-            barrier(team)
-
-    return run_while

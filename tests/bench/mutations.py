@@ -43,7 +43,7 @@ DECIDING = {
     "path": ("exact_friction",),
     "block_lu": ("exact_friction",),
 }
-"""Test files of tests/kernels, or tests/stability, that decide on the mutants of a file, the fastest first."""
+"""Test files (`test_file`) that decide on the mutants of a file, the fastest first."""
 NONE, LATE, UNBUILT = "none", "time limit", "cannot be built"
 BUILD_ERRORS = re.compile(r"WarpCodegen\w*Error|kernel build failed|SyntaxError|IndentationError")
 
