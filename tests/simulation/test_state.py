@@ -11,7 +11,6 @@ import pytest
 from same_bits import contents
 
 from warpgrains import Disc, Recording, Scene, Simulation, SimulationError, State, analysis
-from warpgrains.scene.geometry import pair_normals
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import VERLET_NUMBERS
 
@@ -191,7 +190,7 @@ def test_the_first_list_of_a_state_without_one_is_made_after_the_warm_start(scen
     assert fresh.step().rebuilds == 1
     (i, j), (grain, _), dv = state.corrections.pair.T, state.corrections.wall.T, state.corrections
     expected = free_velocity(scene, state.velocity, state.staggered)
-    impulse = dv.pair_correction[:, np.newaxis] * pair_normals(state.position, i, j)
+    impulse = dv.pair_correction[:, np.newaxis] * scene.pair_frames(state.position, dv.pair)[0]
     mass = scene.contact_mass
     share = (mass[j] / (mass[i] + mass[j]))[:, np.newaxis]
     np.subtract.at(expected, i, share * impulse)
