@@ -268,6 +268,7 @@ SECTIONS: Sections = {
     "hopper": hopper,
     "collapse": collapse,
     "box": partial(shipped, "box", 1.0, 1.75, 2.5),
+    "shear": partial(shipped, "shear", 1.0, 2.0, 4.0),
     "jamming": jamming,
     "jam": jam,
     "batch": batch,
