@@ -11,12 +11,15 @@ from scipy.special import j0
 from warpgrains import Box, Disc, Segment, analysis
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
+from warpgrains.scene.region import Region
 
 
 @pytest.fixture(scope="module")
 def mixture():
     """Grains of many radii anywhere between the walls."""
-    return moment_of(*random(Annulus(0.3, 1.0), count=900, radius=[0.005, 0.02], seed=2), radius_in=0.3)
+    return moment_of(
+        *random(Region(Annulus(0.3, 1.0)), count=900, radius=[0.005, 0.02], seed=2), radius_in=0.3
+    )
 
 
 BOX = [(-0.3, 0.4), (-0.3, -0.4), (0.3, -0.4), (0.3, 0.5)]
@@ -126,7 +129,7 @@ def test_classes_of_radii(mixture):
 
 @pytest.fixture(scope="module")
 def dense():
-    return moment_of(*random(Annulus(0.0, 1.0), count=160, radius=0.04, seed=2))
+    return moment_of(*random(Region(Annulus(0.0, 1.0)), count=160, radius=0.04, seed=2))
 
 
 def test_structure_factor_is_the_sum_over_pairs(dense):
