@@ -117,10 +117,8 @@ def wall_mesh(band: Band) -> Shape:
 
 def drawn_walls(scene: Scene) -> dict[str, Band]:
     """Return the drawn walls by name; they lie outside the space of the grains."""
-    thickness, circles = (
-        _THICKNESS * scene.extent.half,
-        () if scene.domain else enumerate(scene.annulus.borders),
-    )
+    thickness = _THICKNESS * scene.extent.half
+    circles = () if scene.domain else enumerate(scene.annulus.borders)
     drawn = {number: ring(border, thickness) for number, border in circles if border.radius > 0.0}
     drawn |= {number: _drawn(scene, wall, None, thickness) for number, wall in scene.numbered_walls.items()}
     return _by_name(scene, drawn)
@@ -136,13 +134,13 @@ def moved_walls(scene: Scene, now: Scene, time: float) -> dict[str, Band]:
 
 def _drawn(scene: Scene, wall: Wall, time: float | None, thickness: float) -> Band:
     """Return a wall as drawn at a time [s] or, for None, as given; and in a periodic box its images."""
+    when, (x, y, reach) = scene.time if time is None else time, wall.circle
     if isinstance(wall, Row):
-        return wall.drawn_about(scene.domain.middle if scene.domain else wall.point, time or scene.time)
+        return wall.drawn_about(scene.domain.middle if scene.domain else wall.point, when)
     band = wall.drawn(thickness) if time is None else wall.drawn_at(time, thickness)
-    x, y, reach = wall.circle
     if not scene.period.any() or reach == np.inf:
         return band
-    center = wall.motion.pose(scene.time if time is None else time).place(np.array([[x, y]]))
+    center = wall.motion.pose(when).place(np.array([[x, y]]))
     ways = scene.space.images(center, np.array([reach]))[0] - center
     most = 2 ** int(np.count_nonzero(scene.period))  # a mesh has the same number of points at all times
     return band.copied(np.concatenate([ways, np.tile(ways[:1], (most - len(ways), 1))]))

@@ -6,6 +6,9 @@
 
 #include "grains.h"
 
+/* Numbers of what drives a wall: 1 / mass, force, pressure, direction, and the wall whose speed and coordinate it has. */
+enum { DRIVE = 6 };
+
 static int hasFriction(const femGrains *g) {
     return g->rough;
 }
@@ -167,9 +170,6 @@ static double sagittaRate(const femGrains *g, int i, double nx, double ny, doubl
     double along = nx * vy - ny * vx;
     return reach - sqrt(fmax(0.0, reach * reach - along * along));
 }
-
-/* Numbers of what drives a wall: 1 / mass, force, pressure, direction, and the wall whose speed and coordinate it has. */
-enum { DRIVE = 6 };
 
 /* The contact of grain i with wall k where a force drives a wall (eqs. 28, 29); 0 is the annulus. Its surface moves at a
  * speed along the tangent, and away along the normal. Returns the change. */

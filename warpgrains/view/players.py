@@ -161,8 +161,9 @@ class Live:
         rows["kinetic energy"] = f"{self._energy():.4g} J"
         rows["drag"] = f"{self.scene.drag:.4g} kg/s"
         rows["friction"] = f"{self.scene.friction:.4g}"
-        walls = (self.scene.angular_velocity_out, self.scene.angular_velocity_in)
-        rows["rotation of the walls"] = f"{walls[0]:.4g}, {walls[1]:.4g} rad/s"
+        if self.scene.domain is None:
+            walls = (self.scene.angular_velocity_out, self.scene.angular_velocity_in)
+            rows["rotation of the walls"] = f"{walls[0]:.4g}, {walls[1]:.4g} rad/s"
         return rows | ({"error": self.error} if self.error else {})
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
