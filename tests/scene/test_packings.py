@@ -77,6 +77,14 @@ def test_a_packing_fraction_is_met_without_overlaps(fraction, radius):
     assert np.array_equal(random(SPACE, radius=radius, packing_fraction=fraction, seed=2)[0], placement[0])
 
 
+def test_large_discs_that_get_in_each_others_way_are_placed_again():
+    """Some seeds leave the second no room until all are smaller."""
+    for seed in range(12):
+        position, radius = random(Region(Annulus(0.0, 1.0)), radius=[0.49, 0.49, 0.02], seed=seed)
+        scene = Scene(position=position, radius=radius, mass=1.0, radius_out=1.0)
+        assert scene.count_overlaps() == (0, 0, 0.0)
+
+
 @pytest.mark.parametrize(
     "region",
     [
