@@ -1,6 +1,7 @@
 """Steps with friction that are hard: those with several solutions, and those that do not converge."""
 
 from dataclasses import replace
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ SWEEPS = 500  # that a step may take before it counts as short
 SHARE = 0.02  # of the speed that gravity gives in a step: the bound of its residual
 BUDGETS = (50, 100, 200, 500, 1000, 2000, 5000, 10_000)  # sweeps after which the residual is drawn
 KEPT = 8  # short steps that are solved again
+TOLERANCES = 10.0 ** -np.arange(3.0, 10.0)  # m/s, of the exact method
 
 
 def falling(friction: float, seed: int) -> wg.Scene:
@@ -131,4 +133,34 @@ def hard_steps() -> Section:
         for sweeps, value in zip(BUDGETS, median, strict=True):
             numbers[f"{method}, {sweeps} sweeps: median residual [m/s]"] = float(value)
     both[0].set_ylabel("residual [m/s]")
+    return figure, numbers
+
+
+def timed(scene: wg.Scene, state: State, **changes: Any) -> tuple[float, float]:
+    """Return the processor time of a step [ms], the least of three, and its residual [m/s]."""
+    simulation, residual, taken = wg.Simulation(scene.replace(**changes), threads=1), np.nan, []
+    for _ in range(3):
+        simulation.restore(state)
+        begun = process_time()
+        residual = simulation.step().residual
+        taken.append(1e3 * (process_time() - begun))
+    return min(taken), residual
+
+
+def exact_step() -> Section:
+    """Draw the residual of a short step of the drum over the time that each method takes."""
+    scene, (figure, axes), numbers = limited("rotating_drum"), panels(), {}
+    state = short_steps(scene, SCENES["rotating_drum"])[1][0]
+    ways: dict[str, list[dict[str, Any]]] = {
+        method: [{"tolerance": 0.0, "max_iterations": sweeps} for sweeps in BUDGETS]
+        for method in ("gauss-seidel", "accelerated")
+    }
+    ways["exact"] = [{"tolerance": tolerance, "exact_time": 1e3} for tolerance in TOLERANCES]
+    for method, changes in ways.items():
+        found = [timed(scene, state, method=method, **one) for one in changes]
+        axes.loglog(*np.transpose(found), "o-", label=method)
+        for taken, residual in found:
+            numbers[f"{method}, {taken:.3g} ms: residual [m/s]"] = residual
+    axes.set(xlabel="processor time of the step [ms]", ylabel="residual [m/s]")
+    axes.legend()
     return figure, numbers

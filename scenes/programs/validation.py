@@ -166,6 +166,7 @@ SECTIONS: Sections = {
     "couette": couette,
     "solutions": steps.solutions,
     "hard_steps": steps.hard_steps,
+    "exact_step": steps.exact_step,
     "slope": slopes.slope,
     "hopper": silos.hopper,
     "collapse": collapse.collapse,

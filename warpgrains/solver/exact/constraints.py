@@ -78,13 +78,19 @@ class StepConstraints:
     def _rebound(self, velocity: FloatArray) -> FloatArray:
         """Return by how much restitution reduces gap / dt, for velocities before the step [m/s] (eq. 35)."""
         scene, pairs = self.scene, len(self.second)
-        relative, surface = velocity[self.first], np.zeros(len(self.first))
-        relative[:pairs] -= velocity[self.second]
+        surface = np.zeros(len(self.first))
         surface[pairs:] = scene.wall_speeds(self.position, self.wall, self.time)[:, 0]
-        vn, rate = (relative * self.normal).sum(axis=1), self.sliding(scene.dt * velocity).gap_rate
+        vn, rate = self.normal_speed(velocity), self.sliding(scene.dt * velocity).gap_rate
         e = np.append(np.full(pairs, scene.restitution), np.array(scene.wall_restitutions)[self.wall[:, 1]])
         bounces = (e > 0.0) & (vn > rate) & (vn - surface > scene.restitution_speed)
         return np.where(bounces, np.maximum(0.0, rate - (surface - e * (vn - surface))), 0.0)
+
+    def normal_speed(self, velocity: FloatArray) -> FloatArray:
+        """Return J v for velocities [m/s], shape (n, 2)."""
+        relative = velocity[self.first]
+        relative[: len(self.second)] -= velocity[self.second]
+        found: FloatArray = (relative * self.normal).sum(axis=1)
+        return found
 
     def sliding(self, move: FloatArray) -> Self:
         """Return the constraints with round-wall gaps for displacements [m], shape (n, 2) (eq. 18)."""

@@ -13,7 +13,7 @@ import numpy as np
 import qdldl
 from scipy import sparse
 
-from warpgrains.arrays import FloatArray, Indices
+from warpgrains.arrays import BoolArray, FloatArray, Indices
 from warpgrains.host_kernels import Array, launch, shared
 from warpgrains.kernels import path as kernels
 from warpgrains.kernels.block_lu import Factors
@@ -31,7 +31,8 @@ DRIFTING = 1e-8  # compliance of a pass after one at the finest that left more t
 STALLED = 0.5  # of the residual: corrections drift that nearly balance, r / eps a pass
 WORSE = 10.0  # residual after a pass that is kept, in residuals before it
 PASSES = 200  # of an attempt
-EXACT_TIME = 20.0  # default of `Scene.exact_time`
+NEAR = 0.1  # clearance of contacts that are not left out, in mean corrections of those that carry
+EXACT_TIME = 10.0  # default of `Scene.exact_time`
 
 
 class Attempt(NamedTuple):
@@ -70,6 +71,10 @@ class Contacts(NamedTuple):
         own = constraints.normal, constraints.gap_rate, constraints.circle, constraints.friction
         return cls(constraints.first, second, *own, constraints.surface_speed)
 
+    def only(self, chosen: BoolArray) -> Contacts:
+        """Return some of the contacts, mask of shape (m,)."""
+        return Contacts(**{name: values[chosen] for name, values in self._asdict().items()})
+
 
 class Answer(NamedTuple):
     """Corrections, and what they took."""
@@ -84,33 +89,36 @@ class Answer(NamedTuple):
 
 
 class FrictionStep:
-    """Steps with friction in memory, for m contacts whose grains remain the same.
+    """A step with friction in memory, for m contacts of n grains.
 
     Grains are eliminated in an order that keeps the factors sparse; the kernels number them in it.
 
     Parameters
     ----------
-    first, second : ndarray
-        Grains of the contacts, shape (m,); the second is -1 at walls.
+    contacts : Contacts
     inertia : ndarray
         M, M and J / 2 of every grain [kg], shape (n, 3).
+    free : ndarray
+        Free velocities and rim speeds [m/s], shape (n, 3).
     """
 
-    def __init__(self, first: Indices, second: Indices, inertia: FloatArray):
+    def __init__(self, contacts: Contacts, inertia: FloatArray, free: FloatArray):
+        first, second = contacts.first, contacts.second
         n, m, updates, is_pair = len(inertia), len(first), int(kernels.UPDATES), second >= 0
-        self._ends = first, second
         i, j = first, np.where(is_pair, second, first)
-        edge = sparse.coo_array((np.full(m, 0.1 / m), (np.minimum(i, j), np.maximum(i, j))), shape=(n, n))
-        matrix = sparse.csc_matrix(edge + sparse.eye_array(n))  # positive definite: only its pattern matters
+        every = np.arange(n)
+        edges = np.append(np.minimum(i, j), every), np.append(np.maximum(i, j), every)
+        # Positive definite: only its pattern matters.
+        matrix = sparse.csc_matrix((np.repeat([0.1 / max(1, m), 1.0], [m, n]), edges), shape=(n, n))
         lower, _, self._grain = qdldl.Solver(matrix, upper=True).factors()
         length = np.diff(lower.indptr).astype(np.int64)
         blocks = len(lower.indices)
         self._beginning = int((length * (length + 1)).sum()) + 3 * (blocks + n)  # work of a factorization
         self._pivoting = self._beginning // updates + 3 * (blocks + n) // 2
         column = np.empty(n, np.int32)
-        column[self._grain] = np.arange(n)
-        ends = np.sort(np.stack([column[i], column[j]]).astype(np.int64), axis=0)
-        block = np.searchsorted(np.repeat(np.arange(n), length) * n + lower.indices, ends[0] * n + ends[1])
+        column[self._grain] = every
+        low, high = np.minimum(column[i], column[j]), np.maximum(column[i], column[j])
+        block = np.searchsorted(np.repeat(every, length) * n + lower.indices, low * np.int64(n) + high)
         mass, k = inertia[:, 0], inertia[:, 0] / inertia[:, 2]
         share_i = np.where(is_pair, mass[j] / (mass[i] + mass[j]), 1.0)
         k_t = 1.0 + share_i * k[i] + np.where(is_pair, (1.0 - share_i) * k[j], 0.0)
@@ -118,11 +126,12 @@ class FrictionStep:
         owned = np.append(np.arange(m), np.flatnonzero(is_pair))
         empty, numbers = np.empty, np.int32
         self._host: dict[str, Array] = {
+            **contacts._asdict(),
             "first": column[i],
             "second": np.where(is_pair, column[j], -1).astype(numbers),
-            **{name: empty(m) for name in ("gap_rate", "circle", "friction", "surface", "dv", "dvt", "gap")},
-            **{name: empty((m, 2)) for name in ("normal", "error", "opening", "excess", "rate")},
-            **{name: empty((n, 3)) for name in ("free", "velocity", "saved", "way", "change")},
+            **{name: empty(m) for name in ("dv", "dvt", "gap")},
+            **{name: empty((m, 2)) for name in ("error", "opening", "excess", "rate")},
+            **{name: empty((n, 3)) for name in ("velocity", "saved", "way", "change")},
             **{name: empty((n, 3, 3)) for name in ("diagonal", "inverse")},
             **{name: empty((blocks, 3, 3)) for name in ("lower", "upper")},
             **{name: empty(n, numbers) for name in ("near", "found", "used_end")},
@@ -132,6 +141,7 @@ class FrictionStep:
             "contact_start": np.append(0, np.cumsum(np.bincount(owner, minlength=n))).astype(numbers),
             "contact": owned[np.argsort(owner, kind="stable")].astype(numbers),
             "inertia": inertia[self._grain],
+            "free": free[self._grain],
             "piece": empty(m, numbers),
             "updates": empty((updates * n, 3)),
             "updated": empty(updates, numbers),
@@ -152,22 +162,18 @@ class FrictionStep:
             setattr(record, name, shared(self._host[name], kernels.TYPES.get(self._host[name].shape[1:])))
         return record
 
-    def fits(self, first: Indices, second: Indices) -> bool:
-        """Return True if these are the grains of the contacts."""
-        return np.array_equal(first, self._ends[0]) and np.array_equal(second, self._ends[1])
-
-    def take(self, contacts: Contacts, free: FloatArray) -> None:
-        """Take a step: its contacts, and the free velocities and rim speeds [m/s], shape (n, 3)."""
-        for name, values in contacts._asdict().items():
-            if name not in ("first", "second"):
-                self._host[name][:] = values
-        self._host["free"][:] = free[self._grain]
-
     def residual(self, dv: FloatArray, dvt: FloatArray) -> float:
         """Return the residual of corrections [m/s] (MODEL.md, eq. 25)."""
         self._host["dv"][:], self._host["dvt"][:] = dv, dvt
         launch(kernels.measure, self._records[:2])
         return self._host["residual"].item()
+
+    def velocity(self, answer: Answer) -> FloatArray:
+        """Return the velocities of an answer [m/s], shape (n, 2)."""
+        self.residual(answer.dv, answer.dvt)
+        found = np.empty((len(self._grain), 2))
+        found[self._grain] = self._host["velocity"][:, :2]
+        return found
 
     def solve(
         self,
@@ -216,34 +222,27 @@ class PathSolver:
 
     def __init__(self, records: SceneRecords, k: int):
         self._records, self._k = records, k
-        self._step: FrictionStep | None = None
         self._best: Answer | None = None
+        self._grains: Indices = np.empty((2, 0), int)  # of the contacts of the best answer
         self._attempts = self._work = 0  # in the present step
 
     def solve(self) -> None:
         """Replace the corrections of the step if better ones are found, and let the kernels continue."""
         scene, record = self._records.scenes[self._k], self._records.host[self._k]
         listed, state = ListedContacts(self._records, self._k), record["step"]
-        contacts = Contacts.of(listed.constraints)
-        step = self._step
-        if step is None or not step.fits(contacts.first, contacts.second):
-            inertia = np.column_stack([scene.contact_mass, scene.contact_mass, 0.5 * scene.rim_mass])
-            step = self._step = FrictionStep(contacts.first, contacts.second, inertia)
-            self._best = None
+        contacts, tolerance = Contacts.of(listed.constraints), ASKED * scene.tolerance
         if state["factorizations"] == 0:
-            self._attempts, self._work, self._best = 0, 0, None
-        names = ("grains.free_velocity", "grains.free_rim")
-        step.take(contacts, np.column_stack([self._records.array(self._k, name) for name in names]))
-        dv, dvt, tolerance = listed.read("dv"), listed.read("dvt"), ASKED * scene.tolerance
-        exact_time = EXACT_TIME if scene.exact_time is None else scene.exact_time
-        left = exact_time * scene.max_iterations * len(dv) - self._work
-        answer = step.solve(dv, dvt, tolerance, left, ATTEMPTS[self._attempts % len(ATTEMPTS)])
+            self._attempts = self._work = 0
+        grains = np.stack([contacts.first, contacts.second])
+        if self._attempts == 0 or not np.array_equal(grains, self._grains):
+            self._grains, self._best = grains, None
+        sweeps, answer = self._attempt(listed, contacts, tolerance)
         best = self._best = min(filter(None, (self._best, answer)), key=lambda one: one.residual)
         self._attempts += 1
         self._work += answer.work
         state["factorizations"] += answer.factorizations
         is_last, is_solved = state["iterations"] >= scene.max_iterations, best.residual <= tolerance
-        is_better = is_solved or (is_last and best.residual < step.residual(dv, dvt))
+        is_better = is_solved or (is_last and best.residual < sweeps)
         if is_better:
             listed.write("dv", best.dv)
             listed.write("dvt", best.dvt)
@@ -252,3 +251,35 @@ class PathSolver:
         elif self._attempts >= len(ATTEMPTS) or answer.factorizations == 0:
             state["asking"] = Asking.AT_LAST
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
+
+    def _attempt(self, listed: ListedContacts, contacts: Contacts, tolerance: float) -> tuple[float, Answer]:
+        """Return the residual of the sweeps [m/s] and an answer.
+
+        Contacts far from closing are left out at first, and taken in where an answer closes them.
+        """
+        scene, constraints = self._records.scenes[self._k], listed.constraints
+        inertia = np.column_stack([scene.contact_mass, scene.contact_mass, 0.5 * scene.rim_mass])
+        names = ("free_velocity", "free_rim", "next_velocity")
+        *free, velocity = (self._records.array(self._k, f"grains.{name}") for name in names)
+        dv = np.maximum(0.0, listed.read("dv"))
+        dvt = np.where(dv > 0.0, listed.read("dvt"), 0.0)
+        near, reach = dv > 0.0, NEAR * dv.sum() / max(1, np.count_nonzero(dv))
+        closing = constraints.normal_speed(velocity) - constraints.gap_rate
+        exact_time = EXACT_TIME if scene.exact_time is None else scene.exact_time
+        left = exact_time * scene.max_iterations * len(dv) - self._work
+        attempt = ATTEMPTS[self._attempts % len(ATTEMPTS)]
+        sweeps, work, factorizations = np.nan, 0, 0
+        while True:
+            near = near | (closing > -reach)
+            step = FrictionStep(contacts.only(near), inertia, np.column_stack(free))
+            if work == 0:
+                sweeps = step.residual(dv[near], dvt[near])
+            answer = step.solve(dv[near], dvt[near], tolerance, left - work, attempt)
+            dv[near], dvt[near] = answer.dv, answer.dvt
+            work, factorizations = work + answer.work, factorizations + answer.factorizations
+            velocity = step.velocity(answer)
+            sliding = constraints.sliding(scene.dt * velocity)
+            closing = sliding.normal_speed(velocity) - sliding.gap_rate
+            residual = max(answer.residual, closing[~near].max(initial=0.0))
+            if residual <= tolerance or answer.residual > tolerance:
+                return sweeps, Answer(dv, dvt, residual, factorizations, work)
