@@ -14,6 +14,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.kernels import skins, verlet
 from warpgrains.kernels.record import grain_count
 from warpgrains.kernels.stages import Each
+from warpgrains.scene.fields import METHODS
 
 EPS = np.finfo(float).eps
 FREE: dict[str, Any] = {"radius_out": 9.0, "gravity": (0.0, 0.0), "dt": 1e-3, "tolerance": 0.0}
@@ -173,11 +174,14 @@ def test_energy_may_grow_with_friction(e: float, grows: bool) -> None:
     assert abs(gained + balance.contact_loss) <= 100.0 * EPS * (before + abs(gained))
 
 
-@pytest.mark.parametrize("changes", [{}, {"friction": 0.4}, {"wall": "round", "scheme": "leapfrog"}])
+EXACT: dict[str, Any] = {"method": "exact", "max_iterations": 3, "tolerance": 1e-10}  # the host is asked
+
+
+@pytest.mark.parametrize("changes", [{}, EXACT, {"friction": 0.4}, {"wall": "round", "scheme": "leapfrog"}])
 def test_steps_are_solved_exactly(changes: dict[str, Any]) -> None:
     """The independent solver of `certify` finds the gap rates by itself."""
     scene = crowd(restitution=0.8, wall_restitution=0.5, restitution_speed=0.1, **changes)
-    simulation = Simulation(scene.replace(tolerance=1e-12, max_iterations=100_000))
+    simulation = Simulation(scene.replace(**{"tolerance": 1e-12, "max_iterations": 100_000} | changes))
     for _ in range(20):
         assert simulation.step().converged
         bound = certify(simulation)
@@ -205,6 +209,21 @@ def test_grains_without_room_to_bounce_are_named() -> None:
     assert not simulation.step().converged
     assert simulation.infeasible_grains() == (0,)
     assert Simulation(scene, restitution=0.1).step().converged
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("start", [[-0.1, 0.1], [0.85]], ids=["pair", "wall"])
+def test_contacts_are_listed_that_only_the_velocity_before_the_step_closes(
+    start: list[float], method: str
+) -> None:
+    """Drag takes 97 % of 12 m/s in a step, so that no gap of 0.1 m would close, and yet grains bounce."""
+    position = np.stack([start, np.zeros(len(start))], axis=1)
+    fields: dict[str, Any] = FREE | {"dt": 0.01, "radius_out": 1.0, "tolerance": 1e-9, "method": method}
+    velocity = -12.0 * np.sign(position) if len(start) > 1 else [(12.0, 0.0)]
+    scene = Scene(position=position, velocity=velocity, radius=0.05, mass=1.0, drag=97.0, **fields)
+    simulation = Simulation(scene, restitution=0.5)
+    simulation.step()
+    assert simulation.velocity[:, 0] == pytest.approx(-6.0 * np.sign(scene.velocity[:, 0]), abs=1e-8)
 
 
 @pytest.mark.parametrize("grain", [0, 1])
