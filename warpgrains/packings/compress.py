@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from math import prod
-from operator import add
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +81,7 @@ class Packing(Shown):
 
     def summary(self) -> dict[str, str]:
         """Return the lines that describe the packing, by name."""
-        load = _load(self.simulation)
+        _, force, length = _load(self.simulation)
         size = {"outer radius": f"{self.radius:.6g} m"}
         if self.lengths is not None:
             size = {"box": f"{self.lengths[0]:.6g} m by {self.lengths[1]:.6g} m"}
@@ -93,7 +92,7 @@ class Packing(Shown):
             **size,
             "packing fraction": f"{self.fraction:.4f}{bulk}",
             "contacts": f"{self.contacts:.3f} a grain, without {self.rattlers} rattlers",
-            "pressure": f"{self.pressure:.6g} N/m of contacts, {load.given / load.length:g} N/m given",
+            "pressure": f"{self.pressure:.6g} N/m of contacts, {force / length:g} N/m given",
             "forces": f"mean {self.mean_force:.3e} N, largest {self.largest_force:.3e} N",
             "not converged": number_of(self.run.unconverged, "step"),
             "worst overlap": f"{self.run.overlap:.2e} m",
@@ -128,8 +127,8 @@ def compress(
     Raises
     ------
     InputError
-        There is no pressure, it is not positive, nothing holds it, the scene has segments or arcs, a wall in
-        a box moves as given, or another argument is invalid. The method "exact" is refused.
+        There is no pressure, it is not positive, nothing holds it, the scene has segments or arcs, or another
+        argument is invalid. The method "exact" is refused.
 
     Examples
     --------
@@ -138,9 +137,8 @@ def compress(
     (True, 1.0)
     """
     scene = as_scene("scene", scene)
-    inside = [wall for wall in scene.walls if scene.domain is None or wall.name not in SIDES]
-    thin = [wall for wall in inside if wall.border is None]
-    if thin:
+    sides = SIDES if scene.domain else ()
+    if thin := [wall for wall in scene.walls if wall.border is None and wall.name not in sides]:
         which = "a side" if scene.domain else "the outer wall"
         raise InputError(f"the scene has {thin[0].one()}: {which} would move through it")
     if scene.domain is not None:
@@ -160,67 +158,44 @@ def compress(
 
 def _under_pressure(scene: Scene, box: Box, pressure: float | None) -> Scene:
     """Return a scene in a box without gravity, with another pressure, if given, on sides that have one."""
-    if box.periodic == "xy":
-        raise InputError("the box is periodic in x and y: it has no side that could compress the grains")
-    sides = {name: {**(getattr(box, name) or {})} for name in box.sides}
-    pressed = {name: side for name, side in sides.items() if "pressure" in side}
+    pressed = {name: own for name in box.sides if (own := getattr(box, name)) and "pressure" in own}
     if not pressed:
         raise InputError(
-            "no side of the box has a pressure: give one, and a mass, such as domain.top.pressure"
-        )
-    if scene.has_moving_walls:
-        raise InputError(
-            "a wall moves as given: compress takes walls at rest, and those that a pressure drives"
+            "no side of the box has a pressure: give pressure and mass to one that is not periodic"
         )
     if pressure is not None:
-        changes: dict[str, Any] = {name: side | {"pressure": pressure} for name, side in pressed.items()}
+        changes: dict[str, Any] = {name: {**own, "pressure": pressure} for name, own in pressed.items()}
         box = replace(box, **changes)
     for name in pressed:
         checks.positive(f"pressure on {name}", getattr(box, name)["pressure"])
     return scene.replace(domain=box, gravity=(0.0, 0.0))
 
 
-class _Load(NamedTuple):
-    """What acts on the walls under pressure, in sum."""
-
-    force: float
-    """Of their contacts [N]."""
-    given: float
-    """Of their pressures [N]."""
-    length: float
-    """[m]."""
-    energy: float
-    """Kinetic energy [J]."""
-
-
-def _load(simulation: Simulation) -> _Load:
-    scene, contacts, driven = simulation.present_scene, simulation.wall_contacts(), simulation.driven
-    assert driven is not None
+def _load(simulation: Simulation) -> tuple[float, float, float]:
+    """Return the forces of contacts and pressures on the walls under pressure [N], and their length [m]."""
+    scene, contacts = simulation.present_scene, simulation.wall_contacts()
     if scene.pressure is not None:
-        force = float(contacts.force[contacts.wall[:, 1] == OUTER].sum())
         length = 2.0 * np.pi * scene.radius_out
-        energy = 0.5 * driven[OUTER, 1] ** 2 / scene.bodies.drives[OUTER].inverse_mass
-        return _Load(force, scene.pressure * length, length, energy)
-    found, normal = _Load(0.0, 0.0, 0.0, 0.0), contacts.normal
+        return float(contacts.force[contacts.wall[:, 1] == OUTER].sum()), scene.pressure * length, length
+    names, normal = np.array(scene.wall_names)[contacts.wall[:, 1]], contacts.normal
     push = contacts.force[:, np.newaxis] * normal + contacts.tangential_force[:, np.newaxis] * left_of(normal)
-    speeds = driven[len(driven) - len(scene.walls) :, 1].tolist()
-    for line, speed in zip(scene.walls, speeds, strict=True):
-        if isinstance(line, Line) and line.force is not None and line.mass is not None:
-            own = [number for number, wall in scene.numbered_walls.items() if wall.name == line.name]
-            force = float(-(push[np.isin(contacts.wall[:, 1], own)] @ line.normal).sum())
-            added = force, line.force, line.length, 0.5 * line.mass * speed**2
-            found = _Load(*map(add, found, added))
-    return found
+    lids = [wall for wall in scene.walls if isinstance(wall, Line) and wall.force is not None]
+    force = -sum(float((push[names == lid.name] @ lid.normal).sum()) for lid in lids)
+    return force, sum(lid.force or 0.0 for lid in lids), sum(lid.length for lid in lids)
 
 
 def _is_at_rest(simulation: Simulation) -> bool:
-    scene, load = simulation.scene, _load(simulation)
+    scene, (force, given, length) = simulation.scene, _load(simulation)
+    assert simulation.driven is not None
+    inverse_mass = np.array([drive.inverse_mass for drive in scene.bodies.drives])
+    is_driven, speed = inverse_mass > 0.0, simulation.driven[:, 1]
     # without rotation: a rattler without drag on its spin never stops turning
-    energy = load.energy + float(kinetic_energy(scene.mass, scene.radius, simulation.velocity, 0.0))
+    energy = float(kinetic_energy(scene.mass, scene.radius, simulation.velocity, 0.0))
+    energy += float((0.5 * speed[is_driven] ** 2 / inverse_mass[is_driven]).sum())
     least = 0.5 * float(scene.mass.sum()) * (TOLERANCES * scene.tolerance) ** 2
     area = prod(_lengths(simulation)) if scene.domain else np.pi * simulation.present_scene.radius_out**2
-    most = max(ENERGY * load.given / load.length * area, least)
-    return bool(abs(load.force / load.given - 1.0) <= BALANCE and energy <= most)
+    most = max(ENERGY * given / length * area, least)
+    return bool(abs(force / given - 1.0) <= BALANCE and energy <= most)
 
 
 def _lengths(simulation: Simulation) -> tuple[float, float]:
@@ -234,7 +209,7 @@ def _packing(simulation: Simulation, run: Summary) -> Packing:
     now = snapshot(simulation)
     force = now.force if len(now.force) else np.array([np.nan])
     contacts, loose = carrying_contacts(now)
-    load = _load(simulation)
+    pressing, _, length = _load(simulation)
     return Packing(
         simulation=simulation,
         at_rest=run.met,
@@ -244,7 +219,7 @@ def _packing(simulation: Simulation, run: Summary) -> Packing:
         bulk_fraction=_bulk_fraction(now),
         contacts=contacts,
         rattlers=loose,
-        pressure=load.force / load.length,
+        pressure=pressing / length,
         mean_force=float(force.mean()),
         largest_force=float(force.max()),
         run=run,

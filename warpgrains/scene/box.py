@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from math import hypot
@@ -21,9 +21,7 @@ Ends = tuple[float, float]
 PERIODIC = ("", "x", "y", "xy")
 SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1.0)}
 """The sides, and the component and sign of the direction from each to the grains."""
-_OF_LINES = ("velocity", "from_time", "to_time", "friction", "restitution")
-OF_SIDES = ("pressure", "mass", "roughness", *_OF_LINES)
-"""The keys of a side."""
+_OF_LINES = ("velocity", "from_time", "to_time", "friction", "restitution", "mass")
 
 
 def _ends(field: str, value: Any) -> Ends:
@@ -33,13 +31,27 @@ def _ends(field: str, value: Any) -> Ends:
     return low, high
 
 
+def _roughness(field: str, value: Any) -> dict[str, float]:
+    if not isinstance(value, Mapping) or set(value) != {"radius", "spacing"}:
+        raise InputError(f"{field} is {checks.shown(value)}: it must be {{radius = ..., spacing = ...}}")
+    return {key: checks.positive(f"{field}.{key}", given) for key, given in value.items()}
+
+
+OF_SIDES = {key: Line.keys()[key].metadata["check"] for key in _OF_LINES}
+OF_SIDES |= {"pressure": checks.number, "roughness": _roughness}
+"""The keys of a side, with their checks."""
+
+
 def _side(field: str, value: Any) -> dict[str, Any]:
-    """Return the keys of a side; their values are checked with its wall."""
     if not isinstance(value, Mapping):
         raise InputError(f"{field} is {checks.shown(value)}: it must be a table such as {{friction = 0.3}}")
     for key in value:
         checks.one_of(f"key of {field}", key, OF_SIDES)
-    return dict(value)
+    given = {key: own for key, own in value.items() if own is not None}
+    if len(given.keys() & {"pressure", "mass"}) == 1:
+        missing = "pressure" if "mass" in given else "mass"
+        raise InputError(f"{field}.{missing} is missing: a side that a pressure drives needs both")
+    return {key: OF_SIDES[key](f"{field}.{key}", own) for key, own in given.items()}
 
 
 def _side_field(meaning: str) -> Any:
@@ -95,14 +107,6 @@ class Box:
                 raise InputError(
                     f"domain.{name} is given, and domain.periodic is {self.periodic!r}: give one"
                 )
-        for name, (line, *_) in self.sides.items():
-            given = getattr(self, name) or {}
-            numbers = {
-                key: _floats(value) for key, value in given.items() if key in ("pressure", "roughness")
-            }
-            vars(self)[name] = {
-                key: getattr(line, key) for key in given if key not in numbers
-            } | numbers or None
 
     def __hash__(self) -> int:
         return hash((self.x, self.y, self.periodic))
@@ -174,59 +178,30 @@ class Box:
         point = (own_place, y) if component == 0 else (x, own_place)
         normal = (sign, 0.0) if component == 0 else (0.0, sign)
         own = {key: given[key] for key in _OF_LINES if key in given}
-        pressure, mass, roughness = (given.get(key) for key in ("pressure", "mass", "roughness"))
-        if (pressure is None) != (mass is None):
-            missing = "pressure" if pressure is None else "mass"
-            raise InputError(f"domain.{name}.{missing} is missing: a side that a pressure drives needs both")
-        force = None if pressure is None else checks.number(f"domain.{name}.pressure", pressure) * length
+        force = given["pressure"] * length if "pressure" in given else None
         try:
-            line = Line(point, normal, length, name=name, force=force, mass=mass, **own)
-            return line, *(() if roughness is None else self._rows(line, roughness))
+            line = Line(point, normal, length, name=name, force=force, **own)
+            return line, *(self._rows(line, **given["roughness"]) if "roughness" in given else ())
         except InputError as error:
             raise InputError(f"domain.{name}: {error}") from None
 
-    def _rows(self, line: Line, roughness: Any) -> tuple[Wall, ...]:
-        """Return the discs on a side, in two rows: a disc of each is between two of the other."""
-        if not isinstance(roughness, Mapping) or set(roughness) != {"radius", "spacing"}:
-            raise InputError(
-                f"roughness is {checks.shown(roughness)}: it must be {{radius = ..., spacing = ...}}"
-            )
-        radius, spacing = (
-            checks.positive(f"roughness.{key}", roughness[key]) for key in ("radius", "spacing")
-        )
-        pairs = max(
-            1, round(line.length / (2.0 * spacing))
-        )  # so that the discs continue beyond periodic sides
-        spacing = line.length / (2.0 * pairs)
-        common = {own.name: getattr(line, own.name) for own in fields(Wall)}
+    def _rows(self, line: Line, radius: float, spacing: float) -> Iterator[Wall]:
+        """Yield the discs on a side, in two rows: a disc of each is between two of the other."""
+        # a whole number of steps, so that the discs continue beyond periodic sides
+        step = line.length / max(1, round(line.length / (2.0 * spacing)))
+        common: dict[str, Any] = {own.name: getattr(line, own.name) for own in fields(Wall)}
         (x, y), (tx, ty) = line.point, line.along
-        return tuple(
-            Row(
-                (x + way * tx, y + way * ty),
-                (2.0 * spacing * tx, 2.0 * spacing * ty),
-                radius,
-                line.length,
-                **common,
-            )
-            for way in (-0.5 * spacing, 0.5 * spacing)
-        )
+        for way in (-0.25 * step, 0.25 * step):
+            yield Row((x + way * tx, y + way * ty), (step * tx, step * ty), radius, line.length, **common)
 
 
 documented(described_fields(Box).values())(Box)
 
 
-def _floats(value: Any) -> Any:
-    return {key: float(own) for key, own in value.items()} if isinstance(value, Mapping) else float(value)
-
-
 def _at_start(wall: Wall) -> Wall:
     """Return a wall of a side without what changes in time: its place, and motion, which may have ended."""
-    changes: dict[str, Any] = {
-        "point": (0.0, 0.0),
-        "velocity": (0.0, 0.0),
-        "from_time": None,
-        "to_time": None,
-    }
+    changes: dict[str, Any] = dict.fromkeys(("point", "velocity"), (0.0, 0.0))
+    changes |= dict.fromkeys(("from_time", "to_time"))
     return replace(wall, **changes) if hasattr(wall, "point") else wall
 
 
