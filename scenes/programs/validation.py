@@ -9,6 +9,7 @@ import bouncing
 import closed_forms
 import collapse
 import numpy as np
+import shear
 import silos
 import slopes
 import steps
@@ -171,6 +172,7 @@ SECTIONS: Sections = {
     "hopper": silos.hopper,
     "collapse": collapse.collapse,
     "piston": silos.piston,
+    "shear": shear.shear,
 }
 main = partial(draw_sections, SECTIONS, __doc__, "validation")
 

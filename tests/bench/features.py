@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains import Scene, Simulation, State
+from warpgrains import Box, Disc, Scene, Simulation, State
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.state import Corrections, first_state
 
@@ -70,6 +70,19 @@ def _without_gravity(scene: Scene) -> Changes:
     return {"gravity": (0.0, 0.0), "drag": 0.0, "velocity": velocity}
 
 
+def _box(scene: Scene, periodic: str = "") -> Box:
+    """A box whose sides no grain reaches."""
+    ends = -3.0 * scene.extent.half, 3.0 * scene.extent.half
+    return Box(ends, ends, periodic)
+
+
+def _in_a_ring(scene: Scene) -> Changes:
+    """A ring in a box instead of the outer wall."""
+    changes = _without_inner_wall(scene)
+    ring = Disc((0.0, 0.0), changes.pop("radius_out"), inside=True)
+    return changes | {"domain": _box(scene), "walls": [ring]}
+
+
 def _swept_by(method: str) -> Changes:
     return {"method": method, "stop": "zeta", "tolerance": 0.0, "max_iterations": ITERATIONS}
 
@@ -85,6 +98,7 @@ FEATURES = {
     "gravity": Feature(_without_gravity, lambda _: {"gravity": (NOTHING, NOTHING)}),
     "distinct radii": Feature(lambda _: {}, lambda scene: {"radius": _next(scene.radius)}),
     "distinct masses": Feature(lambda _: {}, lambda scene: {"mass": _next(scene.mass)}),
+    "periodic box": Feature(_in_a_ring, lambda scene: {"domain": _box(scene, "x")}),
     f"acceleration, {ITERATIONS} sweeps": Feature(
         lambda _: _swept_by("gauss-seidel"), lambda _: _swept_by("accelerated")
     ),

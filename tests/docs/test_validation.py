@@ -7,6 +7,7 @@ import closed_forms
 import collapse
 import numpy as np
 import pytest
+import shear
 import silos
 import slopes
 import steps
@@ -116,3 +117,11 @@ def test_side_walls_carry_a_filling():
     smooth, rough = silos.piston_silo(2.0, 0, 0.0, max_iterations=1000), silos.piston_silo(2.0, 0)
     assert silos.load(smooth) == pytest.approx(smooth.mass.sum(), rel=0.01)
     assert 0.45 < silos.load(rough) / rough.mass.sum() < 0.7
+
+
+@pytest.mark.slow
+def test_discs_flow_under_a_rough_lid():
+    friction, number, fraction = shear.measured(0.3).mean(axis=0)
+    assert 0.15 < number < 0.25
+    assert friction == pytest.approx(0.257 + 0.89 * number, abs=0.05)  # the lines of the page
+    assert fraction == pytest.approx(0.821 - 0.39 * number, abs=0.02)

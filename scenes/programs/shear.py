@@ -1,0 +1,110 @@
+"""Plane shear between rough walls under pressure, next to the literature.
+
+A mean disc is 1 m wide and has a mass of 1 kg.
+"""
+
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from sections import Numbers, Section, panels
+
+import warpgrains as wg
+from warpgrains import analysis
+from warpgrains.analysis import Snapshot
+from warpgrains.arrays import FloatArray
+
+STEP = 1.25  # of the lattice of the start [m]
+COLUMNS, ROWS = 16, 18
+WIDTH = COLUMNS * STEP
+FRICTION = 0.4
+ROUGH: dict[str, Any] = {"roughness": {"radius": 0.5, "spacing": 1.0}}
+NUMBERS = (0.003, 0.01, 0.03, 0.1, 0.2, 0.3)  # inertial numbers, about
+SEEDS = (1, 2, 3)
+BEGIN, END = 3.0, 8.0  # strains between which flows are measured
+SAMPLES = 400
+
+
+def box_of_discs(seed: int, rate: float = 0.0, **fields: Any) -> wg.Scene:
+    """Return discs of unlike sizes on a lattice in a periodic box, with a shear rate [1/s]."""
+    column, row = np.meshgrid(np.arange(COLUMNS), np.arange(1, ROWS + 1))
+    position = STEP * np.stack([column + 0.5 * (row % 2), row], axis=-1).reshape(-1, 2)
+    radius = np.random.default_rng(seed).uniform(0.4, 0.6, len(position))
+    velocity = np.stack([rate * position[:, 1], np.zeros(len(position))], axis=1)
+    sides = {name: fields.pop(name) for name in ("bottom", "top") if name in fields}
+    domain = wg.Box((0.0, WIDTH), (0.0, STEP * (ROWS + 1)), periodic="x", **sides)
+    common = {"friction": FRICTION, "stop": "residual", "max_iterations": 1000, "method": "accelerated"}
+    grains = {"position": position, "velocity": velocity, "radius": radius, "mass": 4.0 * radius**2}
+    return wg.Scene(domain=domain, **grains, **common | fields)
+
+
+def sheared(number: float, seed: int) -> wg.Scene:
+    """Return discs between rough walls, under a pressure of 1 N/m, for an inertial number."""
+    speed = number * 0.85 * ROWS
+    lid = {"velocity": (speed, 0.0), "pressure": 1.0, "mass": float(COLUMNS), **ROUGH}
+    return box_of_discs(
+        seed,
+        speed / (STEP * ROWS),
+        bottom=ROUGH,
+        top=lid,
+        gravity=(0.0, 0.0),
+        dt=min(0.1, 0.02 / speed),
+        tolerance=1e-4,
+    )
+
+
+def stresses(now: Snapshot) -> tuple[float, float]:
+    """Return shear stress and pressure at the walls [N/m]."""
+    normal = now.loads.normal[2 * len(now.pair) :]
+    tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+    force = now.wall_force[:, np.newaxis] * normal + now.wall_tangential_force[:, np.newaxis] * tangent
+    outwards = np.sign(normal[:, 1])
+    return -float(outwards @ force[:, 0]) / (2.0 * WIDTH), float(outwards @ force[:, 1]) / (2.0 * WIDTH)
+
+
+def middle_of(now: Snapshot) -> tuple[float, float]:
+    """Return the shear rate [1/s] and the packing fraction in the middle half of the height."""
+    (y, vx), height = (now.position[:, 1], now.velocity[:, 0]), now.position[:, 1].max()
+    inside = np.abs(y - 0.5 * height) < 0.25 * height
+    area = np.pi * (now.scene.radius[inside] ** 2).sum()
+    return float(np.polyfit(y[inside], vx[inside], 1)[0]), float(area / (0.5 * height * WIDTH))
+
+
+def measured(number: float) -> FloatArray:
+    """Return shear stress over pressure, inertial number and packing fraction of each seed."""
+    scenes = [sheared(number, seed) for seed in SEEDS]
+    batch, found = wg.Batch(scenes), []
+    batch.run(duration=BEGIN / number)
+    for _ in range(SAMPLES):
+        batch.run(duration=(END - BEGIN) / number / SAMPLES)
+        now = [analysis.snapshot(scene, batch.state(k)) for k, scene in enumerate(scenes)]
+        found.append([(*stresses(one), *middle_of(one)) for one in now])
+    shear, pressure, rate, fraction = np.moveaxis(np.mean(found, axis=0), -1, 0)
+    return np.stack([shear / pressure, rate / np.sqrt(pressure), fraction], axis=1)
+
+
+def shear() -> Section:
+    """Shear discs at several inertial numbers, and draw effective friction and packing fraction."""
+    found = np.array([measured(number) for number in NUMBERS])
+    friction, number, fraction = found.mean(axis=1).T
+    errors = found.std(axis=1, ddof=1).T / sqrt(len(SEEDS))
+    numbers: Numbers = {}
+    figure, axes = panels(1, 2)
+    for one, values, error, name in zip(
+        axes,
+        (friction, fraction),
+        (errors[0], errors[2]),
+        ("effective friction", "packing fraction"),
+        strict=True,
+    ):
+        slope, start = np.polyfit(number, values, 1)
+        numbers |= {f"{name} at rest": float(start), f"its slope over I: {name}": float(slope)}
+        one.errorbar(number, values, error, errors[1], fmt="o", capsize=3.0, label="mean of three seeds")
+        one.plot(number, start + slope * number, "k:", label=f"{start:.3f} {slope:+.2f} I")
+        one.set(xlabel="inertial number I", ylabel=name)
+        one.legend()
+    for values, error in zip(found.mean(axis=1), errors.T, strict=True):
+        numbers[f"I {values[1]:.4f}: effective friction"] = float(values[0])
+        numbers[f"I {values[1]:.4f}: its error"] = float(error[0])
+        numbers[f"I {values[1]:.4f}: packing fraction"] = float(values[2])
+    return figure, numbers
