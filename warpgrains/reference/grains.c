@@ -85,7 +85,7 @@ static double frictionChange(double *dvt, double vt, double w, double limit, int
     return change;
 }
 
-/* The shortest of a way and its periodic images (eq. 32). */
+/* The shortest of a way and its periodic images (eq. 36). */
 static void nearestImage(const femGrains *g, double *dx, double *dy) {
     if (g->period[0] > 0.0) *dx -= g->period[0] * rint(*dx / g->period[0]);
     if (g->period[1] > 0.0) *dy -= g->period[1] * rint(*dy / g->period[1]);

@@ -45,7 +45,7 @@ def directions(vectors: FloatArray) -> FloatArray:
 
 
 def nearest_image(ways: FloatArray, period: FloatArray) -> FloatArray:
-    """Return the shortest of ways and their periodic images [m], shape (..., 2) (kernels/MODEL.md, eq. 32).
+    """Return the shortest of ways and their periodic images [m], shape (..., 2) (kernels/MODEL.md, eq. 36).
 
     A period of 0 has no images.
     """
