@@ -37,7 +37,7 @@ DECIDING = {
     "momentum": ("momentum", "accelerated_stages", "working_set"),
     "stopping": ("momentum", "accelerated_stages", "working_set", "monitoring", "missing_contacts"),
     "coloring": ("coloring",),
-    "contacts": ("accelerated_stages", "driven_walls", "same_bits"),
+    "contacts": ("coloring", "accelerated_stages"),
     "residual": ("accelerated_stages", "accelerated", "driven_walls", "friction"),
     "attempt": ("accelerated_stages", "missing_contacts", "driven_walls", "second_order", "exact"),
     "path": ("exact_friction",),

@@ -3,11 +3,16 @@
 import graphs
 import numpy as np
 import pytest
+import warp as wp
 from stages import OneRecord, grain_total, record_of_graph
 
 from warpgrains.arrays import IntArray
+from warpgrains.kernels.access import at, put
 from warpgrains.kernels.coloring import choose_sets, place_contacts
-from warpgrains.kernels.stages import Serial
+from warpgrains.kernels.contacts import contacts_of, set_count
+from warpgrains.kernels.record import SceneRecord
+from warpgrains.kernels.stages import OPTIONS, Serial
+from warpgrains.kernels.threads import TeamRecord
 
 GRAPHS = {
     "empty": graphs.empty(),
@@ -111,3 +116,40 @@ def test_walls_come_last(pairs: IntArray, by_color: bool, merge: bool, most: int
     index = record["workspace.sweep_index"][of_walls(record)]
     assert np.array_equal(index, len(pairs) + np.arange(walls))
     assert record["contacts.set_start"][count["sets"] :][:2].tolist() == [len(pairs), len(pairs) + walls]
+
+
+@wp.kernel(module="unique", module_options=OPTIONS)
+def note_threads(records: wp.array(dtype=SceneRecord), size: int) -> None:
+    """Append the number of every thread, from 1 on, to those of its contacts."""
+    team = TeamRecord()
+    team.size = size
+    for rank in range(size):
+        team.rank = rank
+        for k in range(set_count(records[0])):
+            c, end = contacts_of(team, records[0], k)
+            while c < end:
+                numbers = records[0].workspace.old_place
+                put(numbers, c, 10 * at(numbers, c) + rank + 1)
+                c += 1
+
+
+@pytest.mark.parametrize("driven", [False, True])
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_every_contact_has_one_thread(size: int, driven: bool) -> None:
+    """Contacts of one grain with walls are not divided, and none with walls where a force drives one."""
+    pairs, rng = GRAPHS["sparse"], np.random.default_rng(6)
+    record, _ = grouped(pairs, rng.integers(0, 6, grain_total(pairs)), by_color=True)
+    rows, index = record["neighbors.start"], record["workspace.sweep_index"][: record["neighbors.start"][-1]]
+    grain = np.empty(len(index), int)
+    grain[index] = np.repeat(np.arange(len(rows) - 1), np.diff(rows))
+    record["contacts.contact"]["i"][: len(index)] = 2 * grain
+    record["workspace.old_place"][:] = 0
+    record.record["walls"]["drive"]["shape"][0] = int(driven)
+    wp.launch(note_threads, dim=1, inputs=(record.records.device, size), device="cpu")
+    thread = record["workspace.old_place"][: len(index)]
+    at_wall = np.arange(len(index)) >= len(pairs)
+    assert np.isin(thread, np.arange(size) + 1).all()
+    assert set(thread[~at_wall]) == set(range(1, size + 1))
+    assert set(thread[at_wall]) == ({1} if driven else set(range(1, size + 1)))
+    alike = at_wall[1:] & at_wall[:-1] & (grain[1:] == grain[:-1])
+    assert (thread[1:] == thread[:-1])[alike].all()
