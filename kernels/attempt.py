@@ -96,7 +96,7 @@ def grain_beyond_wall(s: Scene) -> int:
             path, most = wp.length(v), f64(contact.gap_rate)
             if is_driven(s):
                 path = path + closing_speed(s, velocity, i, j, n)
-        if path > most and (found < 0 or i < found):
+        if path > most and found < 0:
             found = i
     return found
 

@@ -38,7 +38,7 @@ NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
 """)
 )
 def kept_velocity(kept: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
-    """Return a kept velocity. A GPU reads that of grain i: the pairs of a launch are one independent set."""
+    """Return a kept velocity. A GPU, which sweeps one independent set at a time, reads that of grain i."""
     ...
 
 
