@@ -186,11 +186,8 @@ def find_walls(s: Scene, i: int):
         its = wall_path(b, s.walls, now, now + lifetime)
         if is_driven(s):
             leader = leader_of(s, j)
-            its = (
-                its
-                + lifetime * wp.length(at(s.verlet.reference_velocity, leader))
-                + at(s.verlet.skin, leader)
-            )
+            its_path = lifetime * wp.length(at(s.verlet.reference_velocity, leader))
+            its = its + its_path + at(s.verlet.skin, leader)
         reach = (own + its) * TOO_WIDE
         listed = is_near_wall(b, x, radius, s.walls, reach)
         while k_old < end_old and at(old.neighbor, k_old) < j:
