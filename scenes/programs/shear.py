@@ -1,9 +1,9 @@
-"""Plane shear between rough walls under pressure, next to the literature.
+"""Flows in periodic boxes next to the literature: plane shear between rough walls, and a chute.
 
 A mean disc is 1 m wide and has a mass of 1 kg.
 """
 
-from math import sqrt
+from math import cos, radians, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,8 @@ NUMBERS = (0.003, 0.01, 0.03, 0.1, 0.2, 0.3)  # inertial numbers, about
 SEEDS = (1, 2, 3)
 BEGIN, END = 3.0, 8.0  # strains between which flows are measured
 SAMPLES = 400
+ANGLES = (12.0, 20.0, 28.0)  # of the chute [degrees]: too flat, steady, and too steep
+STEADY = (70.0, 130.0)  # s, between which its profiles are taken
 
 
 def box_of_discs(seed: int, rate: float = 0.0, **fields: Any) -> wg.Scene:
@@ -108,3 +110,66 @@ def shear() -> Section:
         numbers[f"I {values[1]:.4f}: its error"] = float(error[0])
         numbers[f"I {values[1]:.4f}: packing fraction"] = float(values[2])
     return figure, numbers
+
+
+def pressures(now: Snapshot, planes: FloatArray) -> FloatArray:
+    """Return the normal stress on planes at heights [m] that pairs and motion carry [N/m]."""
+    (i, j), (nx, ny) = now.pair.T, now.normal.T
+    y, force = now.position[:, 1], now.force * ny + now.tangential_force * nx
+    crosses = (y[i] < planes[:, np.newaxis]) != (y[j] < planes[:, np.newaxis])
+    near = np.abs(y - planes[:, np.newaxis]) < 0.5
+    moving = near @ (now.scene.mass * now.velocity[:, 1] ** 2)
+    return np.asarray((crosses @ (force * np.sign(y[j] - y[i])) + moving) / WIDTH)
+
+
+def chute() -> Section:
+    """Let discs flow down a rough bottom, and draw velocity and pressure over the height."""
+    scenes = []
+    for angle in ANGLES:
+        gravity = sin(radians(angle)), -cos(radians(angle))
+        scenes.append(
+            box_of_discs(1, 0.15, bottom=ROUGH, gravity=gravity, dt=0.01, tolerance=1e-4, max_iterations=200)
+        )
+    batch, every, planes = wg.Batch(scenes), 0.5, np.arange(3.0, 12.0)
+    speeds, sums, times = [], np.zeros((3, len(planes))), np.arange(every, STEADY[1] + every / 2, every)
+    for time in times:
+        batch.run(duration=every)
+        speeds.append([float(batch.velocity(k)[:, 0].mean()) for k in range(len(scenes))])
+        if time > STEADY[0]:
+            now = analysis.snapshot(scenes[1], batch.state(1))
+            near = np.abs(now.position[:, 1] - planes[:, np.newaxis]) < 0.5
+            sums += near.sum(axis=1), near @ now.velocity[:, 0], pressures(now, planes)
+    speed, pressure = sums[1] / sums[0], sums[2] / np.count_nonzero(times > STEADY[0])
+    slope, start = np.polyfit(planes, pressure, 1)
+    height = -start / slope
+    law = height**1.5 - (height - planes) ** 1.5
+    factor, slip = np.polyfit(law, speed, 1)
+    figure, (over_time, profile, stress) = panels(1, 3)
+    over_time.plot(times, speeds, label=[f"{angle:g} degrees" for angle in ANGLES])
+    over_time.set(xlabel="t [s]", ylabel="mean velocity [m/s]")
+    profile.plot(speed, planes, "o", label="discs")
+    profile.plot(slip + factor * law, planes, "k:", label="Bagnold")
+    profile.set(xlabel="velocity [m/s]", ylabel="height [m]")
+    stress.plot(pressure, planes, "o", label="discs")
+    stress.plot(start + slope * planes, planes, "k:", label="linear")
+    stress.set(xlabel="pressure [N/m]", ylabel="height [m]")
+    for axes in (over_time, profile, stress):
+        axes.legend()
+    late = times > 0.75 * STEADY[1]
+    final = np.transpose(speeds)
+    return figure, {
+        **{
+            f"{angle:g} degrees: final velocity [m/s]": own[-1]
+            for angle, own in zip(ANGLES, final, strict=True)
+        },
+        f"{ANGLES[1]:g} degrees: change in the last quarter, a part": float(
+            np.polyfit(times[late], final[1][late], 1)[0] * 0.25 * STEADY[1] / final[1][late].mean()
+        ),
+        "height [m]": float(height),
+        "largest deviation from Bagnold / surface velocity": float(
+            np.abs(speed - slip - factor * law).max() / speed.max()
+        ),
+        "largest deviation from linear / largest pressure": float(
+            np.abs(pressure - start - slope * planes).max() / pressure.max()
+        ),
+    }

@@ -173,6 +173,7 @@ SECTIONS: Sections = {
     "collapse": collapse.collapse,
     "piston": silos.piston,
     "shear": shear.shear,
+    "chute": shear.chute,
 }
 main = partial(draw_sections, SECTIONS, __doc__, "validation")
 
