@@ -150,7 +150,7 @@ def timed(scene: wg.Scene, state: State, **changes: Any) -> tuple[float, float]:
 def exact_step() -> Section:
     """Draw the residual of a short step of the drum over the time that each method takes."""
     scene, (figure, axes), numbers = limited("rotating_drum"), panels(), {}
-    state = short_steps(scene, SCENES["rotating_drum"])[1][0]
+    state = short_steps(scene, SCENES["rotating_drum"])[1][KEPT // 2]
     ways: dict[str, list[dict[str, Any]]] = {
         method: [{"tolerance": 0.0, "max_iterations": sweeps} for sweeps in BUDGETS]
         for method in ("gauss-seidel", "accelerated")

@@ -189,7 +189,7 @@ class SceneFields:
     )
     exact_time: float | None = _key(
         'Most time that method "exact" takes for a step with friction beside its sweeps, in units of the time'
-        " of `max_iterations` sweeps; by default 10.",
+        " of `max_iterations` sweeps; by default 20.",
         "solver",
         checks.positive,
         default=None,

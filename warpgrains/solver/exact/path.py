@@ -32,7 +32,7 @@ STALLED = 0.5  # of the residual: corrections drift that nearly balance, r / eps
 WORSE = 10.0  # residual after a pass that is kept, in residuals before it
 PASSES = 200  # of an attempt
 NEAR = 0.1  # clearance of contacts that are not left out, in mean corrections of those that carry
-EXACT_TIME = 10.0  # default of `Scene.exact_time`
+EXACT_TIME = 20.0  # default of `Scene.exact_time`
 
 
 class Attempt(NamedTuple):
