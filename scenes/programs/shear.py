@@ -130,7 +130,7 @@ def chute() -> Section:
         scenes.append(
             box_of_discs(1, 0.15, bottom=ROUGH, gravity=gravity, dt=0.01, tolerance=1e-4, max_iterations=200)
         )
-    batch, every, planes = wg.Batch(scenes), 0.5, np.arange(3.0, 12.0)
+    batch, every, planes = wg.Batch(scenes), 0.1, np.arange(3.0, 12.0)
     speeds, sums, times = [], np.zeros((3, len(planes))), np.arange(every, STEADY[1] + every / 2, every)
     for time in times:
         batch.run(duration=every)
