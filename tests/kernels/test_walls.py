@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from walled_scenes import ARC, DISCS, OF_EVERY_KIND, SEGMENTS, around
+from walled_scenes import ARC, DISCS, INFINITE, OF_EVERY_KIND, SEGMENTS, around
 
 from warpgrains import (
     Arc,
@@ -179,8 +179,8 @@ def find_sides(
 @pytest.mark.parametrize("kind", WALL_KINDS.values(), ids=WALL_KINDS)
 def test_kernels_have_normal_and_gap_of_every_kind_of_wall(kind: type[Wall]) -> None:
     """They are those of the host, and its circle is about all places where grains touch it."""
-    walls = [wall for wall in OF_EVERY_KIND if type(wall) is kind]
-    assert walls, f"add {kind.one()} to OF_EVERY_KIND of walled_scenes.py"
+    walls = [wall for wall in (*OF_EVERY_KIND, *INFINITE) if type(wall) is kind]
+    assert walls, f"add {kind.one()} to OF_EVERY_KIND or INFINITE of walled_scenes.py"
     position = np.random.default_rng(3).uniform(-1.0, 1.0, (1000, 2))
     radius = np.full(len(position), 0.1)
     for wall in walls:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains import Arc, Box, Disc, Scene, Segment
+from warpgrains import Arc, Box, Disc, Line, Row, Scene, Segment
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.layouts import random
 from warpgrains.scene.wall import Wall
@@ -55,6 +55,7 @@ SEGMENTS = (Segment((-0.7, -0.2), (-0.2, -0.6)), Segment((-0.2, -0.6), (0.1, -0.
 RING = Disc((0.02, -0.05), 0.93, inside=True)
 ARC = Arc((0.5, -0.1), 0.3, -2.5, -0.3)
 OF_EVERY_KIND = (*DISCS, *SEGMENTS, RING, ARC)
+INFINITE = (Line((0.1, -0.6), (0.3, 1.0), 2.0), Row((0.0, -0.5), (0.2, 0.1), 0.1, 2.0))
 
 
 def around(n: int = 140, walls: Sequence[Wall] = OF_EVERY_KIND, **changes: Any) -> Scene:
