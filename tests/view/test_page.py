@@ -11,7 +11,7 @@ from recordings import make_frames, make_scene, record
 from same_bits import contents
 from walls_seen import View
 
-from warpgrains import Scene, Simulation
+from warpgrains import InputError, Scene, Simulation
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.drawing.colors import GrainColors, mark_color
 from warpgrains.usd.recording import Recording
@@ -89,12 +89,16 @@ def test_friction_is_switched_on_and_off(driver):
     page.close()
 
 
-def test_a_change_that_is_refused_says_why(driver):
-    page = Simulation(Scene.load("annulus"), friction=0.3, spin_drag=1e-5).view(port=8350)
+def test_a_change_that_is_refused_says_why(driver, monkeypatch):
+    def refuse(self, **fields):
+        raise InputError("friction of these walls is given")
+
+    monkeypatch.setattr(Simulation, "change", refuse)
+    page = Simulation(Scene.load("annulus")).view(port=8350)
     with opened(driver, page.url) as tab:
-        tab.fill("friction", "0")
-        tab.wait_for(lambda: "grains rotate only with friction" in tab.text())
-        assert tab.told()["friction"] == "0.3"
+        tab.fill("friction", "0.5")
+        tab.wait_for(lambda: "friction of these walls is given" in tab.text())
+        assert tab.told()["friction"] == "0"
     page.close()
 
 
