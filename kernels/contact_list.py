@@ -150,7 +150,7 @@ def find_weights(s: Scene, c: int, i: int, j: int):
 
 @wp.func
 def find_row_sums(s: Scene):
-    """Find the largest sum of a grain's shares of its contacts, with 1 for each wall, if it is monitored.
+    """Find the largest sum of a grain's shares of its contacts, if it is monitored; that at a wall is 1.
 
     All grains count with as many walls as the one with the most has, or with two, if there are as many.
     """

@@ -105,7 +105,7 @@ def limits_at(limits: Vectors, w: int) -> wp.vec2d:
 
 @wp.func
 def gap_rates_now(contacts: Contacts, c: int, v: wp.vec2d):
-    """Return gap / dt on both sides of a wall, for a grain of velocity v [m/s] (eq. 18)."""
+    """Return the gap rates of both sides of a wall, for a grain of velocity v [m/s] (eq. 18)."""
     contact, limits = contact_at(contacts.contact, c), limits_at(contacts.limits, c - contacts.count.pairs)
     return law.round_gap_rate(contact.gap_rate, law.speed_along(v, contact.n), limits[1]), limits[0]
 

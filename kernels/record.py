@@ -108,7 +108,7 @@ class Control:
 
 @wp.struct
 class Partial:
-    """Partial maxima and sums, by thread."""
+    """Partial maxima and sums, by thread of a CPU; the threads of a GPU's block share a few."""
 
     zeta: Floats  # largest change of a correction by a sweep, or violation found by a scan [m/s]
     residual: Floats  # [m/s]

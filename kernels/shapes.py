@@ -1,7 +1,8 @@
 """Walls inside the annulus by kind: what a grain has to do with the `Shape` of one, at rest.
 
-A kind of wall is one file. Of a wall without thickness it has the nearest point and the ends, of another one
-the gap of a grain and the normal into the wall. Functions here choose by shape[0].
+A kind of wall is one file. Of a wall without thickness it has the nearest point and the ends, of a row the
+nearest center, and of other kinds the gap of a grain and the normal into the wall. Functions here choose by
+shape[0].
 """
 
 import warp as wp

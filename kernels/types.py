@@ -28,7 +28,10 @@ class MotionOf(IntEnum):
 
 
 class PoseOf(IntEnum):
-    """The numbers of a `Pose`: in a step, a driven wall is where it is at the start, others at the end."""
+    """The numbers of a `Pose`: in a step, a driven wall is where it is at the start, and others at the end.
+
+    So is what a driven wall moves as given besides.
+    """
 
     COSINE = 0  # of the angle
     SINE = 1
@@ -65,7 +68,7 @@ class Contact:
     """
 
     n: wp.vec2d  # unit normal from i to j
-    gap_rate: f64  # gap / dt [m/s]
+    gap_rate: f64  # gap / dt, or less where the contact bounces (eq. 35) [m/s]
     i: wp.uint32  # 2 i
     j: wp.uint32  # 2 j
 

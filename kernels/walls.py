@@ -3,7 +3,7 @@
 Body 0 is the annulus (annulus.py), whose circles are the two sides of one wall; then come the walls inside
 it, each with a `Shape` (shapes.py). Everything else treats contacts with walls and with grains alike
 (contacts.py). For a step, a wall is its tangent. A wall that moves as given in advance is where it is at the
-end of the step (motion.py), and a driven one where it is at its start (driven.py).
+end of the step (motion.py). A driven one is where the force has taken it at its start (driven.py).
 """
 
 import warp as wp

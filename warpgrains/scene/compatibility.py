@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody is warned
+ROUNDED = 1e-9  # of a number of steps of a row
 MOST_STEPS = 1e12  # start time, in steps
 MOST_RADII = 1e12  # radius of the outer wall, in smallest grain radii; beyond it doubles cannot resolve a gap
 
@@ -93,6 +94,10 @@ def _of_domain(scene: Scene) -> Iterator[str]:
         which = f"walls[{k}], {wall.one()}, in a periodic box:"
         if isinstance(wall, Line) and any(way and own for way, own in zip(wall.normal, periods, strict=True)):
             yield f"{which} its normal is {wall.normal}: it must be at a right angle to that direction"
+        if isinstance(wall, Row):
+            for own, along, across in zip(periods, wall.step, wall.step[::-1], strict=True):
+                if own and (across != 0.0 or abs(own / along - round(own / along)) > ROUNDED):
+                    yield f"{which} its step is {wall.step}: the period, {own} m, must be some whole steps"
         if wall.angular_velocity != 0.0 and period < inf:
             yield f"{which} angular_velocity is {wall.angular_velocity} rad/s: no wall can turn there"
         if period < inf and period <= 2.0 * wall.circle[2] < inf:
