@@ -12,7 +12,7 @@ from same_bits import at_annulus
 from sample_scenes import bullet
 from schemes import SECOND_ORDER
 
-from warpgrains import InputError, Scene, Simulation, SimulationError
+from warpgrains import Box, InputError, Scene, Simulation, SimulationError
 from warpgrains.accuracy import certify
 from warpgrains.accuracy.exact_step import ExactStep, StepProblem, pairs_within, solve_exactly
 
@@ -261,15 +261,21 @@ class TestCertify:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_pairs_within_reach_are_those_of_all_pairs(seed: int) -> None:
+@pytest.mark.parametrize("periodic", ["", "x", "xy"])
+def test_pairs_within_reach_are_those_of_all_pairs(seed: int, periodic: str) -> None:
     rng = np.random.default_rng(seed)
     position, radius = rng.uniform(-1.0, 1.0, (60, 2)), 10.0 ** rng.uniform(-3.0, -0.5, 60)
     reach = 10.0 ** rng.uniform(-4.0, 0.0, 60)
+    scene = Scene(position=position, radius=radius, mass=1.0, domain=Box((-1.0, 1.0), (-1.0, 1.0), periodic))
     i, j = np.triu_indices(60, 1)
-    gap = np.hypot(*(position[j] - position[i]).T) - (radius[i] + radius[j])
+    way = position[j] - position[i]
+    for d, name in enumerate("xy"):
+        if name in periodic:
+            way[:, d] = (way[:, d] + 1.0) % 2.0 - 1.0
+    gap = np.hypot(*way.T) - (radius[i] + radius[j])
     near = gap <= reach[i] + reach[j]
     assert 0 < near.sum() < len(i)
-    assert np.array_equal(pairs_within(position, radius, reach), np.stack([i[near], j[near]], axis=1))
+    assert np.array_equal(pairs_within(scene, position, reach), np.stack([i[near], j[near]], axis=1))
 
 
 WITH_FRICTION = {

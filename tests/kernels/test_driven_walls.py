@@ -105,7 +105,8 @@ def test_a_rough_lid_moves_as_one(method: str) -> None:
     moved = [np.subtract(wall.point, was.point) for wall, was in zip(now.walls, scene.walls, strict=True)]
     assert simulation.driven[2, 0] > 0.05
     assert (simulation.driven[3:] == 0.0).all()
-    assert np.allclose(moved, [(0.0, 0.0), *[(0.05, -simulation.driven[2, 0])] * 3], rtol=0.0, atol=1e-14)
+    down = -simulation.driven[2, 0]  # a line that moves along itself stays where it is
+    assert np.allclose(moved, [(0.0, 0.0), (0.0, down), *[(0.05, down)] * 2], rtol=0.0, atol=1e-14)
     tangent = np.stack([-contacts.normal[:, 1], contacts.normal[:, 0]], axis=1)
     on_wall = contacts.force[:, None] * contacts.normal + contacts.tangential_force[:, None] * tangent
     assert on_wall[contacts.wall[:, 1] > 2, 1].sum() == pytest.approx(30.0, abs=1e-2)

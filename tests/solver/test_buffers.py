@@ -76,13 +76,14 @@ def test_every_scene_has_a_history_of_its_own() -> None:
 
 
 def test_numbers_of_walls_are_in_the_order_of_the_host() -> None:
-    drive = np.hstack(Drive(inverse_mass=0.5, force=-20.0, pressure=3.0, direction=(0.6, 0.8)))
+    drive = np.hstack(Drive(inverse_mass=0.5, force=-20.0, pressure=3.0, direction=(0.6, 0.8), leader=3))
     assert {number.name: drive[number] for number in DriveOf} == {
         "INVERSE_MASS": 0.5,
         "FORCE": -20.0,
         "PRESSURE": 3.0,
         "DIRECTION_X": 0.6,
         "DIRECTION_Y": 0.8,
+        "LEADER": 3.0,
     }
     motion = np.hstack(
         Motion(pivot=(1.0, 2.0), velocity=(3.0, 4.0), angular_velocity=5.0, from_time=6.0, to_time=7.0)
