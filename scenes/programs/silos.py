@@ -11,6 +11,7 @@ import warpgrains as wg
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
+from warpgrains.scene.region import Region
 
 G = 9.81
 DIAMETER = 0.04  # mean of the grains [m]
@@ -50,8 +51,8 @@ def filled(
     """Return grains at random in a box, looser than at rest: from left to right, upwards from a floor [m]."""
     left, right, floor = box
     region = {"x": [left, right], "y": [floor, floor + LOOSER * room(count) / (right - left)]}
-    annulus, radii = Annulus(0.0, radius_out), list(RADII)
-    position, radius = random(annulus, (), radius=radii, count=count, region=region, seed=seed)
+    space, radii = Region(Annulus(0.0, radius_out)), list(RADII)
+    position, radius = random(space, (), radius=radii, count=count, region=region, seed=seed)
     defaults = {
         "friction": 0.5,
         "dt": 0.004,

@@ -68,7 +68,7 @@ shape: tuple[int, ...] = scene.position.shape
 vertical: float = scene.gravity[1]
 scene.replace(drag=0.1).drag = 0.5  # wrong
 wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1, radius_out="wide")  # wrong
-wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1)  # wrong
+wg.Scene(position=[[0.0, 1.0]], radius=0.1, radius_out=2.0)  # wrong
 wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1, radius_out=2.0, drug=0.5)  # wrong
 """
 CHECKERS = {
