@@ -24,13 +24,6 @@ SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1
 _OF_LINES = ("velocity", "from_time", "to_time", "friction", "restitution", "mass")
 
 
-def _ends(field: str, value: Any) -> Ends:
-    low, high = checks.vector(field, value)
-    if low >= high:
-        raise InputError(f"{field} is ({low}, {high}) m: the smaller one comes first")
-    return low, high
-
-
 def _roughness(field: str, value: Any) -> dict[str, float]:
     if not isinstance(value, Mapping) or set(value) != {"radius", "spacing"}:
         raise InputError(f"{field} is {checks.shown(value)}: it must be {{radius = ..., spacing = ...}}")
@@ -83,8 +76,8 @@ class Box:
     """
 
     kind: ClassVar[str] = "box"
-    x: Ends = described("Where a box begins and ends along x [m].", check=_ends)  # noqa: RUF009
-    y: Ends = described("The same along y [m].", check=_ends)  # noqa: RUF009
+    x: Ends = described("Where a box begins and ends along x [m].", check=checks.interval)  # noqa: RUF009
+    y: Ends = described("The same along y [m].", check=checks.interval)  # noqa: RUF009
     periodic: str = described(
         'Directions in which a box is periodic: "x", "y" or "xy"; by default none.',
         check=lambda field, value: checks.one_of(field, value, PERIODIC),

@@ -158,6 +158,14 @@ def vector(field: str, value: Any) -> tuple[float, float]:
     return number(f"{field}[0]", components[0]), number(f"{field}[1]", components[1])
 
 
+def interval(field: str, value: Any) -> tuple[float, float]:
+    """Return two lengths [m] as a pair, the smaller one first."""
+    low, high = vector(field, value)
+    if low >= high:
+        raise InputError(f"{field} is ({low}, {high}) m: the smaller one comes first")
+    return low, high
+
+
 def vectors(field: str, value: Any, of: str = "grain") -> FloatArray:
     """Return a read-only copy of one finite vector per grain, or `of`, shape (n, 2) with n >= 1."""
     array = _floats(field, value)

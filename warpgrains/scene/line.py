@@ -1,7 +1,7 @@
 """An infinite straight wall. This is the host's side; kernels/line.py is the device's."""
 
 from dataclasses import replace
-from math import dist, hypot, inf
+from math import hypot, inf
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -12,7 +12,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band, strip
-from warpgrains.scene.wall import StraightWall, kind_of_wall
+from warpgrains.scene.wall import InfiniteWall, StraightWall, kind_of_wall
 
 Vector = tuple[float, float]
 
@@ -25,7 +25,7 @@ def _direction(field: str, value: Any) -> Vector:
 
 
 @kind_of_wall
-class Line(StraightWall):
+class Line(InfiniteWall, StraightWall):
     """An infinite straight wall, with all grains on one side of it.
 
     Its force, its velocity along itself and friction may be given together.
@@ -57,8 +57,6 @@ class Line(StraightWall):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.angular_velocity != 0.0:
-            raise InputError(f"angular_velocity of a line is {self.angular_velocity} rad/s: it is infinite")
         if self.force is not None and np.dot(self.velocity, self.normal) != 0.0:
             raise InputError(
                 f"velocity of a line is {self.velocity}: it must be along the line, which a force drives"
@@ -76,17 +74,6 @@ class Line(StraightWall):
     @property
     def numbers(self) -> tuple[float, ...]:
         return (*self.point, *self.normal)
-
-    @property
-    def circle(self) -> tuple[float, float, float]:
-        return (*self.point, inf)
-
-    @property
-    def middle(self) -> Vector:
-        return self.point
-
-    def farthest(self, point: Vector) -> float:
-        return dist(self.point, point)
 
     @property
     def speed(self) -> float:

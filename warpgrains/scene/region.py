@@ -242,7 +242,7 @@ def region_of(space: Region, given: Any, field: str = "grains.region") -> Region
         raise InputError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
     for key in given:
         checks.one_of(f"key of {field}", key, RANGES)
-    ranges = {key: _range(f"{field}.{key}", value) for key, value in given.items()}
+    ranges = {key: checks.interval(f"{field}.{key}", value) for key, value in given.items()}
     annulus = space.ring
     between = (annulus.radius_in, annulus.radius_out)
     near, far = ranges.pop("distance", between)
@@ -266,10 +266,3 @@ def table_of(field: str, text: Any) -> dict[str, Any]:
         raise InputError(
             f"{field} is {text!r}: it must be ranges such as 'x = [-1.0, 0.0], y = [-1.0, 0.5]'"
         ) from None
-
-
-def _range(field: str, value: Any) -> tuple[float, float]:
-    low, high = checks.vector(field, value)
-    if low >= high:
-        raise InputError(f"{field} is ({low}, {high}) m: the smaller one comes first")
-    return low, high

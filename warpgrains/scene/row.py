@@ -1,6 +1,6 @@
 """Equal discs in an infinite row. This is the host's side; kernels/row.py is the device's."""
 
-from math import dist, hypot, inf
+from math import hypot
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band
 from warpgrains.scene.geometry import directions, distance, left_of
-from warpgrains.scene.wall import Wall, kind_of_wall
+from warpgrains.scene.wall import InfiniteWall, Wall, kind_of_wall
 
 _POINTS = 16  # of the drawing of a disc
 _ROUNDED = 1e-9  # of places, in steps
@@ -21,7 +21,7 @@ Vector = tuple[float, float]
 
 
 @kind_of_wall
-class Row(Wall):
+class Row(InfiniteWall):
     """Equal discs in an infinite row, at equal spacing, of which a grain touches the nearest one.
 
     Another row must have its discs in the middle between these, so that no grain touches two discs of a row
@@ -61,23 +61,10 @@ class Row(Wall):
         super().__post_init__()
         if not hypot(*self.step) >= 2.0 * self.radius:
             raise InputError(f"step of a row is {self.step}: discs of radius {self.radius} m would overlap")
-        if self.angular_velocity != 0.0:
-            raise InputError(f"angular_velocity of a row is {self.angular_velocity} rad/s: it is infinite")
 
     @property
     def numbers(self) -> tuple[float, ...]:
         return (*self.point, *self.step, self.radius)
-
-    @property
-    def circle(self) -> tuple[float, float, float]:
-        return (*self.point, inf)
-
-    @property
-    def middle(self) -> Vector:
-        return self.point
-
-    def farthest(self, point: Vector) -> float:
-        return dist(self.point, point)
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
         (x, y), (dx, dy) = (position - self.point).T, self.step

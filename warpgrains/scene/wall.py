@@ -3,7 +3,7 @@
 import re
 from dataclasses import Field, dataclass, replace
 from functools import cache, cached_property
-from math import inf
+from math import dist, inf
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 
 import numpy as np
@@ -290,6 +290,29 @@ class ThinWall(Wall):
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
         away = self.away(position)
         return Side(directions(away), distance(away) - radius)
+
+
+class InfiniteWall(Wall):
+    """A wall that goes on without end on both sides of its `point`, and does not turn."""
+
+    point: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.angular_velocity != 0.0:
+            given = f"angular_velocity of {self.one()} is {self.angular_velocity} rad/s"
+            raise InputError(f"{given}: it is infinite")
+
+    @property
+    def circle(self) -> tuple[float, float, float]:
+        return (*self.point, inf)
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        return self.point
+
+    def farthest(self, point: tuple[float, float]) -> float:
+        return dist(self.point, point)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
