@@ -63,19 +63,22 @@ def wrapped(position: FloatArray, period: FloatArray, start: FloatArray | float 
     return np.asarray(position - period * images)
 
 
-def with_images(places: FloatArray, width: float, period: FloatArray) -> tuple[FloatArray, IndexArray]:
-    """Return points between 0 and the period, and the images of those near 0 beyond the opposite sides [m].
+def with_images(
+    places: FloatArray, reach: FloatArray, period: FloatArray, low: FloatArray
+) -> tuple[FloatArray, IndexArray]:
+    """Return discs in a box from `low` on, and the images of those that reach across a periodic side.
 
-    So any two points that are within `width` [m] of each other, as images, are so in the result. The numbers
-    of its points, shape (k,), are returned besides.
+    `reach` holds the radii [m], shape (n,). The centers [m], shape (k, 2), and the disc of each as a number,
+    shape (k,), are returned; first the n centers in the box.
     """
-    grain = np.arange(len(places))
-    for d in np.flatnonzero(period > 0.0).tolist():
-        near = np.flatnonzero(places[:, d] < width)
-        images = places[near]
-        images[:, d] += period[d]
-        places, grain = np.concatenate([places, images]), np.concatenate([grain, grain[near]])
-    return places, grain
+    number = np.arange(len(places))
+    for d in np.flatnonzero(period).tolist():
+        along, half = places[:, d] - low[d], 0.5 * period[d]
+        crosses = np.flatnonzero(half - np.abs(along - half) < reach[number])
+        images = places[crosses]
+        images[:, d] += np.where(along[crosses] < half, 1.0, -1.0) * period[d]
+        places, number = np.concatenate([places, images]), np.concatenate([number, number[crosses]])
+    return places, number
 
 
 def require_distinct(field: str, position: FloatArray) -> None:
@@ -146,7 +149,7 @@ def overlapping_pairs(
     the class. So a few huge discs among many small ones cost no more than discs of one size.
     """
     if period is not None and period.any():
-        places, grain = with_images(wrapped(position, period), 2.0 * radius.max(), period)
+        places, grain = with_images(wrapped(position, period), radius, period, np.zeros(2))
         found = [np.sort(grain[np.stack(pair)], axis=0) for pair in overlapping_pairs(places, radius[grain])]
         i, j = np.unique(np.concatenate([np.empty((2, 0), grain.dtype), *found], axis=1), axis=1)
         yield i, j

@@ -20,7 +20,7 @@ from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Annulus
-from warpgrains.scene.geometry import Circle, area_in_disc, nearest_image, wrapped
+from warpgrains.scene.geometry import Circle, area_in_disc, nearest_image, with_images, wrapped
 from warpgrains.scene.outline import Part, clip
 
 RANGES = ("x", "y", "distance")
@@ -74,19 +74,8 @@ class Region:
         return nearest_image(ways, self.period)
 
     def images(self, position: FloatArray, reach: FloatArray) -> tuple[FloatArray, IndexArray]:
-        """Return images of discs: those in the box, and those that reach into it across a periodic side.
-
-        `reach` holds the radii [m], shape (n,). The centers [m], shape (k, 2), and the number of the disc of
-        each, shape (k,), are returned; first the n centers in the box.
-        """
-        places, number = self.wrapped(position), np.arange(len(position))
-        for d in np.flatnonzero(self.period).tolist():
-            along, half = places[:, d] - self.low[d], 0.5 * self.period[d]
-            crosses = np.flatnonzero(half - np.abs(along - half) < reach[number])
-            images = places[crosses]
-            images[:, d] += np.where(along[crosses] < half, 1.0, -1.0) * self.period[d]
-            places, number = np.concatenate([places, images]), np.concatenate([number, number[crosses]])
-        return places, number
+        """Return discs in the box, and images that reach across its periodic sides, see `with_images`."""
+        return with_images(self.wrapped(position), reach, self.period, self.low)
 
     @property
     def shifts(self) -> FloatArray:
