@@ -74,7 +74,10 @@ class Region:
         return nearest_image(ways, self.period)
 
     def images(self, position: FloatArray, reach: FloatArray) -> tuple[FloatArray, IndexArray]:
-        """Return discs in the box, and images that reach across its periodic sides, see `with_images`."""
+        """Return discs in the box, and the images of those that reach across a periodic side.
+
+        The centers [m], shape (k, 2), and the disc of each as a number, shape (k,).
+        """
         return with_images(self.wrapped(position), reach, self.period, self.low)
 
     @property
