@@ -1,4 +1,4 @@
-"""Rigid grains in an annulus, with or without friction and restitution, by nonsmooth contact dynamics.
+"""Rigid grains in an annulus or a box, with or without friction, by nonsmooth contact dynamics.
 
 >>> import warpgrains as wg
 >>> simulation = wg.Simulation(wg.Scene.load("annulus"))

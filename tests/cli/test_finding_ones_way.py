@@ -83,10 +83,11 @@ def test_a_begun_scene_is_that_which_it_is_from(base, tmp_path, capfd):
     assert path.read_bytes() == before
 
 
-def test_what_is_commented_out_says_the_default(tmp_path):
+@pytest.mark.parametrize("base", ["annulus", "box"])
+def test_what_is_commented_out_says_the_default(base, tmp_path):
     """With every comment of a default taken away, nothing changes."""
     path = tmp_path / "my.toml"
-    assert exit_code("init", path) == 0
+    assert exit_code("init", path, "--from", base) == 0
     lines = path.read_text().splitlines()
     bare = [
         line.removeprefix("# ") if before.startswith("#") and " = " in line and "..." not in line else line
@@ -94,7 +95,7 @@ def test_what_is_commented_out_says_the_default(tmp_path):
     ]
     assert bare != lines
     path.write_text("\n".join(line for line in bare if not line.startswith("# position")))
-    assert Scene.load(path).stop == Scene.load("annulus").stop
+    assert Scene.load(path).stop == Scene.load(base).stop
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,8 @@ def _complain(message: str, code: int) -> int:
 
 def _parser() -> ArgumentParser:
     parser = _Parser(
-        prog="warpgrains", description="Rigid grains in an annulus, with or without friction, on NVIDIA Warp."
+        prog="warpgrains",
+        description="Rigid grains in an annulus or a box, with or without friction, on NVIDIA Warp.",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     parser.set_defaults(command=None)

@@ -5,7 +5,7 @@ import re
 import shutil
 import textwrap
 from argparse import Namespace
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import MISSING
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +18,14 @@ from warpgrains.scene import checks
 from warpgrains.scene.box import Box
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
-from warpgrains.scene.reader import DOMAINS, PROPERTIES, SOURCES, keyword_parameters, section_fields
+from warpgrains.scene.reader import (
+    DOMAINS,
+    PROPERTIES,
+    SOURCES,
+    domain_keys,
+    keyword_parameters,
+    section_fields,
+)
 from warpgrains.scene.toml import Table, parse_toml, read_text, shipped, toml_value
 from warpgrains.scene.wall_kinds import WRITTEN_KINDS
 
@@ -97,15 +104,15 @@ class Key(NamedTuple):
         return toml_value(self.default)
 
 
-def keys(layout: str | None) -> Iterator[Key]:
+def keys(layout: str | None, domains: Iterable[str] = DOMAINS) -> Iterator[Key]:
     """Yield all keys of scene files in order, for one layout or, without one, for other sources of grains."""
     of_boxes = described_fields(Box)
-    yield Key("domain", "kind", DOMAINS[0], f"Kind of the domain, {' or '.join(map(toml_value, DOMAINS))}.")
+    kind = Key("domain", "kind", "annulus", f"Kind of the domain, {' or '.join(map(toml_value, DOMAINS))}.")
     for section, names in SECTIONS.items():
-        for name in (*names, *(of_boxes if section == "domain" else ())):
-            field = FIELDS.get(name) or of_boxes[name]
-            default = None if name in of_boxes else field.default
-            yield Key(section, name, default, field.metadata["meaning"])
+        for name in domain_keys(domains) if section == "domain" else names:
+            field = FIELDS.get(name) or of_boxes.get(name)
+            default = None if name in of_boxes else field and field.default
+            yield Key(section, name, default, field.metadata["meaning"]) if field else kind
     yield from (Key("grains", name, None, meaning) for name, meaning in SOURCES.items())
     if layout in LAYOUTS:
         own = {**COMMON, **parameters_of(LAYOUTS[layout])}
@@ -121,7 +128,7 @@ def keys(layout: str | None) -> Iterator[Key]:
 
 def wall_keys() -> Iterator[Key]:
     """Yield the keys of `[[walls]]`: those of some kinds, then those of all."""
-    yield Key("walls", "kind", REQUIRED, f"Kind of a wall inside the annulus: {', '.join(WRITTEN_KINDS)}.")
+    yield Key("walls", "kind", REQUIRED, f"Kind of a wall inside the domain: {', '.join(WRITTEN_KINDS)}.")
     found = {name: field for wall in WRITTEN_KINDS.values() for name, field in wall.keys().items()}
     for name, field in sorted(found.items(), key=lambda item: item[1].kw_only is True):
         default = REQUIRED if field.default is MISSING else field.default
@@ -133,7 +140,8 @@ def wall_keys() -> Iterator[Key]:
 def commented(document: Table) -> str:
     """Return a scene as TOML with every key explained; missing keys are commented out."""
     lines, section = [], ""
-    for key in keys(document.get("grains", {}).get("layout")):
+    domain = document.get("domain", {}).get("kind", "annulus")
+    for key in keys(document.get("grains", {}).get("layout"), [domain]):
         if key.section != section:
             section = key.section
             lines.append(f"\n[{section}]")
@@ -143,7 +151,7 @@ def commented(document: Table) -> str:
         else:
             value = "..." if key.default in (None, REQUIRED) else key.shown_default
             lines.append(f"# {key.name} = {value}")
-    lines.append("\n# A table [[walls]] is a wall inside the annulus.")
+    lines.append("\n# A table [[walls]] is a wall inside the domain.")
     for key in wall_keys():
         text = f"{key.name}: {key.meaning}"
         lines += textwrap.wrap(text, 98, initial_indent="# ", subsequent_indent="#     ")

@@ -92,7 +92,7 @@ class SceneFields:
         default=0.0,
     )
     walls: tuple[Wall, ...] = _key(
-        'Walls inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or of'
+        'Walls inside the domain, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or of'
         f" these classes: {', '.join(kind.__name__ for kind in WRITTEN_KINDS.values())}.",
         check=checked_walls,
         default=(),

@@ -44,10 +44,8 @@ PROPERTIES = {
 }
 """Keys that give other properties of the grains."""
 
-DOMAINS = ("annulus", "box")
-OF_BOXES = ("kind", *described_fields(Box))
-KEYS = {**SECTIONS, "domain": (*SECTIONS["domain"], *OF_BOXES)}
-"""The keys of each section of scene files but `[grains]`, those of a box among those of `[domain]`."""
+DOMAINS = {"annulus": ("kind", *SECTIONS["domain"]), "box": ("kind", *described_fields(Box))}
+"""The keys of `[domain]` of each kind."""
 
 _ARRAYS = ("position", "velocity", "radius", "mass", "spin")
 _COLUMNS = ("x", "y", "vx", "vy", "radius", "mass", "spin")
@@ -72,12 +70,17 @@ def require_key(section: str, key: str) -> None:
         return _refuse_unknown_keys(section, [wall_key(key)[1]], ("kind", *of_walls))
     checks.one_of("section", section, [*SECTIONS, "grains", "walls"])
     of_layouts = {name for layout in LAYOUTS.values() for name in keyword_parameters(layout)}
-    known = KEYS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))
+    known = {**SECTIONS, "domain": domain_keys()}.get(section, [*SOURCES, *PROPERTIES, *of_layouts])
     side, dot, of_side = key.partition(".")
     if dot and side in SIDES:
         checks.one_of(f"key of {section}.{side}", of_side.partition(".")[0], OF_SIDES)
     else:
         _refuse_unknown_keys(section, [key], known)
+
+
+def domain_keys(kinds: Iterable[str] = DOMAINS) -> list[str]:
+    """Return the keys of `[domain]` for kinds of domains."""
+    return list(dict.fromkeys(key for kind in kinds for key in DOMAINS[kind]))
 
 
 def document_fields(document: Table, folder: Path) -> Table:
@@ -107,9 +110,8 @@ def section_fields(document: Table) -> Table:
             raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")
         if section in SECTIONS:
             known: Iterable[str] = SECTIONS[section]
-            if "kind" in table and section == "domain":
-                kind = checks.one_of("domain.kind", table["kind"], DOMAINS)
-                known = OF_BOXES if kind == "box" else ("kind", *known)
+            if section == "domain":
+                known = DOMAINS[checks.one_of("domain.kind", table.get("kind", "annulus"), DOMAINS)]
             _refuse_unknown_keys(section, table, known)
             fields |= fields_of_sections({section: table})
     return fields

@@ -47,7 +47,7 @@ class Overlaps(NamedTuple):
 @documented(FIELDS.values())
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Scene(SceneFields, Shown):
-    """Rigid discs in an annulus centered on the origin, and the settings of their simulation.
+    """Rigid discs in an annulus centered on the origin or in a box, and the settings of their simulation.
 
     Arrays are copied and cannot be written to afterwards.
 
@@ -290,7 +290,7 @@ class Scene(SceneFields, Shown):
 
     @property
     def has_moving_walls(self) -> bool:
-        """True if a wall inside the annulus moves as given in advance."""
+        """True if a wall inside the domain moves as given in advance."""
         return any(wall.moves for wall in self.walls)
 
     @property
@@ -300,7 +300,7 @@ class Scene(SceneFields, Shown):
 
     @cached_property
     def joints(self) -> Joints:
-        """The joints of the walls inside the annulus."""
+        """The joints of the walls inside the domain."""
         return joints_of(self.walls)
 
     @property

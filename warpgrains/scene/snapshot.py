@@ -74,7 +74,7 @@ class Snapshots(NamedTuple):
     up: FloatArray
     """Unit vectors against gravity, see `Scene.up_at`, shape (m, 2)."""
     discs: FloatArray
-    """Center and radius of the disc that each wall inside the annulus fills at the time [m], see
+    """Center and radius of the disc that each wall inside the domain fills at the time [m], see
     `Scene.discs_at`, shape (m, walls - 2, 3)."""
     annulus: Annulus
     """The annulus of each scene; its radii are arrays [m], shape (m,)."""

@@ -1,4 +1,4 @@
-"""Walls inside the annulus: what all kinds have in common. A kind is a file such as disc.py."""
+"""Walls inside the domain: what all kinds have in common. A kind is a file such as disc.py."""
 
 import re
 from dataclasses import Field, dataclass, replace
@@ -50,7 +50,7 @@ def _checked_name(field: str, name: Any) -> str:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Wall:
-    """A wall inside the annulus, with the keys of its `[[walls]]` table as fields.
+    """A wall inside the domain, with the keys of its `[[walls]]` table as fields.
 
     A kind is a class with the decorator `kind_of_wall` that defines `kind`, `kind_number` and the methods
     below that raise NotImplementedError, for the wall before it moves; and `border` if it fills a disc.

@@ -1,4 +1,4 @@
-"""The kinds of walls inside the annulus, and the check of the walls of a scene."""
+"""The kinds of walls inside the domain, and the check of the walls of a scene."""
 
 from collections.abc import Mapping
 from dataclasses import MISSING

@@ -34,7 +34,7 @@ class Sizes:
     contacts: IndexArray  # capacity of the list
     walls: IndexArray  # wall bodies (kernels/walls.py)
     joined: IndexArray  # walls at all joints, each as often as it is one of the others there
-    mobile: IndexArray  # 1 if a wall inside the annulus moves as given in advance, or a force drives one
+    mobile: IndexArray  # 1 if a wall inside the domain moves as given in advance, or a force drives one
     driven: IndexArray  # 1 if a force drives a wall
     limited: IndexArray  # 1 if a wall has another side, or is round within a step (eq. 18)
     weighted: IndexArray  # 0 if grains take equal shares of every correction, and K_t = 3 in eq. 22
