@@ -18,13 +18,13 @@ ROOM = 4 * 2**20  # bytes; the largest module takes 1.3 MB
 
 
 def is_cached(module: wp.Module, block: int) -> bool:
-    """Return True if the cache holds a module for blocks of so many threads."""
+    """Return True if the cache holds a module for blocks of `block` threads."""
     with BUILDING:
         return _folder(module, block).is_dir()
 
 
 def load(module: Any, device: wp.Device, block: int) -> None:
-    """Load or compile a module for blocks of so many threads; replace damaged files, with a warning."""
+    """Load or compile a module for blocks of `block` threads; replace damaged files, with a warning."""
     with BUILDING:
         folder, is_damaged = _folder(module, block), False
         if folder.is_dir():

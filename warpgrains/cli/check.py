@@ -44,7 +44,7 @@ def _report_of_child(path: str) -> list[str]:
 
 
 def _report(path: str, most: int) -> list[str] | str:
-    """Return the lines, or the message of an InputError, in a process of at most so many bytes."""
+    """Return the lines, or the message of an InputError; the process takes at most `most` bytes."""
     from warpgrains.usd.check import report_on_recording
 
     _, hard = resource.getrlimit(resource.RLIMIT_AS)

@@ -146,7 +146,7 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
     given |= _spacing(arguments.every, options.checkpoint or arguments.checkpoint, options.series)
     options, statistics = replace(options, steps=end - start.first_step, **given), start.statistics
     if end > start.state.steps and _given(arguments, "steps", "duration"):
-        statistics.met = False  # the run goes on, although its end criterion was met
+        statistics.met = False  # the run continues, although its end criterion was met
     is_locked = is_of_run and Path(options.checkpoint or kept).resolve() == kept.resolve()
     resumed = statistics if is_of_run else None
     return OpenRun(start.scene, options, resumed, start.first_step, is_locked=is_locked), start.state

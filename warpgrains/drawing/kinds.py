@@ -23,7 +23,7 @@ _SMALLEST, _LARGEST = 64, 8192  # pixels of a side of a picture
 
 
 class FilmFormat(NamedTuple):
-    """How ffmpeg writes a film, or a file on the way to one."""
+    """Options of ffmpeg for a film, or for a file on the way to one."""
 
     container: str
     """ffmpeg's name of the file format; without one, it takes %d in a file name for a sequence of images."""

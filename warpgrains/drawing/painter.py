@@ -49,7 +49,7 @@ class Painter:
 
     @property
     def has_free_corners(self) -> bool:
-        """Whether nothing is drawn in the corners, because they are outside of the outer wall."""
+        """True if the corners are empty, because they are outside of the outer wall."""
         return "Outer" in self.walls and hypot(*self.view[:2]) > 1.3 * self.walls["Outer"].reach
 
     def color(self, now: Snapshot) -> FloatArray:

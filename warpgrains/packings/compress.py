@@ -238,7 +238,7 @@ def carrying_contacts(now: Snapshot) -> tuple[float, int]:
 
 
 def _bulk_fraction(now: Snapshot) -> float:
-    """Return the packing fraction far from circles and sides; NaN if little space is there."""
+    """Return the packing fraction far from circles and sides; NaN if little space is left."""
     scene = now.scene
     layer = WALL_LAYER * 2.0 * float(scene.radius.mean())
     if scene.domain is not None:

@@ -15,7 +15,7 @@ _END_SEGMENTS = 16  # of a half of a round end
 
 
 class Band(NamedTuple):
-    """Drawing of a wall: the flat band between two lines of as many points."""
+    """Drawing of a wall: the flat band between two lines of equally many points."""
 
     first: FloatArray
     """Points of a line [m], shape (k, 2)."""

@@ -56,7 +56,7 @@ class Box:
     """A rectangle with sides along the axes, of which two opposite ones, or all, may be periodic.
 
     What leaves the box through a periodic side comes in through the opposite one. Positions in states are
-    continuous: they go on beyond such a side.
+    continuous: they continue beyond such a side.
 
     Parameters
     ----------

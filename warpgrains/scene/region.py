@@ -57,7 +57,7 @@ class Region:
 
     @property
     def low(self) -> FloatArray:
-        """Where the box begins in periodic directions [m], shape (2,); 0 in others."""
+        """Lower ends of the box in periodic directions [m], shape (2,); 0 in others."""
         return np.array([ends[0] if ends else 0.0 for ends in self.periodic])
 
     @property

@@ -400,12 +400,12 @@ class Scene(SceneFields, Shown):
 
     @property
     def drives(self) -> list[Drive]:
-        """What drives each of `walls`."""
+        """The drive of each of `walls`."""
         return self.bodies.drives[len(self.bodies) - len(self.walls) :]
 
     @property
     def mobile_walls(self) -> dict[int, Wall]:
-        """Those of `walls` by number that move as given in advance, or that forces drive."""
+        """The `walls`, by number, that move as given in advance or that forces drive."""
         inside = zip(self.numbered_walls.items(), self.drives, strict=True)
         return {number: wall for (number, wall), drive in inside if wall.moves or drive.inverse_mass}
 

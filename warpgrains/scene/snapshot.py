@@ -194,8 +194,8 @@ class Snapshot:
 
     @cached_property
     def images(self) -> tuple[FloatArray, IndexArray]:
-        """Where grains are drawn [m], shape (k, 2), and which, shape (k,): first all, wrapped into a periodic
-        box, and then those that cross its sides, on the other side."""
+        """Centers of drawn grains [m], shape (k, 2), and their numbers, shape (k,): first all, wrapped into a
+        periodic box, and then those that cross its sides, on the other side."""
         return self.scene.space.images(self.position, self.scene.radius)
 
     @cached_property

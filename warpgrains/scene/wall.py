@@ -26,7 +26,7 @@ Kind = TypeVar("Kind")
 
 
 class Drive(NamedTuple):
-    """What drives a wall (kernels/types.py, `Drive`)."""
+    """The mass and force that drive a wall (kernels/types.py, `Drive`)."""
 
     inverse_mass: float = 0.0
     """1 / mass [1/kg]; 0 if no force acts on the wall."""
@@ -193,7 +193,7 @@ class Wall:
 
     @property
     def path(self) -> Motion | None:
-        """How the wall moves, the same for walls that move alike; None if it does not."""
+        """The motion of the wall, the same for walls that move alike; None if it does not move."""
         turns = self.angular_velocity != 0.0
         return (self.motion if turns else self.motion._replace(pivot=(0.0, 0.0))) if self.moves else None
 
@@ -293,7 +293,7 @@ class ThinWall(Wall):
 
 
 class InfiniteWall(Wall):
-    """A wall that goes on without end on both sides of its `point`, and does not turn."""
+    """A wall that continues without end on both sides of its `point`, and does not turn."""
 
     point: tuple[float, float]
 

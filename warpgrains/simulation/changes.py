@@ -1,4 +1,4 @@
-"""Changes of a scene while its simulation goes on."""
+"""Changes of a scene while its simulation continues."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def change_of(
 
 
 def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
-    """Return the scene with other fields, whose time goes on and whose walls begin to move now."""
+    """Return the scene with other fields, whose time continues and whose walls begin to move now."""
     for name in fields:
         checks.one_of("field of a scene", name, FIELDS)
         if name in OF_START:

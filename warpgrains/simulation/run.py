@@ -131,7 +131,7 @@ class OpenRun(CountedRun):
 
     @property
     def lowered_rate(self) -> str | None:
-        """Why a new run has fewer frames per second than requested; None if it has as many."""
+        """The reason why a new run has fewer frames per second than requested; None if it has not fewer."""
         options, times = self.options, self.times
         if times is None or times.rate == options.fps or self._is_resumed:
             return None

@@ -253,8 +253,8 @@ class Simulation(LoadedScene, Shown):
         Contacts and forces remain those of the last step until the next one; but those with walls that are
         elsewhere afterwards are dropped at once, and tangential forces and spins if friction is turned off.
 
-        Time goes on: after a change of `dt`, the `time` of the scene is when such steps would have begun. New
-        walls without `from_time` begin to move now. A driven wall continues if it has the same ends as in
+        Time continues: after a change of `dt`, the `time` of the scene is when such steps would have begun.
+        New walls without `from_time` begin to move now. A driven wall continues if it has the same ends as in
         `scene`, and the outer one without `radius_out`; else it begins at rest where it is given.
 
         Raises

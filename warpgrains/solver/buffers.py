@@ -61,7 +61,7 @@ def _fields_of(struct: Any, path: tuple[str, ...]) -> Iterator[ArrayField]:
 
 
 class BlockLayout(NamedTuple):
-    """Where the arrays are in the memory blocks of scenes."""
+    """Places of the arrays in the memory blocks of scenes."""
 
     length: IndexArray
     """Elements of the array, shape (fields, scenes)."""

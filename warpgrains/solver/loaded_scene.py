@@ -66,7 +66,7 @@ class LoadedScene:
 
     @property
     def last_staggered(self) -> bool:
-        """Whether velocities were half a step behind before the last step, as in `State`."""
+        """True if velocities were half a step behind before the last step, as in `State`."""
         return bool(self._records.host["scheme"]["last_staggered"][self._k])
 
     @property
@@ -80,8 +80,8 @@ class LoadedScene:
     def present_scene(self) -> Scene:
         """A scene that starts from the present state: its grains, its time, and its walls where they are.
 
-        A simulation of it starts anew: without corrections, driven walls at rest, and in the leapfrog scheme
-        with velocities that it takes for those of the present.
+        A simulation of it starts from scratch: without corrections, driven walls at rest, and in the
+        leapfrog scheme with velocities that it takes for those of the present.
         """
         now = scene_with_walls(self._records, self._k)
         return now.starting_at(self.time, position=self.position, velocity=self.velocity, spin=self.spin)
@@ -95,7 +95,7 @@ class LoadedScene:
         return self.forces()[1]
 
     def forces(self) -> tuple[PairContacts, WallContacts]:
-        """Return both, at the cost of one of them."""
+        """Return `contacts` and `wall_contacts`, at the cost of either."""
         return contacts_of(self.scene, self.state())
 
     def state(self) -> State:

@@ -40,7 +40,7 @@ _FINITE, _POSITIVE = (-np.inf, np.inf, "finite"), (0.0, np.inf, "positive and fi
 
 
 class Row(NamedTuple):
-    """What is checked of an array in each frame."""
+    """Checks of an array in each frame."""
 
     attribute: Usd.Attribute
     per: str | None = None

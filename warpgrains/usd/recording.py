@@ -125,7 +125,7 @@ class Recording(Shown):
 
     @cached_property
     def position(self) -> FloatArray:
-        """Centers of the grains [m], shape (f, n, 2), which go on beyond periodic sides."""
+        """Centers of the grains [m], shape (f, n, 2), which continue beyond periodic sides."""
         return self._of_all_frames("position")
 
     @cached_property

@@ -25,7 +25,7 @@ _SAMPLE = 128  # bytes of memory per value in addition to its array
 
 
 def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
-    """Write a log, or so many of its frames, to one checked USD file; return their number."""
+    """Write a log, or its first `frames` frames, to one checked USD file; return their number."""
     reader, target = LogReader(log), resolve_link(target)
     with refusing_untrusted_content(log):
         constants = _constants(reader)

@@ -36,7 +36,7 @@ EXACT_TIME = 20.0  # default of `Scene.exact_time`
 
 
 class Attempt(NamedTuple):
-    """How a path is followed."""
+    """Options with which a path is followed."""
 
     eps: float = 1e-3
     """Compliance at the start."""
@@ -216,8 +216,8 @@ class FrictionStep:
 class PathSolver:
     """Host solver for the steps with friction of scene k.
 
-    While sweeps go on, only an answer that meets the tolerance is taken. After the last sweep the best answer
-    is taken if its residual is smaller than that of the sweeps.
+    While sweeps continue, only an answer that meets the tolerance is taken. After the last sweep the best
+    answer is taken if its residual is smaller than that of the sweeps.
     """
 
     def __init__(self, records: SceneRecords, k: int):
