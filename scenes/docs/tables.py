@@ -1,18 +1,24 @@
-"""Write the tables of keys in the pages from the code: `python scenes/docs/tables.py`.
+"""Write the tables of the pages from the code and the results of benches: `python scenes/docs/tables.py`.
 
 A table stands between the comments `<!-- table: NAME -->` and `<!-- end of table -->` of a page.
 """
 
+import csv
 import re
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 
+from tests.bench.__main__ import BENCHES
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES
 from warpgrains.cli.scenes import keys, wall_keys
 from warpgrains.scene.radii import DISTRIBUTIONS, OF_MEAN
 from warpgrains.sweep import axes, sweep
 from warpgrains.sweep.results import COLUMNS
 
+ROOT = Path(__file__).parents[2]
+OURS = "warpgrains"
+OVERLAPS = 1e-1, 1e-2, 1e-3  # radii
 _TABLE = re.compile(r"(?<=<!-- table: )(\w+)( -->\n).*?(?=<!-- end of table -->)", re.S)
 
 
@@ -70,7 +76,99 @@ def _of_docstring(text: str | None) -> Iterable[Sequence[str]]:
     return rows
 
 
+def _measured(bench: str) -> list[dict[str, str]]:
+    with (ROOT / "tests/bench/results" / f"{bench}.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _benches() -> Iterable[Sequence[str]]:
+    yield "bench", "what it measures", "commit", "date", "processor"
+    for name, bench in BENCHES.items():
+        file = f"[`{name}`](../../tests/bench/results/{name}.csv)"
+        rows = _measured(name)
+        stamps = (dict.fromkeys(row[key] for row in rows) for key in ("commit", "date", "processor"))
+        yield file, bench.measures, *(", ".join(values) for values in stamps)
+
+
+def _compared(bench: str) -> Iterable[Sequence[str]]:
+    """Yield the rows of a bench that compares medians, with missed aims in bold."""
+    yield "what", "grains", "threads", "median", "compared with", "its median", "ratio", "aim"
+    for row in _measured(bench):
+        unit, other, target = row["unit"], row["its median"], row["target"]
+        sign = "x faster" if row["ratio is"].startswith("its") else "x"
+        missed = target and not _is_reached(float(row["ratio"] or row["median"]), target)
+        yield (
+            row["name"],
+            f"{int(row['n']):,}",
+            row["threads"],
+            f"{_plain(row['median'])} {unit}",
+            row["compared with"],
+            f"{_plain(other)} {unit}" if other else "",
+            f"{_plain(row['ratio'])} {sign}" if other else "",
+            f"**{target}: missed**" if missed else target,
+        )
+
+
+def _is_reached(value: float, target: str) -> bool:
+    sign, limit = target.split()
+    return value <= float(limit) if sign == "<=" else value >= float(limit)
+
+
+def _plain(number: str) -> str:
+    value = float(number)
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+def _features() -> Iterable[Sequence[str]]:
+    rows = _measured("features")
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    yield "feature", *scenes
+    for feature in dict.fromkeys(row["feature"] for row in rows):
+        own = {row["scene"]: row for row in rows if row["feature"] == feature}
+        numbers = ([float(own[scene][f"ratio_{of}"]) for of in ("median", "min", "max")] for scene in scenes)
+        yield feature, *("{:.2f} ({:.2f} to {:.2f})".format(*values) for values in numbers)
+
+
+def _cheapest(friction: str, n: int, most: float, programs: re.Pattern[str]) -> dict[str, str] | None:
+    """Return the fastest setting of programs that keeps overlaps of grains below `most` [radii]."""
+    fit = (row for row in _measured("peers") if (row["friction"], int(row["n"])) == (friction, n))
+    fit = (
+        row for row in fit if programs.fullmatch(row["program"]) and float(row["overlap of pairs"]) <= most
+    )
+    return min(fit, key=lambda row: float(row["ms of 10 ms"]), default=None)
+
+
+def _speed() -> Iterable[Sequence[str]]:
+    frictions = {"0": "", "0.5": " with friction"}
+    heads = ([f"{OURS}{text}", f"fastest other program{text}"] for text in frictions.values())
+    yield "overlaps below [radii]", *(head for pair in heads for head in pair)
+    for most in OVERLAPS:
+        cells = []
+        for friction, ours in ((friction, ours) for friction in frictions for ours in (True, False)):
+            row = _cheapest(friction, 1000, most, re.compile(f"{OURS}.*" if ours else f"(?!{OURS}).*"))
+            name = "" if ours or not row else f" ({row['program']})"
+            cells.append(f"{_plain(row['ms of 10 ms'])} ms{name}" if row else "none")
+        yield f"{most:g}", *cells
+
+
+def _over_grains() -> Iterable[Sequence[str]]:
+    rows = _measured("peers")
+    columns = [(friction, n) for friction in ("0", "0.5") for n in sorted({int(row["n"]) for row in rows})]
+    yield "program", *(f"{n:,}{', friction' if friction != '0' else ''}" for friction, n in columns)
+    for program in dict.fromkeys(row["program"] for row in rows):
+        found = (_cheapest(*column, OVERLAPS[1], re.compile(re.escape(program))) for column in columns)
+        yield (
+            program,
+            *(f"{_plain(row['ms of 10 ms'])} ({row['overlap of pairs']})" if row else "" for row in found),
+        )
+
+
 TABLES = {
+    "benches": _benches,
+    **{name: partial(_compared, name) for name in ("threads", "moving", "step", "batch", "exact", "gpu")},
+    "features": _features,
+    "speed": _speed,
+    "over_grains": _over_grains,
     "scene": _scene,
     "walls": _walls,
     "radii": _radii,
@@ -92,5 +190,5 @@ def with_tables(page: str) -> str:
 
 
 if __name__ == "__main__":
-    for path in sorted(Path(__file__).parent.glob("*.md")):
+    for path in [ROOT / "README.md", *sorted(Path(__file__).parent.glob("*.md"))]:
         path.write_text(with_tables(path.read_text()))

@@ -15,7 +15,7 @@ from .against_c import COMPILER, CReference
 from .piles import pile
 from .rows import SPEEDUP, Subject, command_line, in_turn, publish, row, seconds
 
-SCENES = 1_000
+SCENES = 300
 IN_C = 5  # scenes that are run in C, too
 PILE_STEPS = 25
 

@@ -20,15 +20,15 @@ STIFFEST = 1e9  # Hz: Box2D lowers it to an eighth of the rate of sub-steps
 class Box2d3:
     """Box2D 3: soft contacts in sub-steps; lengths scaled, and walls made of segments, as for Box2D 2.3.
 
-    Contacts are found `steps` times a frame, each of so many sub-steps; `stiff` ones as stiff as they can be.
-    Without the folder of its `source`, this is an ImportError.
+    Contacts are found `steps` times a frame, each of `substeps` sub-steps; with more than one search, they
+    are as stiff as they can be. Without the folder of its `source`, this is an ImportError.
     """
 
-    def __init__(self, scene: Scene, source: Path | None, steps: int, substeps: int, stiff: bool):
+    def __init__(self, scene: Scene, source: Path | None, steps: int, substeps: int):
         self._library, self._steps, self._substeps = _library(source), steps, substeps
         self._n, self._scale = len(scene.radius), 0.5 / float(scene.radius[0])
         gravity = (self._scale * g for g in scene.gravity)
-        hertz = STIFFEST if stiff else 0.0
+        hertz = STIFFEST if steps > 1 else 0.0
         self._discs = self._library.create(self._n, *gravity, hertz, scene.friction)
         for around, radius in ((True, scene.radius_out), (False, scene.radius_in)):
             corner = _floats(corners(radius, around) * self._scale)

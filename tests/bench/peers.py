@@ -1,16 +1,16 @@
-"""The common flowing scene beside other programs: time against overlap, one thread, one run.
+"""The common flowing scene in this and other programs, with and without friction: time against overlap.
 
-    python -m tests.bench.peers -o tests/bench/results/peers.csv --picture scenes/peers.png
-    python -m tests.bench.peers --friction 0.5 -o tests/bench/results/peers_friction.csv
+    python -m tests.bench.peers --box2d3 FOLDER -o tests/bench/results/peers.csv
 
-CPU time of 10 ms simulated, set-up and compiling apart, and the worst overlaps over 2 s, sampled every 10 ms
-from the true circles. Programs that are not installed (extra `[bench]`), and Box2D 3 where its source is not
-given, are left out, and said.
+CPU time of 10 ms simulated by one thread, without set-up and compiling, and the worst overlaps, sampled
+every 10 ms from the true circles. The window is 2 s, and of more than 1,000 grains the 0.1 s in which all
+splash. Programs that are not installed (extra `[bench]`, and packages of Debian: yade, liggghts,
+python3-siconos and python3-scipy), and settings that take too long, are left out, and reported.
 """
 
-import argparse
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import product
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -22,47 +22,75 @@ from warpgrains import Scene
 from warpgrains.arrays import FloatArray
 
 from .box2d3 import Box2d3, is_source
-from .flow import DURATION, flowing
+from .flow import flowing, splashing
 from .kamino import Kamino
-from .peer_programs import FRAME, Box2d, Lammps, Pymunk, Warpgrains
+from .peer_programs import Box2d, Lammps, OfDebian, Pymunk, Warpgrains
 from .rows import command_line, publish, say
 
 COLUMNS = (
     "program",
     "setting",
+    "friction",
     "n",
     "ms of 10 ms",
     "overlap of pairs",
     "of the outer wall",
     "of the inner wall",
 )
-Setting = tuple[str, str, Callable[[Scene], Any]]
-MARKERS = "osD^vP"
+Make = Callable[[Scene], Any]
+FRICTIONS = 0.5, 0.0
+GRAINS = 1_000, 10_000, 100
+FROM_REST, SPLASH = 200, 10  # frames of 10 ms
+SHORT = 2.0  # s of CPU time up to which a measurement is repeated in one go
+SPRINGS = [
+    (f"stiff for {overlap:g} radii", {"overlap": overlap})
+    for overlap in (0.1, 0.05, 0.035, 0.025, 0.01, 0.001)
+]
+SUBSTEPS = [
+    (f"{substeps} sub-steps of {iterations} iterations", {"substeps": substeps, "iterations": iterations})
+    for substeps, iterations in ((1, 10), (1, 30), (10, 10), (20, 10), (40, 10), (80, 10))
+]
+SEARCHES = [
+    (f"{steps} searches, {steps * substeps} sub-steps", {"steps": steps, "substeps": substeps})
+    for steps, substeps in ((1, 4), (1, 20), (4, 4), (10, 4), (20, 4), (40, 4), (80, 4), (160, 4))
+]
 
 
-def settings(box2d3: Path | None) -> Iterator[Setting]:
-    """Name every program and setting, and how it is set up; `box2d3` is the folder of Box2D's source."""
-    accelerated = {"method": "accelerated", "order": "color", "stop": "residual"}
-    for dt in (0.01, 0.005, 0.0025):
-        for tolerance in (1e-1, 1e-2, 1e-3, 1e-4):
-            solver = accelerated | {"tolerance": tolerance}
-            yield "warpgrains", f"dt {dt:g}, to {tolerance:g} m/s", partial(Warpgrains, dt=dt, **solver)
-        for iterations in (5, 20, 60):
-            solver = accelerated | {"tolerance": 0.0, "max_iterations": iterations}
-            yield "warpgrains", f"dt {dt:g}, {iterations} iterations", partial(Warpgrains, dt=dt, **solver)
-    for name, program in (("pymunk", Pymunk), ("Box2D 2.3", Box2d)):
-        for substeps, iterations in ((1, 10), (1, 30), (4, 10), (10, 10), (40, 10)):
-            setting = f"{substeps} sub-steps, {iterations} iterations"
-            yield name, setting, partial(program, substeps=substeps, iterations=iterations)
-    soft, stiff = ((1, 4), (1, 20), (1, 40), (1, 160)), ((4, 4), (10, 4), (40, 4))
-    for steps, substeps in (*soft, *stiff):
-        setting = f"{steps * substeps} sub-steps" + f", {steps} searches, stiff" * (steps > 1)
-        make = partial(Box2d3, source=box2d3, steps=steps, substeps=substeps, stiff=steps > 1)
-        yield "Box2D 3", setting, make
-    for iterations in (24, 100, 400):
-        yield "Newton Kamino", f"{iterations} iterations", partial(Kamino, iterations=iterations)
-    for overlap in (1e-1, 1e-2, 1e-3):
-        yield "LAMMPS", f"stiff for {overlap:g} radii", partial(Lammps, overlap=overlap)
+def peers(box2d3: Path | None) -> dict[str, tuple[Callable[..., Any], list[tuple[str, dict[str, Any]]]]]:
+    """Return how each program is set up, and its settings by name; `box2d3` is the folder of its source."""
+    accelerated = [
+        (f"dt {dt:g}, to {tolerance:g} m/s", {"dt": dt, "tolerance": tolerance})
+        for dt, tolerance in product((0.01, 0.0025), (1e-1, 3e-2, 1e-2, 1e-3, 1e-4))
+    ]
+    of_ours = partial(Warpgrains, order="color", stop="residual")
+    return {
+        "warpgrains, accelerated": (partial(of_ours, method="accelerated"), accelerated),
+        "warpgrains, plain": (partial(of_ours, method="gauss-seidel"), accelerated[:5]),
+        "warpgrains, exact": (partial(of_ours, method="exact"), accelerated[:5]),
+        "Box2D 3": (partial(Box2d3, source=box2d3), SEARCHES),
+        "pymunk": (Pymunk, SUBSTEPS),
+        "Box2D 2.3": (Box2d, SUBSTEPS),
+        "LAMMPS": (Lammps, SPRINGS),
+        "LIGGGHTS": (partial(OfDebian, name="liggghts"), SPRINGS),
+        "Newton Kamino": (
+            Kamino,
+            [(f"{count} iterations", {"iterations": count}) for count in (24, 100, 400)],
+        ),
+        "YADE": (partial(OfDebian, name="yade"), SPRINGS),
+        "Siconos": (
+            partial(OfDebian, name="siconos", tolerance=1e-4),
+            [(f"dt {dt:g}", {"dt": dt}) for dt in (0.01, 0.0025)],
+        ),
+    }
+
+
+def start(n: int, friction: float, cache: Path) -> tuple[Scene, int]:
+    """Return the scene that is measured, and the frames of its window."""
+    scene = flowing(n, friction=friction)
+    if n <= GRAINS[0]:
+        return scene, FROM_REST
+    _, state = splashing(n, cache)
+    return scene.replace(position=state.position, velocity=state.velocity), SPLASH
 
 
 def overlaps(scene: Scene, x: FloatArray) -> FloatArray:
@@ -79,83 +107,72 @@ def overlaps(scene: Scene, x: FloatArray) -> FloatArray:
     return np.array(worst) / radius
 
 
-def measure(scene: Scene, make: Callable[[Scene], Any]) -> tuple[float, FloatArray]:
-    """Return the CPU time [ms] that 10 ms take, and the worst overlaps [radii]."""
-    frames = round(DURATION / FRAME)
-    program, worst = make(scene), np.zeros(3)
-    for _ in range(frames):
-        program.advance(1)
+def measure(scene: Scene, frames: int, make: Make, longest: float) -> tuple[float, FloatArray]:
+    """Return the CPU time [ms] of 10 ms, and the worst overlaps [radii].
+
+    Raises
+    ------
+    TimeoutError
+        The window would take more than `longest` [s].
+    """
+    make(scene).advance(1)  # once, so that kernels are compiled
+    program, worst, taken = make(scene), np.zeros(3), 0.0
+    for frame in range(frames):
+        taken += _cpu_seconds(program, 1)
+        expected = taken / (frame + 1) * frames
+        if frame and expected > longest:
+            raise TimeoutError(f"it would take {expected:.0f} s")
         worst = np.maximum(worst, overlaps(scene, program.position()))
-    program = make(scene)
-    start = process_time()
+    if taken < SHORT:
+        taken = min(taken, _cpu_seconds(make(scene), frames))
+    return 1e3 * taken / frames, worst
+
+
+def _cpu_seconds(program: Any, frames: int) -> float:
+    clock = getattr(program, "cpu_seconds", process_time)
+    begun = clock()
     program.advance(frames)
-    return 1e3 * (process_time() - start) / frames, worst
+    return clock() - begun
 
 
-def rows(scene: Scene, box2d3: Path | None) -> Iterator[dict[str, str]]:
-    missing = set()
-    for name, setting, make in settings(box2d3):
-        if name in missing:
-            continue
-        try:
-            taken, worst = measure(scene, make)
-        except (ImportError, OSError) as error:
-            missing.add(name)
-            say(f"{name} is left out: {error}")
-            continue
-        figures = [f"{value:.3g}" for value in (taken, *worst)]
-        yield dict(zip(COLUMNS, [name, setting, str(scene.n), *figures], strict=True))
-
-
-def draw(measured: list[dict[str, str]], file: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    sizes = sorted({int(cells["n"]) for cells in measured})
-    size = (5.0 * len(sizes), 4.6)
-    figure, panels = pyplot.subplots(1, len(sizes), figsize=size, squeeze=False, layout="constrained")
-    names = list(dict.fromkeys(cells["program"] for cells in measured))
-    for panel, n in zip(panels[0], sizes, strict=True):
-        for name, marker in zip(names, MARKERS, strict=False):
-            own = [c for c in measured if c["program"] == name and int(c["n"]) == n]
-            points = np.array([[float(c["overlap of pairs"]), float(c["ms of 10 ms"])] for c in own])
-            if len(points):
-                panel.loglog(*points.T, marker, label=name, alpha=0.8)
-        panel.set(title=f"{n:,} grains", xlabel="worst overlap of two grains [radii]")
-        panel.grid(alpha=0.3)
-    panels[0][0].set_ylabel("CPU time of 10 ms simulated [ms]")
-    figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=len(names))
-    figure.savefig(file, dpi=110)
-
-
-def peers_command_line(module: str, document: str | None, grains: Sequence[int]) -> argparse.ArgumentParser:
-    """Return the parser of the options that comparisons with other programs have."""
-    parser = command_line(module, document)
-    parser.add_argument("--picture", type=Path, help="PNG file of the figures")
-    parser.add_argument("--grains", type=int, nargs="+", default=grains, help="how many grains")
-    parser.add_argument("--box2d3", type=Path, metavar="FOLDER", help="source of Box2D 3.1 or newer")
-    return parser
-
-
-def parsed(parser: argparse.ArgumentParser, arguments: list[str] | None) -> argparse.Namespace:
-    """Return the options that are given, after a look at the source of Box2D."""
-    chosen = parser.parse_args(arguments)
-    if chosen.box2d3 and not is_source(chosen.box2d3):
-        parser.error(f"--box2d3: {chosen.box2d3} holds no source of Box2D 3.1 or newer (src/physics_world.c)")
-    return chosen
+def rows(
+    scene: Scene, frames: int, chosen: list[str], box2d3: Path | None, longest: float
+) -> Iterator[dict[str, str]]:
+    for name in chosen:
+        make, settings = peers(box2d3)[name]
+        for setting, options in settings:
+            try:
+                taken, worst = measure(scene, frames, partial(make, **options), longest)
+            except TimeoutError as error:
+                say(f"  {name}, {setting}: left out: {error}")
+                continue
+            except (ImportError, OSError) as error:
+                say(f"{name} is left out: {error}")
+                break
+            figures = [f"{value:.3g}" for value in (taken, *worst)]
+            what = name, setting, f"{scene.friction:g}", str(scene.n)
+            yield dict(zip(COLUMNS, [*what, *figures], strict=True))
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = peers_command_line("peers", __doc__, [100, 1000])
-    parser.add_argument("--friction", type=float, default=0.0, help="coefficient of friction (default: 0)")
-    chosen = parsed(parser, arguments)
-    scenes = (flowing(n, friction=chosen.friction) for n in chosen.grains)
-    measured = (cells for scene in scenes for cells in rows(scene, chosen.box2d3))
-    written = publish(measured, chosen.output, COLUMNS)
-    if chosen.picture:
-        draw(written, chosen.picture)
+    parser = command_line("peers", __doc__)
+    programs = list(peers(None))
+    parser.add_argument("--grains", type=int, nargs="+", default=GRAINS, help="numbers of grains")
+    parser.add_argument("--friction", type=float, nargs="+", default=FRICTIONS, help="coefficients")
+    parser.add_argument(
+        "--only", nargs="+", choices=programs, default=programs, help="programs that are measured"
+    )
+    parser.add_argument("--box2d3", type=Path, metavar="FOLDER", help="source of Box2D 3.1 or newer")
+    parser.add_argument("--longest", type=float, default=80.0, help="limit of a measurement [s]")
+    chosen = parser.parse_args(arguments)
+    if chosen.box2d3 and not is_source(chosen.box2d3):
+        parser.error(f"--box2d3: {chosen.box2d3} holds no source of Box2D 3.1 or newer (src/physics_world.c)")
+    measured = (
+        cells
+        for n, friction in product(chosen.grains, chosen.friction)
+        for cells in rows(*start(n, friction, chosen.cache), chosen.only, chosen.box2d3, chosen.longest)
+    )
+    publish(measured, chosen.output, COLUMNS)
 
 
 if __name__ == "__main__":

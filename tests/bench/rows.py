@@ -1,19 +1,21 @@
-"""How benches time what they compare, and write it as CSV, one row a figure. Prints a CSV as Markdown.
-
-python -m tests.bench.rows tests/bench/results/step.csv
-"""
+"""Timing, and CSV files with a row for each figure, with the code, the day and the machine that it is of."""
 
 import argparse
 import csv
+import os
+import re
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from statistics import median
 from time import perf_counter
 
+from warpgrains import __version__
 from warpgrains.warp_start import start_warp
 
 COLUMNS = (
@@ -31,7 +33,8 @@ COLUMNS = (
     "repeats",
 )
 SLOWDOWN, SPEEDUP = "median / its median", "its median / median"
-HEAD = ("what", "n", "order", "threads", "median", "against", "its median", "ratio", "target", "reached")
+STAMP = ("version", "commit", "date", "processor")
+"""Columns of every CSV file, after its own."""
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -105,65 +108,24 @@ def command_line(module: str, document: str | None, repeats: int = 5) -> argpars
 
 def publish(
     measured: Iterable[Mapping[str, object]], output: Path | None, columns: Sequence[str] = COLUMNS
-) -> list[Mapping[str, object]]:
-    """Write rows one by one as they are measured, and return them."""
+) -> None:
+    """Write rows one by one as they are measured."""
     start_warp()
-    written = []
+    stamp = dict(zip(STAMP, (__version__, _commit(), str(date.today()), _processor()), strict=True))
     with output.open("w", newline="") if output else nullcontext(sys.stdout) as file:
-        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer = csv.DictWriter(file, [*columns, *STAMP], lineterminator="\n")
         writer.writeheader()
         for cells in measured:
             say("  " + ", ".join(filter(None, map(str, cells.values()))))
-            writer.writerow(cells)
+            writer.writerow({**cells, **stamp})
             file.flush()
-            written.append(cells)
-    return written
 
 
-def markdown(rows: Iterable[Mapping[str, str]]) -> str:
-    lines = [HEAD, ["---"] * len(HEAD), *map(_line, rows)]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+def _commit() -> str:
+    line = ["git", "describe", "--always", "--dirty=+", "--exclude=*"]
+    return subprocess.run(line, cwd=Path(__file__).parent, capture_output=True, text=True).stdout.strip()
 
 
-def _line(cells: Mapping[str, str]) -> list[str]:
-    unit, other = cells["unit"], cells["its median"]
-    sign = "x faster" if cells["ratio is"] == SPEEDUP else "x"
-    reached = {True: "yes", False: "**no**", None: ""}[is_reached(cells)]
-    return [
-        cells["name"],
-        f"{int(cells['n']):,}",
-        cells["order"],
-        cells["threads"],
-        f"{_plain(cells['median'])} {unit}",
-        cells["compared with"],
-        f"{_plain(other)} {unit}" if other else "",
-        f"{_plain(cells['ratio'])}{sign}" if cells["ratio"] else "",
-        cells["target"],
-        reached,
-    ]
-
-
-def is_reached(cells: Mapping[str, str]) -> bool | None:
-    """Whether a row reaches its target, with its ratio or, without one, its median; None without a target."""
-    if not cells["target"]:
-        return None
-    sign, limit = cells["target"].split()
-    value = float(cells["ratio"] or cells["median"])
-    return value <= float(limit) if sign == "<=" else value >= float(limit)
-
-
-def _plain(number: str) -> str:
-    """A number without an exponent, in three digits."""
-    value = float(number)
-    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.rows")
-    parser.add_argument("csv", type=Path)
-    with parser.parse_args().csv.open(newline="") as file:
-        print(markdown(csv.DictReader(file)))
-
-
-if __name__ == "__main__":
-    main()
+def _processor() -> str:
+    name = re.search(r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.M)
+    return f"{os.cpu_count()} cores, {name[1] if name else 'unknown'}"

@@ -12,36 +12,28 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
+from itertools import product
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from warpgrains import Scene, Simulation
-from warpgrains.solver.tuning import paying_threads
 
 from . import against_c
 from .flow import SOLVED, continued, flowing, splashing
-from .piles import ITERATIONS, advance, settled_pile
+from .piles import ITERATIONS, settled_pile
 from .rows import SPEEDUP, Subject, command_line, in_turn, publish, row, say, seconds
 
 Row = dict[str, str]
 Make = Callable[[int | None], Simulation]
-PLAIN = {"method": "gauss-seidel", "stop": "zeta", "tolerance": 1e-12, "max_iterations": ITERATIONS}
+PLAIN = {"method": "gauss-seidel", "stop": "zeta", "tolerance": 0.0, "max_iterations": ITERATIONS}
 FLOWING = {100: "<= 0.06", 1_000: "<= 0.9", 5_000: "<= 8", 10_000: "<= 20"}  # ms a step
 LARGE = 100_000
 IDLE = 5  # steps: an idle core needs a while to come to speed
 FIRST_RUNS = 3
 LOOP = "import os, sys; os.sched_setaffinity(0, {int(sys.argv[1])})\nwhile True: pass"
-LOADS = (0, 1, 2)  # endless loops on every core
-BUSY = (  # grains, iterations of a step, threads
-    (25, 326, 4),
-    (1_000, 100, None),
-    (10_000, 50, None),
-    (25_000, 50, 2),
-)
 
 
 def moving(options: argparse.Namespace) -> Iterator[Row]:
@@ -60,36 +52,34 @@ def moving(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def threads(options: argparse.Namespace) -> Iterator[Row]:
-    """Two threads, the default, and two simulations at once, against one thread; same bits."""
-    for n in sizes((1_000, 10_000, LARGE), options):
-        pile = settled_pile(n, options.cache)
-        subject = Subject(f"one step of {ITERATIONS} iterations, {pile.kind}", n, "color")
-        yield from _against_one_thread(subject, partial(pile.simulation, order="color"), options, ">= 1.6")
-        flow = splashing(n, options.cache)
-        subject = Subject(f"one step of {ITERATIONS} iterations, flowing", n, "color")
-        make = partial(continued, *flow, order="color", **PLAIN)
-        yield from _against_one_thread(subject, make, options, ">= 1.6")
-        subject = Subject("one flowing step, accelerated to 1e-2 m/s", n, "color")
-        yield from _against_one_thread(subject, partial(continued, *flow), options, ">= 1.5")
+    """Two threads, and two simulations at once, against one thread, on quiet and busy cores; same bits."""
+    for n in sizes((10_000, LARGE), options):
+        pile, flow = settled_pile(n, options.cache), splashing(n, options.cache)
+        cases: dict[str, Make] = {
+            f"{ITERATIONS} plain sweeps, {pile.kind}": partial(pile.simulation, order="color"),
+            f"{ITERATIONS} accelerated sweeps, {pile.kind}": partial(
+                pile.simulation, order="color", method="accelerated"
+            ),
+            f"{ITERATIONS} plain sweeps, flowing": partial(continued, *flow, **PLAIN),
+            "accelerated to 1e-2 m/s, flowing": partial(continued, *flow),
+        }
+        for (name, make), loops in product(cases.items(), (0, 1)):
+            with _endless_loops(loops):
+                yield from _against_one_thread(
+                    f"a step, {name}{', busy cores' * loops}", n, make, options.repeats
+                )
 
 
-def _against_one_thread(
-    subject: Subject, make: Make, options: argparse.Namespace, target: str
-) -> Iterator[Row]:
-    simulations = [make(count) for count in (1, 2, None)]
-    apart = [make(1) for _ in range(2)]
-    measures = [partial(_ms_a_step, simulation) for simulation in simulations]
-    one, two, chosen, both = in_turn(options.repeats, *measures, partial(_ms_a_step_of_both, apart))
-    first, *others = [*simulations, *apart]
-    for other in others:
-        assert np.array_equal(first.position, other.position)
-        assert np.array_equal(first.velocity, other.velocity)
-    aim = target if subject.n == LARGE else ""
-    default = f"{paying_threads(first.scene)} (default)"
-    yield row(replace(subject, threads="2"), two, "ms", "1 thread", one, SPEEDUP, aim)
-    yield row(replace(subject, threads=default), chosen, "ms", "1 thread", one, SPEEDUP, ">= 0.95")
-    machine = replace(subject, name=f"{subject.name}, by two separate simulations at once", threads="1 + 1")
-    yield row(machine, both, "ms", "1 thread", one, SPEEDUP)
+def _against_one_thread(name: str, n: int, make: Make, repeats: int) -> Iterator[Row]:
+    one, two, *apart = (make(count) for count in (1, 2, 1, 1))
+    ways = [partial(_ms_a_step, one), partial(_ms_a_step, two), partial(_ms_a_step_of_both, apart)]
+    alone, team, both = in_turn(repeats, *ways)
+    for other in (two, *apart):
+        assert np.array_equal(one.position, other.position)
+        assert np.array_equal(one.velocity, other.velocity)
+    yield row(Subject(name, n, "color", "2"), team, "ms", "1 thread", alone, SPEEDUP, ">= 1")
+    subject = Subject(f"{name}, two separate simulations", n, "color", "1 + 1")
+    yield row(subject, both, "ms", "1 thread", alone, SPEEDUP)
 
 
 def _ms_a_step(simulation: Simulation) -> float:
@@ -101,24 +91,6 @@ def _ms_a_step(simulation: Simulation) -> float:
 def _ms_a_step_of_both(simulations: list[Simulation]) -> float:
     with ThreadPoolExecutor(2) as pool:
         return sum(pool.map(_ms_a_step, simulations)) / 4.0
-
-
-def busy(options: argparse.Namespace) -> Iterator[Row]:
-    """A team against one thread, on cores that other processes use as well."""
-    for loops in LOADS:
-        for wanted, iterations, count in BUSY:
-            n = min(wanted, options.largest)
-            pile, steps = settled_pile(n, options.cache), 16 if wanted <= 1_000 else 50
-            make = partial(pile.simulation, order="color", max_iterations=iterations)
-
-            def taken(threads: int | None, make: Make = make, steps: int = steps) -> float:
-                return seconds(partial(advance, make(threads), steps))
-
-            with _endless_loops(loops):
-                team, one = in_turn(options.repeats, partial(taken, count), partial(taken, 1))
-            name = f"{steps} steps of {iterations} iterations, {pile.kind}, {loops} endless loops a core"
-            subject = Subject(name, n, "color", "default" if count is None else str(count))
-            yield row(subject, team, "s", "1 thread", one, target="<= 1.5")
 
 
 @contextmanager
@@ -159,7 +131,6 @@ PARTS: dict[str, Callable[[argparse.Namespace], Iterator[Row]]] = {
     "course": against_c.course,
     "moving": moving,
     "threads": threads,
-    "busy": busy,
     "start": start,
 }
 

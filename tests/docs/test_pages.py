@@ -151,13 +151,25 @@ def test_no_sentence_is_long(name):
     assert [one for one in sentences(name) if len(one.split()) > MOST_WORDS] == []
 
 
-def test_tables_of_keys_are_those_of_the_code():
+def test_tables_are_those_of_the_code_and_of_the_benches():
     """`python scenes/docs/tables.py` writes them into the pages."""
     tables = runpy.run_path(str(ROOT / "scenes/docs/tables.py"))
     written = "".join(path.read_text() for path in PAGES.values())
     assert all(f"<!-- table: {name} -->" in written for name in tables["TABLES"])
     for path in PAGES.values():
         assert tables["with_tables"](path.read_text()) == path.read_text(), path
+
+
+@pytest.mark.parametrize(
+    ("name", "section"), [("benchmarks", "# Benchmarks"), ("README", "## Speed against error")]
+)
+def test_figures_of_speed_are_in_the_tables_of_benches(name, section):
+    text = PAGES[name].read_text()
+    begin = text.index(section)
+    shown = text[begin:] if section.startswith("# ") else text[begin : text.index("\n## ", begin)]
+    assert "<!-- table: " in shown
+    rest = re.sub(r"<!-- table: .*?<!-- end of table -->", "", shown, flags=re.S)
+    assert not re.search(r"^\||\d ?(?:ns|us|ms|MB|x)\b|\d times\b", rest.replace("10 ms", ""), re.M)
 
 
 def test_the_developers_tour_names_what_there_is():

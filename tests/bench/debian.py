@@ -1,0 +1,258 @@
+"""The common flowing scene in YADE, LIGGGHTS and Siconos, run by the Python that Debian packages them for.
+
+It reads one line of JSON, the name of the program, its setting and the scene, and then numbers of frames to
+advance. It answers each with the CPU time so far [s] and the centers [m]. Soft spheres are kept in the plane;
+linear springs are damped critically, a contact lasts 20 steps at least, and `overlap` [radii] is the one that
+springs are stiff enough for where grains meet at 5 m/s. LIGGGHTS has the inertia of spheres.
+"""
+
+import ctypes
+import json
+import math
+import os
+import sys
+from time import process_time
+
+import numpy as np
+
+FRAME = 0.01  # s
+FASTEST = 5.0  # m/s
+FACETS = 360  # of the outer wall in YADE
+REACH = 0.1  # radii between grains whose contact Siconos gets, in addition to their way in a step
+
+
+def springs(scene, overlap):
+    """Return the stiffness and damping of two grains, and steps of a frame."""
+    m = scene["mass"]
+    k = 0.5 * m * (FASTEST / (overlap * scene["radius"])) ** 2
+    return k, math.sqrt(2.0 * k * m), math.ceil(FRAME / (math.pi * math.sqrt(0.5 * m / k) / 20.0))
+
+
+class Yade:
+    """Spheres with viscoelastic contacts; the inner wall is a sphere, the outer one made of facets."""
+
+    def __init__(self, scene, overlap):
+        import yade
+        from yade import utils
+
+        self._omega, friction = yade.O, math.atan(scene["friction"])
+        r, m = scene["radius"], scene["mass"]
+        k, c, self._steps = springs(scene, overlap)
+        with_wall = math.sqrt(2.0) * c
+        materials = yade.O.materials
+        density = m / (4.0 / 3.0 * math.pi * r**3)
+
+        def material(c):  # contacts have the values of both bodies in series
+            return materials.append(
+                yade.ViscElMat(
+                    kn=2 * k, ks=4 / 7 * k, cn=2 * c, cs=c, frictionAngle=friction, density=density
+                )
+            )
+
+        grain, wall = material(c), material(0.5 / (1.0 / with_wall - 0.5 / c))
+        for (x, y), v in zip(scene["position"], scene["velocity"], strict=True):
+            body = utils.sphere((x, y, 0), r, material=grain)
+            body.state.mass, body.state.inertia = m, yade.Vector3.Ones * (0.5 * m * r * r)
+            body.state.vel, body.state.blockedDOFs = (*v, 0), "zXY" if friction else "zXYZ"
+            yade.O.bodies.append(body)
+        yade.O.bodies.append(utils.sphere((0, 0, 0), scene["radius_in"], material=wall, fixed=True))
+        out, low, high = scene["radius_out"], 2 * r, 30 * r
+        base = out * math.tan(math.pi / FACETS) * (high + low) / high
+        for angle in 2 * np.pi * (np.arange(FACETS) + 0.5) / FACETS:
+            normal = np.array([math.cos(angle), math.sin(angle)])
+            along = np.array([-normal[1], normal[0]])
+            foot = [(*(out * normal + sign * base * along), -low) for sign in (-1, 1)]
+            yade.O.bodies.append(utils.facet([*foot, (*(out * normal), high)], material=wall, fixed=True))
+        law = yade.InteractionLoop(
+            [yade.Ig2_Sphere_Sphere_ScGeom(), yade.Ig2_Facet_Sphere_ScGeom()],
+            [yade.Ip2_ViscElMat_ViscElMat_ViscElPhys()],
+            [yade.Law2_ScGeom_ViscElPhys_Basic()],
+        )
+        self._n = len(scene["position"])
+        yade.O.engines = [
+            yade.ForceResetter(),
+            yade.InsertionSortCollider([yade.Bo1_Sphere_Aabb(), yade.Bo1_Facet_Aabb()], verletDist=-0.5),
+            law,
+            yade.LinearDragEngine(nu=scene["drag"] / (6 * math.pi * r), ids=list(range(self._n))),
+            yade.NewtonIntegrator(damping=0, gravity=(*scene["gravity"], 0)),
+        ]
+        yade.O.dt = FRAME / self._steps
+
+    def advance(self, frames):
+        self._omega.run(frames * self._steps, True)
+
+    def position(self):
+        return [[*self._omega.bodies[i].state.pos][:2] for i in range(self._n)]
+
+
+class Liggghts:
+    """Soft spheres between cylinders (hooke/stiffness)."""
+
+    def __init__(self, scene, overlap):
+        os.environ |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+        ctypes.CDLL("libmpi.so.40", ctypes.RTLD_GLOBAL)
+        self._library = library = ctypes.CDLL("libliggghts.so.3", ctypes.RTLD_GLOBAL)
+        library.lammps_extract_atom.restype = ctypes.POINTER(ctypes.POINTER(ctypes.c_double))
+        options = [b"liggghts", b"-log", b"none", b"-screen", b"none", b"-nocite"]
+        self._run, self._n = ctypes.c_void_p(), len(scene["position"])
+        library.lammps_open_no_mpi(
+            len(options), (ctypes.c_char_p * len(options))(*options), ctypes.byref(self._run)
+        )
+        r, m, mu, size = scene["radius"], scene["mass"], scene["friction"], 1.1 * scene["radius_out"]
+        k, _, self._steps = springs(scene, overlap)
+        gamma = 2.0 * math.sqrt(2.0 * k / m)
+        model = f"gran model hooke/stiffness tangential {'history' if mu else 'off'}"
+        numbers = {"kn": k, "kt": 2 / 7 * k, "gamman": gamma, "gammat": 0.5 * gamma}
+        numbers |= {"coefficientFriction": mu} if mu else {}
+        wall = f"wall/{model} primitive type 1 zcylinder"
+        density = m / (4.0 / 3.0 * math.pi * r**3)
+        lines = [
+            "units si",
+            "atom_style granular",
+            "atom_modify map array",
+            "boundary f f f",
+            "newton off",
+            "communicate single vel yes",
+            "processors 1 1 1",
+            f"region box block {-size} {size} {-size} {size} {-2 * r} {2 * r} units box",
+            "create_box 1 box",
+            f"neighbor {0.2 * r} bin",
+            "neigh_modify delay 0",
+            "hard_particles yes",
+            *(f"fix {name} all property/global {name} peratomtypepair 1 {v}" for name, v in numbers.items()),
+            f"pair_style {model}",
+            "pair_coeff * *",
+            f"timestep {FRAME / self._steps}",
+            *(f"create_atoms 1 single {x} {y} 0 units box" for x, y in scene["position"]),
+            f"set group all diameter {2 * r} density {density}",
+            *(f"set atom {i} vx {u} vy {v}" for i, (u, v) in enumerate(scene["velocity"], 1) if u or v),
+            f"fix out all {wall} {scene['radius_out']} 0. 0.",
+            f"fix in all {wall} {scene['radius_in']} 0. 0.",
+            f"fix fall all gravity {-scene['gravity'][1]} vector 0 -1 0",
+            f"fix drag all viscous {scene['drag']}",
+            "fix move all nve/sphere",
+            "thermo 1000000000",
+            "thermo_modify lost ignore norm no",
+            "run 0",
+        ]
+        for line in lines:
+            self._command(line)
+
+    def _command(self, line):
+        self._library.lammps_command(self._run, line.encode())
+
+    def advance(self, frames):
+        self._command(f"run {frames * self._steps} pre no post no")
+
+    def position(self):
+        x = self._library.lammps_extract_atom(self._run, b"x")
+        return [x[i][:2] for i in range(self._n)]
+
+
+class Siconos:
+    """Discs by Moreau and Jean's scheme and nonsmooth Gauss-Seidel (NSGS), lengths in radii.
+
+    Its own search only adds contacts, so a k-d tree finds them, in time that is left out. The outer wall is
+    replaced by its tangent at each grain near it, renewed after 0.01 rad.
+    """
+
+    def __init__(self, scene, dt, tolerance):
+        import siconos.kernel as kernel
+        import siconos.numerics as numerics
+        from scipy.spatial import cKDTree
+        from siconos.mechanics.collision.bodies import Disk, DiskDiskR, DiskPlanR
+
+        self._kernel, self._tree, self._between, self._with_plane = kernel, cKDTree, DiskDiskR, DiskPlanR
+        self._scene, self._dt, self._unit = scene, dt, 1.0 / scene["radius"]
+        self._inner, self._outer = (self._unit * scene[wall] for wall in ("radius_in", "radius_out"))
+        self._system = system = kernel.NonSmoothDynamicalSystem(0.0, 1e9)
+        self._bodies = []
+        for x, v in zip(scene["position"], scene["velocity"], strict=True):
+            centre, speed = ([self._unit * a for a in values] for values in (x, v))
+            body = Disk(1.0, scene["mass"], [*centre, 0.0], [*speed, 0.0])
+            body.setFExtPtr([0.0, 0.0, 0.0])
+            system.insertDynamicalSystem(body)
+            self._bodies.append(body)
+        self._hub = Disk(self._inner, 1e12, [0.0] * 3, [0.0] * 3)
+        system.insertDynamicalSystem(self._hub)
+        solver = kernel.FrictionContact(2, numerics.SICONOS_FRICTION_2D_NSGS)
+        options = solver.numericsSolverOptions()
+        options.iparam[0], options.dparam[0] = 1000, tolerance
+        solver.setMaxSize(100_000)
+        solver.setMStorageType(1)
+        solver.setNumericsVerboseMode(False)
+        solver.setKeepLambdaAndYState(True)
+        times = kernel.TimeDiscretisation(0.0, dt)
+        self._stepping = kernel.TimeStepping(system, times, kernel.MoreauJeanOSI(0.5), solver)
+        self._law = kernel.NewtonImpactFrictionNSL(0.0, 0.0, scene["friction"], 2)
+        self._found, self._tangent, self.left_out = {}, {}, 0.0
+
+    def advance(self, frames):
+        gravity = self._scene["mass"] * self._unit * np.array(self._scene["gravity"])
+        for _ in range(frames * round(FRAME / self._dt)):
+            start = process_time()
+            velocity = np.array([body.velocity() for body in self._bodies])[:, :2]
+            for body, force in zip(self._bodies, gravity - self._scene["drag"] * velocity, strict=True):
+                body.setFExtPtr([*force, 0.0])
+            self._search(self.centers(), velocity)
+            self.left_out += process_time() - start
+            self._stepping.computeOneStep()
+            self._stepping.nextStep()
+
+    def _search(self, x, velocity):
+        reach = REACH + 1.2 * self._dt * np.hypot(*velocity.T).max()
+        rho = np.hypot(*x.T)
+        normal, n = -x / rho[:, np.newaxis], len(x)
+        rim = {int(i) for i in np.flatnonzero(rho > self._outer - 1.0 - reach)}
+
+        def near(gap):
+            pairs = {tuple(sorted(pair)) for pair in self._tree(x).query_pairs(2.0 + gap)}
+            return pairs | {(int(i), n) for i in np.flatnonzero(rho < self._inner + 1.0 + gap)}
+
+        kept = near(reach + 0.5)
+        for i, j in list(self._found):
+            turned = j < 0 and (i not in rim or normal[i] @ self._tangent[i] < math.cos(0.01))
+            if turned or (j >= 0 and (i, j) not in kept):
+                self._system.removeInteraction(self._found.pop((i, j)))
+        for i, j in near(reach) - self._found.keys():
+            other, radius = (self._hub, self._inner) if j == n else (self._bodies[j], 1.0)
+            self._link((i, j), self._between(1.0, radius), other)
+        for i in rim:
+            if (i, -1) not in self._found:
+                self._tangent[i] = u, v = normal[i]
+                plane = self._with_plane(1.0, u, v, self._outer, -u * self._outer, -v * self._outer, 8.0)
+                self._link((i, -1), plane)
+
+    def _link(self, key, relation, *other):
+        contact = self._found[key] = self._kernel.Interaction(self._law, relation)
+        self._system.link(contact, self._bodies[key[0]], *other)
+
+    def centers(self):
+        return np.array([body.q() for body in self._bodies])[:, :2]
+
+    def position(self):
+        return (self.centers() / self._unit).tolist()
+
+
+PROGRAMS = {"yade": Yade, "liggghts": Liggghts, "siconos": Siconos}
+
+
+def main():
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # whatever they print
+    name, setting, scene = json.loads(sys.stdin.readline())
+    program, taken = PROGRAMS[name](scene, **setting), 0.0
+    for line in sys.stdin:
+        start = process_time()
+        program.advance(int(line))
+        taken += process_time() - start
+        print(
+            json.dumps([taken - getattr(program, "left_out", 0.0), program.position()]),
+            file=answers,
+            flush=True,
+        )
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
