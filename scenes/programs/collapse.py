@@ -13,6 +13,7 @@ from warpgrains.arrays import FloatArray
 ASPECTS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)  # height of the column over its width
 BREAK = 2.0  # aspect ratio at which the law changes
 COUNT = 1000
+SEEDS = (0, 1, 2)
 
 
 class Collapse(NamedTuple):
@@ -24,17 +25,12 @@ class Collapse(NamedTuple):
 
 
 def column(aspect: float, seed: int = 0, count: int = COUNT) -> tuple[wg.Scene, float]:
-    """Return a column between a wall and a gate, the last of the walls, and its width [m]."""
+    """Return a column between a wall and a gate, and its width [m]."""
     width = float(np.sqrt(room(count) / aspect))
     height, reach = aspect * width, (1.6 + 4.0 * aspect) * width
-    left, top = -0.5 * reach, 1.2 * height + 0.1
-    radius_out = float(np.hypot(0.5 * reach, top)) + 0.1
-    walls = [
-        wg.Segment((left - 0.05, 0.0), (radius_out, 0.0)),
-        wg.Segment((left, 0.0), (left, top)),
-        wg.Segment((left + width, 0.0), (left + width, top)),
-    ]
-    return filled(walls, (left, left + width, 0.0), count, seed, radius_out), width
+    domain = wg.Box((0.0, reach), (0.0, 2.0 * height))
+    gate = wg.Segment((width, 0.0), (width, domain.y[1]))
+    return filled(domain, count, seed, (0.0, width), [gate]), width
 
 
 def front(simulation: wg.Simulation) -> float:
@@ -57,7 +53,7 @@ def collapsed(aspect: float, seed: int = 0, count: int = COUNT) -> Collapse:
     simulation = opened(scene, 0.8)
     tall = top(simulation)
     simulation.run(duration=round(1.0 + 4.0 * float(np.sqrt(tall / G)), 2))
-    run_out = (front(simulation) - scene.walls[1].start[0] - width) / width
+    run_out = (front(simulation) - width) / width
     return Collapse(tall / width, run_out, top(simulation) / width)
 
 
@@ -68,7 +64,9 @@ def law(aspect: FloatArray) -> FloatArray:
 
 def collapse() -> Section:
     """Let columns collapse, and draw their run-out over the aspect ratio."""
-    aspect, run_out, rest = np.transpose([collapsed(aspect) for aspect in ASPECTS])
+    runs = [[collapsed(aspect, seed) for aspect in ASPECTS] for seed in SEEDS]
+    aspect, run_out, rest = np.mean(runs, axis=0).T
+    spread = np.std(runs, axis=0, ddof=1)[:, 1]
     figure, (shown, heights) = panels(1, 2)
     line = np.geomspace(aspect.min(), aspect.max(), 50)
     shown.loglog(aspect, run_out, "o", label="grains")
@@ -83,6 +81,7 @@ def collapse() -> Section:
     heights.set_yticks([0.5, 1.0, 1.5], ["0.5", "1", "1.5"])
     shown.legend()
     numbers = {f"a = {a:.2f}: run-out / width": length for a, length in zip(aspect, run_out, strict=True)}
+    numbers["standard deviation of the seeds, in run-outs"] = float(np.mean(spread / run_out))
     for name, own in (("a up to 2", aspect < 1.2 * BREAK), ("a from 2", aspect > 0.8 * BREAK)):
         intercept, exponent = straight_line(np.log(aspect[own]), np.log(run_out[own]))
         numbers |= {f"{name}: exponent": exponent, f"{name}: factor": float(np.exp(intercept))}

@@ -8,10 +8,9 @@ from scipy.optimize import curve_fit
 from sections import Numbers, Section, panels
 
 import warpgrains as wg
+from warpgrains import analysis
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
-from warpgrains.scene.region import Region
 
 G = 9.81
 DIAMETER = 0.04  # mean of the grains [m]
@@ -24,14 +23,14 @@ OPENINGS = (7.0, 9.0, 11.0, 13.0, 15.0)  # in diameters
 COUNT = 2000
 FIRST, LAST = 100, 600  # grains between whose departures the rate is measured
 K = 1.4  # Beverloo's reduction of the opening, in diameters
-HALF, FLOOR, TOP, RADIUS_OUT = 0.9, -0.9, 1.8, 2.1
+HALF, TOP, BELOW = 0.9, 2.7, -1.2  # of the silo, whose floor is at y = 0, and of what is below [m]
 EVERY = 0.02  # time between two counts [s]
 
+BOTTOM = 2  # of the sides of a box
 HEIGHTS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # of the filling, in widths
 SIDE = 0.4  # width of the silo [m], ten diameters
 SPEED = 0.04  # of the bottom, downwards [m/s]: a diameter a second
 SETTLING, SHEARED, MOVED = 1.0, 1.5, 3.0  # the bottom begins to move, the measurement begins, ends [s]
-BOTTOM = 2  # its number among the walls of a scene
 
 
 def room(count: int) -> float:
@@ -41,18 +40,17 @@ def room(count: int) -> float:
 
 
 def filled(
-    walls: Sequence[wg.Segment],
-    box: tuple[float, float, float],
+    domain: wg.Box,
     count: int,
     seed: int,
-    radius_out: float,
+    x: tuple[float, float] | None = None,
+    walls: Sequence[wg.Segment] = (),
     **fields: Any,
 ) -> wg.Scene:
-    """Return grains at random in a box, looser than at rest: from left to right, upwards from a floor [m]."""
-    left, right, floor = box
-    region = {"x": [left, right], "y": [floor, floor + LOOSER * room(count) / (right - left)]}
-    space, radii = Region(Annulus(0.0, radius_out)), list(RADII)
-    position, radius = random(space, (), radius=radii, count=count, region=region, seed=seed)
+    """Return grains at random in a box, looser than at rest: from y = 0 upwards, in all the width or in x."""
+    left, right = x or domain.x
+    region = {"x": [left, right], "y": [0.0, LOOSER * room(count) / (right - left)]}
+    position, radius = random(domain.space, radius=list(RADII), count=count, region=region, seed=seed)
     defaults = {
         "friction": 0.5,
         "dt": 0.004,
@@ -63,15 +61,15 @@ def filled(
         "order": "color",
     }
     grains = {"position": position, "radius": radius, "mass": DENSITY * np.pi * np.square(radius)}
-    return wg.Scene(**{**grains, "radius_out": radius_out, "walls": walls, **defaults, **fields})
+    return wg.Scene(**{**grains, "domain": domain, "walls": walls, **defaults, **fields})
 
 
 def opened(scene: wg.Scene, settling: float) -> wg.Simulation:
-    """Return a simulation that begins when grains have settled [s]; the last wall, a gate, is gone."""
+    """Return a simulation that begins when grains have settled [s]; the gate, the first wall, is gone."""
     closed = wg.Simulation(scene, threads=1)
     closed.run(duration=settling)
     state = {"position": closed.position, "velocity": closed.velocity, "spin": closed.spin}
-    return wg.Simulation(scene.replace(**state, walls=scene.walls[:-1]), threads=1)
+    return wg.Simulation(scene.replace(**state, walls=scene.walls[1:]), threads=1)
 
 
 def straight_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
@@ -83,10 +81,9 @@ def straight_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
 def hopper_silo(opening: float, seed: int, count: int = COUNT) -> wg.Scene:
     """Return a silo with a flat floor, an opening in its middle, in diameters, and a gate in the opening."""
     half = 0.5 * opening * DIAMETER
-    walls = [wg.Segment((sign * HALF, FLOOR), (sign * half, FLOOR)) for sign in (-1.0, 1.0)]
-    walls += [wg.Segment((sign * HALF, FLOOR), (sign * HALF, TOP)) for sign in (-1.0, 1.0)]
-    walls.append(wg.Segment((-half, FLOOR), (half, FLOOR)))
-    return filled(walls, (-HALF, HALF, FLOOR), count, seed, RADIUS_OUT)
+    ends = (-half, half), (-HALF, -half), (half, HALF)
+    walls = [wg.Segment((left, 0.0), (right, 0.0)) for left, right in ends]
+    return filled(wg.Box((-HALF, HALF), (BELOW, TOP)), count, seed, walls=walls)
 
 
 def departures(scene: wg.Scene, last: int = LAST, longest: float = 8.0) -> tuple[FloatArray, FloatArray]:
@@ -94,7 +91,7 @@ def departures(scene: wg.Scene, last: int = LAST, longest: float = 8.0) -> tuple
     simulation, left = opened(scene, 0.6), [0]
     while left[-1] < last and simulation.time < longest:
         simulation.advance(round(EVERY / scene.dt))
-        left.append(int((simulation.position[:, 1] < FLOOR).sum()))
+        left.append(int((simulation.position[:, 1] < 0.0).sum()))
     return EVERY * np.arange(len(left)), np.array(left)
 
 
@@ -131,14 +128,9 @@ def hopper() -> Section:
 
 def piston_silo(height: float, seed: int, wall_friction: float = 0.5, **fields: Any) -> wg.Scene:
     """Return a silo whose bottom moves down like a piston, with a filling of some widths."""
-    count = round(height * SIDE**2 / room(1))
-    floor, half = -0.5 * height * SIDE, 0.5 * SIDE
-    top = 0.75 * height * SIDE + 0.1
-    walls = [
-        wg.Segment((-half, floor), (half, floor), velocity=(0.0, -SPEED), from_time=SETTLING),
-        *(wg.Segment((x, floor - 0.2), (x, top), friction=wall_friction) for x in (-half, half)),
-    ]
-    return filled(walls, (-half, half, floor), count, seed, float(np.hypot(half, top)) + 0.4, **fields)
+    side, bottom = {"friction": wall_friction}, {"velocity": (0.0, -SPEED), "from_time": SETTLING}
+    domain = wg.Box((0.0, SIDE), (0.0, 2.0 * height * SIDE), left=side, right=side, bottom=bottom)
+    return filled(domain, round(height * SIDE**2 / room(1)), seed, **fields)
 
 
 def load(scene: wg.Scene) -> float:
@@ -147,8 +139,7 @@ def load(scene: wg.Scene) -> float:
     simulation.advance(scene.steps_in(SHEARED))
     while simulation.time < MOVED:
         simulation.advance(5)
-        contacts = simulation.wall_contacts()
-        loads.append(contacts.force[contacts.wall[:, 1] == BOTTOM].sum())
+        loads.append(analysis.wall_forces(simulation)[BOTTOM])
     return float(np.mean(loads)) / G
 
 

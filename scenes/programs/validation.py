@@ -18,62 +18,74 @@ from sections import Numbers, Section, Sections, draw_sections, panels
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.analysis import Snapshot
+from warpgrains.scene.layouts import random
 
-FRICTIONS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)  # of the packings
+FRICTIONS = (0.0, 0.1, 0.3, 0.5, 1.0)  # of the packings
+SEEDS = (1, 2, 3)
 REPOSE = (0.0, 0.1, 0.2, 0.3, 0.5, 0.8)  # between grains in the rotating drum
 
 
-def settling(friction: float) -> wg.Scene:
-    """Return 400 grains of two sizes that fall into a drum, with drag on velocities and spins."""
-    radius = "grains.radius={distribution = 'values', values = [0.03, 0.042]}"
-    scene = wg.Scene.load("bidisperse", ["grains.count=400", radius])
-    spin_drag = 2e-4 if friction else 0.0
-    return scene.replace(
-        friction=friction, spin_drag=spin_drag, duration=4.0, tolerance=1e-5, max_iterations=1000
+def loose(friction: float, seed: int) -> wg.Scene:
+    """Return 600 grains of two sizes without gravity in a box periodic in x, with a pressure on its top."""
+    lid = wg.Box((0.0, 1.0), (0.0, 2.5), periodic="x", top={"pressure": 1.0, "mass": 10.0})
+    radii = {"distribution": "values", "values": [0.02, 0.028]}
+    position, radius = random(lid.space, radius=radii, count=600, seed=seed)
+    return wg.Scene(
+        position=position,
+        radius=radius,
+        mass=10.0 * np.pi * radius**2,
+        domain=lid,
+        friction=friction,
+        gravity=(0.0, 0.0),
+        drag=0.05,
+        spin_drag=1e-5 if friction else 0.0,
+        dt=0.02,
+        duration=50.0,
+        tolerance=1e-5,
+        max_iterations=500,
+        method="accelerated",
+        order="color",
     )
 
 
-def packed(now: Snapshot) -> Numbers:
-    """Return the packing fraction of the bulk of a pile, and its contacts.
+def packed(now: Snapshot) -> list[float]:
+    """Return contacts a grain and packing fraction more than three mean diameters from both sides.
 
-    The force of a contact has two unknown components, or one where it slides. A grain has three equations of
-    balance, or two where nothing turns it.
+    The others are the contacts that slide, per grain of the whole box, and the largest speed [m/s].
     """
-    scene, far = now.scene, 6.0 * now.scene.radius.max()
-    bulk = (np.hypot(*now.position.T) < scene.radius_out - far) & (now.position[:, 1] < 0.0)
-    filled = np.pi * (scene.radius[bulk] ** 2).sum() / analysis.cell_areas(now)[bulk].sum()
-    bound = np.concatenate([scene.friction * now.force, scene.wall_frictions[0] * now.wall_force])
-    tangential = np.concatenate([now.tangential_force, now.wall_tangential_force])
-    slides = np.abs(tangential) >= (1.0 - 1e-12) * bound
-    held = now.n - np.count_nonzero(analysis.rattlers(now))
-    unknowns, equations = 2 * len(slides) - np.count_nonzero(slides), 3 if scene.has_friction else 2
-    return {
-        "packing fraction": float(filled),
-        "contacts a grain": analysis.coordination_number(now, without_rattlers=True),
-        "sliding contacts a grain": float(np.count_nonzero(slides) / held),
-        "unknown forces beyond balance, a grain": float(unknowns / held - equations),
-        "largest speed [m/s]": analysis.largest_speed(now),
-    }
+    bottom, top = now.container.region.outer_box[:, 1] + np.array([0.15, -0.15])
+    bulk = {"y": (bottom, top)}
+    force = np.concatenate([now.force, now.wall_force])
+    tangential = np.abs(np.concatenate([now.tangential_force, now.wall_tangential_force]))
+    return [
+        analysis.coordination_number(now, without_rattlers=True, region=bulk),
+        analysis.packing_fraction(now, bulk),
+        np.count_nonzero(tangential >= (1.0 - 1e-12) * now.scene.friction * force) / now.n,
+        analysis.largest_speed(now),
+    ]
 
 
 def packings() -> Section:
-    """Settle piles of several frictions, and draw contact number and packing fraction."""
-    scenes = [settling(friction) for friction in FRICTIONS]
+    """Compress grains of several frictions, and draw contact number and packing fraction."""
+    scenes = [loose(friction, seed) for friction in FRICTIONS for seed in SEEDS]
     batch = wg.Batch(scenes)
     batch.run()
-    found = [packed(analysis.snapshot(scene, batch.state(k))) for k, scene in enumerate(scenes)]
-    figure, (contacts, packing) = panels(1, 2)
-    contacts.plot(FRICTIONS, [one["contacts a grain"] for one in found], "o-")
+    each = [packed(analysis.snapshot(scene, batch.state(k))) for k, scene in enumerate(scenes)]
+    found = np.reshape(each, (len(FRICTIONS), len(SEEDS), -1))
+    mean, error = found.mean(axis=1), found.std(axis=1, ddof=1) / np.sqrt(len(SEEDS))
+    figure, axes = panels(1, 2)
+    names = ("contacts a grain", "packing fraction", "sliding contacts a grain")
+    numbers: Numbers = {}
+    for k, (one, name) in enumerate(zip(axes, names, strict=False)):
+        one.errorbar(FRICTIONS, mean[:, k], error[:, k], fmt="o-", capsize=3.0)
+        one.set(xlabel="friction", ylabel=name)
     for isostatic in (3.0, 4.0):
-        contacts.axhline(isostatic, color="0.6", linestyle=":")
-    contacts.set(xlabel="friction", ylabel="contacts a grain")
-    packing.plot(FRICTIONS, [one["packing fraction"] for one in found], "o-")
-    packing.set(xlabel="friction", ylabel="packing fraction of the bulk")
-    return figure, {
-        f"mu {friction:g}: {name}": value
-        for friction, one in zip(FRICTIONS, found, strict=True)
-        for name, value in one.items()
-    }
+        axes[0].axhline(isostatic, color="0.6", linestyle=":")
+    for friction, own, off, speed in zip(FRICTIONS, mean, error, found[..., -1].max(axis=1), strict=True):
+        numbers |= {f"mu {friction:g}: {name}": float(own[k]) for k, name in enumerate(names)}
+        numbers |= {f"mu {friction:g}: error of the {names[k]}": float(off[k]) for k in (0, 1)}
+        numbers[f"mu {friction:g}: largest speed [m/s]"] = float(speed)
+    return figure, numbers
 
 
 def surface_angle(now: Snapshot) -> float:

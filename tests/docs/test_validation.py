@@ -108,7 +108,7 @@ def test_a_silo_empties_at_a_constant_rate():
 
 @pytest.mark.slow
 def test_a_column_runs_out():
-    found = collapse.collapsed(2.0, count=500)
+    found = collapse.collapsed(1.0, count=500)  # 0.90 to 0.99 of the law with five seeds
     assert found.run_out == pytest.approx(collapse.law(np.array(found.aspect)), rel=0.2)
 
 

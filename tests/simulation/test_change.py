@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from same_bits import contents
+from walled_scenes import BUMPS, LID, boxed
 
 from warpgrains import Disc, InputError, Scene, Segment, Simulation
 from warpgrains.simulation.changes import change_of
@@ -156,6 +157,22 @@ def test_sides_of_a_box_go_on_but_for_those_that_change() -> None:
     assert still.scene.period.tolist() == [2.5, 0.0]
     assert still.scene.wall_names[2:] == ("Disc0", "bottom", "top")
     still.step()
+
+
+def test_discs_of_a_moving_lid_go_on_when_its_pressure_or_its_velocity_changes() -> None:
+    """They and their contacts stay where they are, and the velocity is that of the line and of its discs."""
+    scene = boxed("rough lid", top=(lid := LID | {"roughness": BUMPS, "velocity": (0.5, 0.0)}))
+    simulation = Simulation(scene)
+    simulation.advance(40)
+    for change in ({"pressure": 60.0}, {"velocity": (0.25, 0.0)}):
+        was, driven, now = simulation.present_scene.walls, simulation.driven, simulation.time
+        lid |= change
+        simulation.change(domain=replace(scene.domain, top=lid))
+        assert np.array_equal(simulation.driven, driven)
+        for wall, before in zip(simulation.present_scene.walls, was, strict=True):
+            assert wall.at(now).point == pytest.approx(before.at(now).point, abs=1e-15)
+            assert wall.velocity == (lid["velocity"] if wall.name == "top" else (0.0, 0.0))
+        simulation.advance(5)
 
 
 def test_spins_of_the_start_do_not_keep_friction_from_being_turned_off() -> None:

@@ -23,6 +23,7 @@ from warpgrains.analysis.packing import cell_areas
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.annulus import INSIDE
 from warpgrains.scene.geometry import left_of
 from warpgrains.scene.snapshot import Snapshot, Snapshots
 
@@ -30,7 +31,8 @@ from warpgrains.scene.snapshot import Snapshot, Snapshots
 def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
     """Return the sums of the normal forces on the outer wall, the inner wall and each wall inside [N].
 
-    Walls of one name, such as the segments of a polyline, count as one wall (`Scene.wall_names`).
+    In a box, there are only the walls inside and the sides. Walls of one name, such as the segments of a
+    polyline, count as one wall (`Scene.wall_names`).
 
     Examples
     --------
@@ -40,10 +42,16 @@ def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
     """
     now = snapshot(of)
     grains, names = now.grains, now.scene.wall_names
-    total = dict.fromkeys(names, 0.0)
-    for wall, name in enumerate(names):
-        total[name] += wall_force_sums(grains, wall).item()
+    own = range(INSIDE if now.scene.domain else 0, len(names))
+    total = dict.fromkeys((names[wall] for wall in own), 0.0)
+    for wall in own:
+        total[names[wall]] += wall_force_sums(grains, wall).item()
     return tuple(total.values())
+
+
+def circle_forces(grains: Snapshots, wall: int) -> FloatArray:
+    """Return the sum of the forces on a circle for many runs [N], shape (m,); NaN in boxes."""
+    return np.where(np.isnan(grains.annulus.radius_out), np.nan, wall_force_sums(grains, wall))
 
 
 def wall_force_sums(grains: Snapshots, wall: int) -> FloatArray:

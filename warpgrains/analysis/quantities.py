@@ -13,7 +13,7 @@ from warpgrains.analysis.energy import EnergyBalance, require_energy_balance, st
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import NoAreaError
+from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import INNER, OUTER
 from warpgrains.scene.container import container_of
@@ -67,6 +67,16 @@ def _force(part: str, meaning: str) -> Quantity:
     return Quantity("N", forces.force_statistics, attrgetter(part), meaning=f"{meaning} between grains")
 
 
+def _circle_force(wall: int, meaning: str) -> Quantity:
+    one = _of_runs("N", partial(contacts.circle_forces, wall=wall), f"sum of the contact forces on {meaning}")
+    return one._replace(require=_require_circle)
+
+
+def _require_circle(name: str, scene: Scene) -> None:
+    if scene.domain:
+        raise InputError(f"{name}: the scene is a box; analysis.wall_forces has the forces on its sides")
+
+
 def _power(part: str, meaning: str) -> Quantity:
     return Quantity("W", _powers, attrgetter(part), meaning=meaning, require=require_energy_balance)
 
@@ -85,12 +95,8 @@ QUANTITIES = {
     "drag_power": _power("drag_loss", "power that drag dissipates, in the last step"),
     "friction_power": _power("friction_loss", "part of `contact_power` due to friction"),
     "wall_power": _power("wall_work", "power of walls that rotate or move, in the last step"),
-    "outer_wall_force": _of_runs(
-        "N", partial(contacts.wall_force_sums, wall=OUTER), "sum of the contact forces on the outer wall"
-    ),
-    "inner_wall_force": _of_runs(
-        "N", partial(contacts.wall_force_sums, wall=INNER), "sum of the contact forces on the inner wall"
-    ),
+    "outer_wall_force": _circle_force(OUTER, "the outer wall"),
+    "inner_wall_force": _circle_force(INNER, "the inner wall"),
     "pile_height": Quantity(
         "m",
         packing.pile_height,

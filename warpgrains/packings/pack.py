@@ -128,8 +128,8 @@ def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: i
     Raises
     ------
     InputError
-        The scene has no constant gravity, or friction, or walls that move; or an argument is invalid; or the
-        extra ``[exact]`` is not installed.
+        The scene has no constant gravity, or one along which it is periodic, or friction, or walls that move;
+        or an argument is invalid; or the extra ``[exact]`` is not installed.
     SimulationError
         The grains are not at rest after `steps` steps, or not with the settings of the scene.
 
@@ -205,6 +205,10 @@ def _require_rest_is_possible(scene: Scene) -> None:
     """Raise InputError if a scene has no gravity, or if its grains may keep moving, or rest in many ways."""
     if hypot(*scene.gravity) == 0.0 or scene.gravity_rate:
         raise InputError("gravity is 0 or turns: pack needs a constant one; compress needs none")
+    if (scene.period[np.array(scene.gravity) != 0.0] > 0.0).any():
+        raise InputError(
+            f"gravity is {tuple(scene.gravity)} and the domain a {scene.domain}: grains fall without end"
+        )
     if scene.has_friction:
         raise InputError("friction is given: pack takes grains without friction; use run --until rest")
     if scene.has_moving_walls or scene.has_driven_walls:

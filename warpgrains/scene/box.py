@@ -163,6 +163,20 @@ class Box:
             found += () if given else own
         return tuple(found)
 
+    def continuing(self, before: Box | None, walls: Sequence[Wall], time: float) -> Iterator[Wall]:
+        """Yield the sides, of which those as before, and discs, are where the walls were at a time [s]."""
+        for name, own in self.sides.items():
+            was = before.sides.get(name, ()) if before else ()
+            now = [wall for wall in walls if wall.name == name]
+            for k, wall in enumerate(own):
+                old = now[k] if k < len(was) else None
+                if old is not None and wall == was[k]:
+                    yield old
+                elif isinstance(wall, Row) and isinstance(old, Row) and wall.numbers == was[k].numbers:
+                    yield replace(wall, point=old.at(time).point)
+                else:
+                    yield wall
+
     def _walls_of(self, name: str, given: dict[str, Any]) -> tuple[Wall, ...]:
         component, sign = SIDES[name]
         length = self.lengths[1 - component]

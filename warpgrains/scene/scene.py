@@ -183,10 +183,10 @@ class Scene(SceneFields, Shown):
         given: dict[str, Any] = {"text": self.text_after(changes), **changes}
         if "position" in changes and not self.has_friction:
             given.setdefault("spin", None)  # it is 0, for any number of grains
-        return replace(self, **self.with_sides(given))
+        return replace(self, **self.with_sides(given, self.time))
 
-    def with_sides(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """Return changes of fields, in which sides of a box that are given as before are where they are."""
+    def with_sides(self, changes: dict[str, Any], time: float) -> dict[str, Any]:
+        """Return changes of fields, in which sides of a box go on from where they are at a time [s]."""
         if changes.keys().isdisjoint(("domain", "walls")):
             return changes
         sides = [wall for wall in self.walls if self.domain and wall.name in SIDES]
@@ -194,10 +194,9 @@ class Scene(SceneFields, Shown):
             "walls", changes.get("walls", [wall for wall in self.walls if wall not in sides])
         )
         box = checked_domain("domain", changes.get("domain", self.domain))
-        for name, own in box.sides.items() if box else ():
-            stays = self.domain is not None and own == self.domain.sides.get(name)
-            if all(wall.name != name for wall in walls):
-                walls += tuple(wall for wall in sides if wall.name == name) if stays else own
+        given = {wall.name for wall in walls}
+        own_sides = box.continuing(self.domain, sides, time) if box else ()
+        walls += tuple(wall for wall in own_sides if wall.name not in given)
         circle = {"radius_out": None} if "domain" in changes else {}
         return circle | changes | {"walls": walls}
 

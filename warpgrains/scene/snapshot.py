@@ -77,7 +77,7 @@ class Snapshots(NamedTuple):
     """Center and radius of the disc that each wall inside the domain fills at the time [m], see
     `Scene.discs_at`, shape (m, walls - 2, 3)."""
     annulus: Annulus
-    """The annulus of each scene; its radii are arrays [m], shape (m,)."""
+    """The annulus of each scene; its radii are arrays [m], shape (m,), the outer one NaN in a box."""
     containers: Mapping[int, Container]
     """Containers of the scenes in boxes, or with walls other than discs, such as segments and rings, by
     number."""
@@ -88,7 +88,8 @@ class Snapshots(NamedTuple):
 
         `arrays` are position, velocity, spin and wall_force.
         """
-        radii: Any = np.array([[scene.radius_in, scene.radius_out] for scene in scenes]).T
+        circles = [(one.radius_in, np.nan if one.domain else one.radius_out) for one in scenes]
+        radii: Any = np.array(circles).T
         each = tuple(zip(scenes, times, strict=True))
         return cls(
             **arrays,

@@ -87,8 +87,8 @@ def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
             raise InputError(
                 f"change: {name} is that of the start; make a scene by `present_scene.replace({name}=...)`"
             )
-    given = before.with_sides({"text": before.text_after(fields), **fields})
     now = before.time_after(steps)
+    given = before.with_sides({"text": before.text_after(fields), **fields}, now)
     if "walls" in given:
         given["walls"] = [wall.starting(now) for wall in given["walls"]]
     dt = checks.positive("dt", fields.get("dt", before.dt))
@@ -100,11 +100,11 @@ def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
 
 def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -> FloatArray | None:
     """Return coordinates and speeds of the walls: as before where the shape is, else those of a start."""
-    places = first_state(scene).driven
+    places, drives = first_state(scene).driven, dict(zip(scene.numbered_walls, scene.drives, strict=True))
     for number, row, was in zip(scene.wall_numbers, [] if places is None else places, driven, strict=True):
         one, other = _wall(before, number), _wall(scene, number)
         if isinstance(one, Wall) and isinstance(other, Wall):
-            continues = other.drive is not None and one.shape == other.shape
+            continues = drives[number].inverse_mass > 0.0 and one.shape == other.shape
         else:
             continues = not (number == OUTER and is_resized)
         if continues:
