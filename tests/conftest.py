@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from simulate import WAYS, Simulate
 from trimmed import trimmed
+from warp._src import build as warp_build
+from warp._src import context as warp_context
 
 from warpgrains import Scene, Simulation
 from warpgrains.grade.compiler import Compiler
@@ -20,6 +22,7 @@ from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.state import State
 from warpgrains.solver import tuning
 from warpgrains.solver.statistics import Summary
+from warpgrains.warp_start import start_warp
 
 HOLD = """
 import sys
@@ -95,6 +98,24 @@ def stop_at(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 def whole_teams(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let as many threads work as a test asks for, also where they do not pay and on a busy machine."""
     monkeypatch.setattr(tuning, "useful_threads", lambda scene, threads: threads)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def headers_compiled_once() -> Iterator[None]:
+    """Compile Warp's own headers, two seconds of each kernel's, once for all kernels of a process.
+
+    By Warp's option for it, kernels would be others than those of commands in other processes.
+    """
+    start_warp()
+    build = warp_build.build_cpu
+
+    def build_with_headers(*paths: str, **options: Any) -> None:
+        folder = warp_context.runtime.get_clang_pch_dir()
+        build(*paths, **options | {"use_precompiled_headers": True, "pch_dir": folder})
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(warp_build, "build_cpu", build_with_headers)
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

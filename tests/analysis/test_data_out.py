@@ -199,10 +199,7 @@ def test_a_snapshot_as_tables_and_dataset(recorded):
     """Those of a simulation are those of its contacts; of a frame, those of the recording's dataset."""
     path, simulation = recorded
     moment = analysis.snapshot(simulation)
-    for table, other in (
-        ("contacts", simulation.contacts()),
-        ("wall_contacts", simulation.wall_contacts()),
-    ):
+    for table, other in (("contacts", simulation.contacts()), ("wall_contacts", simulation.wall_contacts())):
         found, expected = moment.to_pandas(table), other.to_pandas()
         assert found.equals(expected[list(found)][expected.force > 0.0].reset_index(drop=True))
         assert len(found) > 0

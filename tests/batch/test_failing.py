@@ -24,10 +24,7 @@ def about_to_fail(state: State) -> State:
 
 @pytest.mark.parametrize("shared", [False, True])
 def test_a_scene_that_fails(
-    scenes: list[Scene],
-    expected: list[Alone],
-    shared: bool,
-    monkeypatch: pytest.MonkeyPatch,
+    scenes: list[Scene], expected: list[Alone], shared: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     simulation = Simulation(scenes[FAILING], threads=1)
     simulation.run(steps=3)
@@ -70,9 +67,7 @@ def test_a_step_that_has_not_converged_is_not_taken(scenes: list[Scene]) -> None
 
 
 def test_an_interrupted_run_leaves_every_scene_between_two_steps(
-    scenes: list[Scene],
-    expected: list[Alone],
-    monkeypatch: pytest.MonkeyPatch,
+    scenes: list[Scene], expected: list[Alone], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sizes, "first_pairs", np.ones_like)
     batch = Batch(scenes, threads=2)

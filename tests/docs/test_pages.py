@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from command import exit_code
 from pages import PAGES, ROOT, Block, blocks, commands_in_words, program, sentences
+from sphinx.cmd.build import main as sphinx
 
-import warpgrains
 from warpgrains import Scene
 from warpgrains.cli import main as command_line
 from warpgrains.scene.fields import FIELDS, SceneChanges
@@ -78,42 +78,27 @@ def test_blocks_run(name, slow, tmp_path, monkeypatch, capfd):
         reader.read(block, slow=slow)
 
 
+@pytest.mark.slow
+def test_docs_build_without_a_warning(tmp_path, capfd):
+    """Every link, reference and docstring of them."""
+    code = sphinx(["-W", "--keep-going", "-q", "-b", "html", str(ROOT / "scenes/docs"), str(tmp_path)])
+    assert code == 0, capfd.readouterr().err
+
+
 CHECKERS = {
     "mypy": ["mypy"],
     "pyright": ["basedpyright", "--level", "error", "--pythonpath", sys.executable],
 }
 
 
-@pytest.mark.parametrize(
-    "checker",
-    [CHECKERS["mypy"], pytest.param(CHECKERS["pyright"], marks=pytest.mark.slow)],
-    ids=CHECKERS,
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("checker", CHECKERS.values(), ids=CHECKERS)
 def test_python_is_typed(tmp_path, checker):
-    programs = {tmp_path / f"{name.replace('-', '_')}_page.py": program(name) for name in WITH_CODE}
-    for path, text in programs.items():
-        path.write_text(text)
-    command = [sys.executable, "-m", *checker, *map(str, programs)]
+    for name in WITH_CODE:
+        (tmp_path / f"{name.replace('-', '_')}_page.py").write_text(program(name))
+    command = [sys.executable, "-m", *checker, *map(str, tmp_path.iterdir())]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
-    assert (Path(warpgrains.__file__).parent / "py.typed").is_file()
-
-
-def test_a_type_checker_finds_wrong_keywords(tmp_path):
-    """The keywords are those of a scene, with its types: what takes them is checked, so the table is."""
-    (tmp_path / "wrong.py").write_text(
-        "import warpgrains as wg\n"
-        "scene = wg.Scene.load('annulus').replace(drag=0.1, velocity=[[0.0, 1.0]], walls=[])\n"
-        "wg.Simulation(scene, order='color', spin=None).change(gravity=(0, -1))\n"
-        "scene.replace(drga=0.1)\n"
-        "wg.Simulation(scene).change(drag='much')\n"
-        "wg.Simulation(scene, ordr='color')\n"
-        "wg.Scene(position=[[0.0, 0.5]], radius=0.1, radius_out=1.0)\n"
-    )
-    command = [sys.executable, "-m", "mypy", str(tmp_path / "wrong.py")]
-    found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stdout
-    assert [int(line) for line in re.findall(r"wrong.py:(\d+): error", found)] == [4, 5, 6, 7]
-    assert SceneChanges.__annotations__.keys() == FIELDS.keys()
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -153,6 +138,7 @@ def test_no_sentence_is_long(name):
 
 def test_tables_are_those_of_the_code_and_of_the_benches():
     """`python scenes/docs/tables.py` writes them into the pages."""
+    assert SceneChanges.__annotations__.keys() == FIELDS.keys()
     tables = runpy.run_path(str(ROOT / "scenes/docs/tables.py"))
     written = "".join(path.read_text() for path in PAGES.values())
     assert all(f"<!-- table: {name} -->" in written for name in tables["TABLES"])

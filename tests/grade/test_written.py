@@ -12,7 +12,7 @@ from warpgrains.grade.diagnosis import read_mistakes
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.verdict import Verdict
 
-FAST = 4  # of each kind, that every run of the tests grades; the others are slow
+FAST = 2  # of each kind, that every run of the tests grades; the others are slow
 WRONG = written.wrong()
 
 
@@ -47,7 +47,8 @@ def test_a_wrong_one_is_named(grader: Grader, tmp_path: Path, number: int) -> No
     assert {part.remark for part in verdict.reported_parts()} == {""}
 
 
-@pytest.mark.parametrize("seed", [7, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(8, 12))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(7, 12))
 def test_two_mistakes_at_random_get_no_false_name(grader: Grader, seed: int) -> None:
     random = np.random.default_rng(seed)
     complete = 0

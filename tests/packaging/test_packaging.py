@@ -66,7 +66,11 @@ text: str = simulation.steps  # wrong
 scene = wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1, gravity=[0.0, -1.0], radius_out=2.0)
 shape: tuple[int, ...] = scene.position.shape
 vertical: float = scene.gravity[1]
-scene.replace(drag=0.1).drag = 0.5  # wrong
+scene.replace(drag=0.1, velocity=[[0.0, 1.0]], walls=[]).drag = 0.5  # wrong
+scene.replace(drga=0.1)  # wrong
+simulation.change(gravity=(0, -1))
+simulation.change(drag="much")  # wrong
+wg.Simulation(scene, order="color", spin=None, ordr="color")  # wrong
 wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1, radius_out="wide")  # wrong
 wg.Scene(position=[[0.0, 1.0]], radius=0.1, radius_out=2.0)  # wrong
 wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1, radius_out=2.0, drug=0.5)  # wrong

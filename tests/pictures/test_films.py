@@ -104,7 +104,7 @@ def test_frames_show_the_states(tmp_path, states, suffix):
         assert np.allclose(view.at(pixels, -position), 1.0, atol=0.05)
 
 
-@pytest.mark.parametrize("suffix", [*FILMS, ".png"])
+@pytest.mark.parametrize("suffix", [".mp4", ".png"])
 def test_marks_show_how_far_grains_have_turned(tmp_path, suffix):
     path = tmp_path / f"run{suffix}"
     simulation = Simulation(make_scene(np.full(5, 0.25), friction=0.3, spin=[-6.0, -1.0, 0.0, 2.0, 7.0]))
@@ -120,10 +120,9 @@ def test_marks_show_how_far_grains_have_turned(tmp_path, suffix):
         assert np.allclose(view.at(pixels, simulation.position + shift), expected, atol=LOSS)
 
 
-@pytest.mark.parametrize("suffix", [".gif", ".mp4"])
-def test_film_of_a_recording(tmp_path, states, capsys, suffix):
+def test_film_of_a_recording(tmp_path, states, capsys):
     recording = record(tmp_path / "run.usdc", states, Scene.load("annulus"), draw_as="discs")
-    film = tmp_path / f"run{suffix}"
+    film = tmp_path / "run.gif"
     assert exit_code("plot", recording, "-o", film) == 0
     assert capsys.readouterr().out == f"{film}: 11 frames\n"
     frames, rate = film_frames(film)
@@ -164,7 +163,7 @@ def test_a_second_run_shows_the_simulated_time(tmp_path, monkeypatch, suffix, ex
     assert drawn == expected
 
 
-@pytest.mark.parametrize("suffix", FILMS)
+@pytest.mark.parametrize("suffix", FILMS[:2])
 def test_a_film_that_is_not_finished_leaves_what_was_there(tmp_path, suffix):
     path, scene = tmp_path / f"run{suffix}", make_scene()
     path.write_bytes(b"earlier")
@@ -202,7 +201,7 @@ def test_what_a_killed_film_left_is_removed(tmp_path):
 FRAME = "-0.5,-0.25,1.5,0.75"
 
 
-@pytest.mark.parametrize("suffix", [*FILMS, ".png"])
+@pytest.mark.parametrize("suffix", [".webp", ".png"])
 def test_size_and_frame_of_a_run_and_of_its_recording(tmp_path, states, suffix):
     shown = {"size": "900x400", "frame": FRAME}
     run, again = tmp_path / f"run{suffix}", tmp_path / f"again{suffix}"

@@ -68,13 +68,7 @@ def test_names_the_file_of_a_sweep(tmp_path, complaint, options):
 
 
 @pytest.mark.parametrize(
-    ("words", "buffered"),
-    [
-        ("run annulus --steps 2", ""),
-        ("scenes", "1"),
-        ("run annulus --json --steps 2", "1"),
-        ("batch sweep.toml -o out", ""),
-    ],
+    ("words", "buffered"), [("run annulus --steps 2", ""), ("scenes", "1"), ("batch sweep.toml -o out", "")]
 )
 def test_names_standard_output(tmp_path, words, buffered):
     (tmp_path / "sweep.toml").write_text(SWEEP)

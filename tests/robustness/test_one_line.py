@@ -104,7 +104,7 @@ def cpu_seconds(pid):
 
 
 class TestStreams:
-    @pytest.mark.parametrize("closed", [[1], [0, 1, 2]])
+    @pytest.mark.parametrize("closed", [[0, 1, 2], pytest.param([1], marks=pytest.mark.slow)])
     def test_closed(self, tmp_path, closed):
         script = f"for n in {closed}: os.close(n)\nos.execv(sys.argv[1], sys.argv[1:])"
         output = tmp_path / "run.usdc"

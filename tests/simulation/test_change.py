@@ -33,8 +33,7 @@ def pile(**changes: Any) -> Scene:
     return Scene(**fields | changes)
 
 
-@pytest.mark.parametrize("order", ["sequential", "color"])
-@pytest.mark.parametrize("scheme", ["text", "leapfrog"])
+@pytest.mark.parametrize(("scheme", "order"), [("text", "sequential"), ("leapfrog", "color")])
 @pytest.mark.parametrize(
     "fields",
     [

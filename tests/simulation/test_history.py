@@ -1,5 +1,7 @@
 """Zeta and residual of every iteration of a step: exact, and without another step than the one taken."""
 
+from copy import copy
+
 import pytest
 from sample_scenes import bullet, dense_start, random_scene
 
@@ -48,12 +50,12 @@ def test_the_step_is_the_same(case: str) -> None:
 
 
 def test_exact_step_is_the_same_after_a_rejected_sweep() -> None:
-    """After sweep 100 of the last step, a rejected one, only the history needs the residual."""
-    scene = dense_start(2, 0.7, method="exact", tolerance=1e-9, max_iterations=3000)
-    plain, told = Simulation(scene), Simulation(scene)
-    for _ in range(4):
-        assert told.step(history=True) == plain.step()
-        assert bits(told) == bits(plain)
+    """After sweep 100 of the fourth step, a rejected one, only the history needs the residual."""
+    plain = Simulation(dense_start(2, 0.7, method="exact", tolerance=1e-9, max_iterations=3000))
+    plain.advance(3)
+    told = copy(plain)
+    assert told.step(history=True) == plain.step()
+    assert bits(told) == bits(plain)
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])

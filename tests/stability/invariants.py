@@ -146,10 +146,7 @@ def contacts_of(step: Step) -> tuple[FloatArray, FloatArray, FloatArray, FloatAr
             (step.v[:, 1] * step.x0[:, 0] - step.v[:, 0] * step.x0[:, 1]) / rho,
         )
         outer = np.sqrt(room**2 - (scene.dt * vt) ** 2) - rho
-    for sign, gap in (
-        (1.0, outer),
-        (-1.0, rho - scene.radius_in - scene.radius),
-    ):
+    for sign, gap in ((1.0, outer), (-1.0, rho - scene.radius_in - scene.radius)):
         dv = np.maximum(sign * step.wall_correction, 0.0)
         kinds.append((step.mass * dv, dv, gap, sign * outward))
     p, dv, gap, vn = map(np.concatenate, zip(*kinds, strict=True))

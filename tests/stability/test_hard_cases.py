@@ -25,16 +25,19 @@ def take(simulation: Simulation, steps: int) -> None:
         assert report.converged, f"step {step}: {report}"
 
 
-def ways(order: str, schemes: list[Any], marks: Any = ()) -> list[Any]:
-    return [
-        pytest.param(case, order, *scheme.values, id=f"{order}, {case.name}, {scheme.id}", marks=marks)
-        for case in CASES
-        for scheme in schemes
-    ]
-
-
-SLOW = pytest.mark.slow
-WAYS = [*ways("sequential", SCHEMES), *ways("sequential", MIXED, SLOW), *ways("color", SCHEMES, SLOW)]
+EVERY = [("sequential", scheme) for scheme in (*SCHEMES, *MIXED)] + [("color", scheme) for scheme in SCHEMES]
+WAYS = [
+    pytest.param(
+        case,
+        order,
+        *scheme.values,
+        id=f"{order}, {case.name}, {scheme.id}",
+        marks=[pytest.mark.slow] * ((order, scheme) != EVERY[k % 2]),
+    )
+    for k, case in enumerate(CASES)
+    for order, scheme in EVERY
+]
+"""Cases by the two schemes in turn, and behind `slow` in every way."""
 
 
 @pytest.mark.parametrize(("case", "order", "scheme"), WAYS)

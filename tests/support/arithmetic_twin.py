@@ -168,11 +168,7 @@ class Twin:
         self.x = list(map(tuple, scene.position.tolist()))
         self.v = list(map(tuple, scene.velocity.tolist()))
         self.r, self.m, n = scene.radius.tolist(), scene.mass.tolist(), scene.n
-        self.spin, self.rough, self.driven = (
-            scene.spin.tolist(),
-            scene.has_friction,
-            scene.has_driven_walls,
-        )
+        self.spin, self.rough, self.driven = (scene.spin.tolist(), scene.has_friction, scene.has_driven_walls)
         self.two = (self.rough or self.driven) and scene.radius_in > 0.0
         inner = [Disc((0.0, 0.0), scene.radius_in)] if self.two else []
         self.walls: list[Any] = [None, *inner, *scene.walls]

@@ -13,26 +13,15 @@ from warpgrains.kernels.threads import TeamRecord, team_records
 from warpgrains.solver.engine import CPU_BLOCK
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.sizes import Sizes
-from warpgrains.warp_start import start_warp
 
 KERNELS: dict[str, wp.Kernel] = {}
-
-
-def load(module: wp.Module) -> None:
-    """Compile what only tests run, many modules in a process: Warp's own headers once for all of them."""
-    start_warp()
-    wp.config.use_precompiled_headers = True
-    try:
-        module.load(wp.get_device("cpu"), CPU_BLOCK)
-    finally:
-        wp.config.use_precompiled_headers = False
 
 
 def kernel_of(*stages: Stage) -> wp.Kernel:
     """Return the kernel that runs stages for the first record."""
     if repr(stages) not in KERNELS:
         KERNELS[repr(stages)] = new_kernel(*stages)
-        load(KERNELS[repr(stages)].module)
+        KERNELS[repr(stages)].module.load(wp.get_device("cpu"), CPU_BLOCK)
     return KERNELS[repr(stages)]
 
 
@@ -108,10 +97,7 @@ def record_of_graph(pairs: IntArray, at_walls: IntArray | None = None) -> OneRec
     contacts = listed(pairs, np.zeros(n, int) if at_walls is None else at_walls)
     record = OneRecord(grains_apart(n).replace(wall="round"), len(contacts) + 1)  # whose walls have limits
     write_rows(record, contacts)
-    for name in (
-        "set_of",
-        "sweep_index",
-    ):
+    for name in ("set_of", "sweep_index"):
         record[f"workspace.{name}"][:] = -7
     record["workspace.taken"][:] = 2**64 - 1
     record["contacts.set_start"][:] = -7

@@ -61,6 +61,7 @@ def test_killed_worker_loses_no_run(tmp_path, workers):
     assert results(out) == results(tmp_path / "here")
 
 
+@pytest.mark.slow
 def test_run_that_kills_its_workers_is_named(tmp_path, workers, monkeypatch, capfd):
     """The runs beside it in its bundle are finished; it is left for --resume."""
     sweep, out = write(tmp_path, SMALL.replace("100.0, ", "")), tmp_path / "there"
@@ -101,6 +102,7 @@ os.kill(int(sys.argv[-1]), signal.SIGTERM)
 """
 
 
+@pytest.mark.slow
 def test_slurm(tmp_path):
     """With programs that stand for Slurm's: the job script that dask-jobqueue submits is run as it is."""
     for name, script in (("sbatch", SBATCH), ("scancel", SCANCEL)):
@@ -110,7 +112,7 @@ def test_slurm(tmp_path):
     environment = os.environ | {f"DASK_JOBQUEUE__SLURM__{name}": value for name, value in settings.items()}
     environment["PATH"] = f"{tmp_path}:{environment['PATH']}"
     command = [sys.executable, "-m", "warpgrains", "batch", str(write(tmp_path)), "-o", "out", "--slurm", "1"]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
     assert "6, 0 of them finished before" in done.stdout, done.stderr
     assert done.returncode == 1
     assert "#SBATCH" in (tmp_path / "job.sh").read_text()

@@ -68,10 +68,7 @@ def keep_only(folder, name):
         ),
         (lambda file: file.write_text("[" * 100_000), "settings.json' does not hold"),
         (lambda file: file.write_bytes(b"\xff"), "settings.json' does not hold"),
-        (
-            lambda file: file.write_text(file.read_text().replace("null", "[2]", 1)),
-            "with --until 2: choose",
-        ),
+        (lambda file: file.write_text(file.read_text().replace("null", "[2]", 1)), "with --until 2: choose"),
         (lambda file: file.unlink(), "results.csv': '"),
         (lambda file: (file.unlink(), file.with_name("results.csv").unlink()), "scenes/annulus.toml': '"),
         (lambda file: keep_only(file.parent, "parts"), ".csv': '"),

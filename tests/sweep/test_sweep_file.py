@@ -57,8 +57,7 @@ class TestAxes:
 class TestRuns:
     def test_grid(self, tmp_path):
         sweep = load(
-            tmp_path,
-            f"{AXES}physics.drag = [0.1, 0.2]\ngrains.count = {{range = [5, 15], count = 3}}",
+            tmp_path, f"{AXES}physics.drag = [0.1, 0.2]\ngrains.count = {{range = [5, 15], count = 3}}"
         )
         assert sweep.axes == ("physics.drag", "grains.count")
         assert values(sweep) == [(0.1, 5), (0.1, 10), (0.1, 15), (0.2, 5), (0.2, 10), (0.2, 15)]

@@ -40,7 +40,7 @@ def test_run_that_another_process_has_is_left_to_it(tmp_path, held_elsewhere, do
     assert results(out) == results(done)
 
 
-@pytest.mark.parametrize("options", [[], ["--usd"]])
+@pytest.mark.parametrize("options", [pytest.param([], marks=pytest.mark.slow), ["--usd"]])
 def test_twice_at_once(tmp_path, options):
     sweep, out = write(tmp_path, LONG), tmp_path / "out"
     command = [sys.executable, "-m", "warpgrains", "batch", str(sweep), "-o", str(out), *options]

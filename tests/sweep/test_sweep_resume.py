@@ -35,7 +35,7 @@ def steps_kept(out):
 @pytest.mark.parametrize(
     ("options", "moments"),
     [
-        ([], [1_000, 5_000]),
+        ([], [3_000]),
         pytest.param(["--measure", "packing", "--every", "100"], [700, 4_000, 9_000], marks=pytest.mark.slow),
         pytest.param(["--usd"], [50, 3_000, 8_000], marks=pytest.mark.slow),
     ],

@@ -19,10 +19,7 @@ from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import log_of, recover
 from warpgrains.usd.writer import reopen_log
 
-FILES = [
-    *((suffix, "points", 0.0) for suffix in RECORDINGS),
-    *((".usdc", draw_as, 0.3) for draw_as in FORMS),
-]
+FILES = [*((suffix, "points", 0.0) for suffix in RECORDINGS), *((".usdc", draw_as, 0.3) for draw_as in FORMS)]
 """Endings, forms of grains, and frictions."""
 
 
