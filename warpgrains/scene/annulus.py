@@ -28,6 +28,16 @@ class Side(NamedTuple):
     gap: FloatArray
     """Gaps [m], shape (n,)."""
 
+    @classmethod
+    def at(cls, point: FloatArray, position: FloatArray, radius: FloatArray) -> Self:
+        """Return the side of a wall whose nearest points to grains are given [m], shape (n, 2)."""
+        away = point - position
+        return cls(directions(away), distance(away) - radius)
+
+    def without_normal(self, path: float = 0.0) -> BoolArray:
+        """Return which grains are where a wall within a path [m] has no normal, shape (n,)."""
+        return (distance(self.normal) == 0.0) & ~(self.gap > path)
+
 
 class Annulus(NamedTuple):
     """The space between two circles about the origin."""

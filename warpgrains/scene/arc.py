@@ -9,15 +9,16 @@ from warpgrains.arrays import FloatArray, Indices
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band, strip
 from warpgrains.scene.geometry import distance, hollow_normals, left_of
-from warpgrains.scene.wall import ThinWall, kind_of_wall
+from warpgrains.scene.wall import Wall, kind_of_wall
 
 _POINTS = 64  # of an arc as it is drawn
 
 
 @kind_of_wall
-class Arc(ThinWall):
+class Arc(Wall):
     """A part of a circle that grains touch from both sides and round its ends.
 
     Parameters
@@ -69,12 +70,12 @@ class Arc(ThinWall):
     def farthest(self, point: tuple[float, float]) -> float:
         return dist(self.center, point) + self.radius
 
-    def away(self, position: FloatArray) -> FloatArray:
+    def side(self, position: FloatArray, radius: FloatArray) -> Side:
         away, end = position - self.center, self.end_of(position)
         rho = distance(away)[:, np.newaxis]
         away, rho = np.where(rho > 0.0, away, self.numbers[3:5]), np.where(rho > 0.0, rho, 1.0)
         foot = self.center + away * (self.radius / rho)
-        return np.where(end[:, np.newaxis] < 0, foot, self.ends[end]) - position
+        return Side.at(np.where(end[:, np.newaxis] < 0, foot, self.ends[end]), position, radius)
 
     def end_of(self, position: FloatArray) -> Indices:
         _, _, _, mx, my, c = self.numbers

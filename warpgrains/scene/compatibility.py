@@ -59,7 +59,7 @@ def require_clear(scene: Scene, numbers: list[int], position: FloatArray, time: 
             grain = checks.first_bad("position", position, covered)
             raise InputError(f"{grain}: its center is inside walls[{number - INSIDE}], {wall}")
     for number in numbers:
-        undefined = scene.is_without_normal(number, position, scene.radius, time=time)
+        undefined = scene.side(number, position, scene.radius, time=time).without_normal()
         if undefined.any():
             grain = checks.first_bad("position", position, undefined)
             raise InputError(f"{grain}: it touches wall {number}, which has no normal there")

@@ -11,7 +11,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band
-from warpgrains.scene.geometry import directions, distance, left_of
+from warpgrains.scene.geometry import left_of
 from warpgrains.scene.wall import InfiniteWall, Wall, kind_of_wall
 
 _POINTS = 16  # of the drawing of a disc
@@ -69,8 +69,7 @@ class Row(InfiniteWall):
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
         (x, y), (dx, dy) = (position - self.point).T, self.step
         discs = np.rint((x * dx + y * dy) / (dx * dx + dy * dy))[:, np.newaxis]
-        away = np.array(self.point) + discs * self.step - position
-        return Side(directions(away), distance(away) - (radius + self.radius))
+        return Side.at(self.point + discs * self.step, position, radius + self.radius)
 
     def discs_at(self, time: float, middle: Vector) -> FloatArray:
         """Return the centers of the discs that reach into the part about a point, at a time [m], (k, 2)."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpgrains.arrays import BoolArray, FloatArray, Indices
+from warpgrains.arrays import FloatArray, Indices
 from warpgrains.described import documented, fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
@@ -439,13 +439,6 @@ class Scene(SceneFields, Shown):
         if self.joints.of(k):
             return self.joints.side(k, time, position, radius, self.annulus.diameter)
         return self.walls[k].side_at(time, position, radius)
-
-    def is_without_normal(
-        self, number: int, position: FloatArray, radius: FloatArray, path: float = 0.0, time: float = 0.0
-    ) -> BoolArray:
-        """Return which grains are where a wall within a path [m] has no normal, shape (k,); see `side`."""
-        normal, gap = self.side(number, position, radius, time=time)
-        return (distance(normal) == 0.0) & ~(gap > path)
 
     def pair_frames(self, position: FloatArray, pair: Indices) -> tuple[FloatArray, FloatArray]:
         """Return normals from i to j and gaps [m], shapes (m, 2) and (m,), of pairs, shape (m, 2).

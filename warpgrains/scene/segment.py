@@ -9,7 +9,7 @@ from warpgrains.arrays import FloatArray, Indices
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import SMALLEST
+from warpgrains.scene.annulus import SMALLEST, Side
 from warpgrains.scene.band import Band, strip
 from warpgrains.scene.geometry import left_of
 from warpgrains.scene.wall import StraightWall, kind_of_wall
@@ -65,9 +65,9 @@ class Segment(StraightWall):
     def farthest(self, point: tuple[float, float]) -> float:
         return max(dist(self.start, point), dist(self.end, point))
 
-    def away(self, position: FloatArray) -> FloatArray:
+    def side(self, position: FloatArray, radius: FloatArray) -> Side:
         along = np.subtract(self.end, self.start)
-        return np.array(self.start) + self._share(position)[:, np.newaxis] * along - position
+        return Side.at(self.start + self._share(position)[:, np.newaxis] * along, position, radius)
 
     def _share(self, position: FloatArray) -> FloatArray:
         """Return which part of the way from start to end leads to the nearest points, shape (n,)."""

@@ -14,7 +14,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band
-from warpgrains.scene.geometry import Circle, directions, distance, nearest_image
+from warpgrains.scene.geometry import Circle, nearest_image
 from warpgrains.scene.motion import Motion
 
 MOST_NUMBERS = 6  # of a kind of wall, as on the device (kernels/types.py)
@@ -280,18 +280,6 @@ class Wall:
         raise NotImplementedError
 
 
-class ThinWall(Wall):
-    """A wall without thickness, with `ends`, which grains touch at the nearest point."""
-
-    def away(self, position: FloatArray) -> FloatArray:
-        """Return the ways from points to the nearest points of the wall [m], shape (n, 2)."""
-        raise NotImplementedError
-
-    def side(self, position: FloatArray, radius: FloatArray) -> Side:
-        away = self.away(position)
-        return Side(directions(away), distance(away) - radius)
-
-
 class InfiniteWall(Wall):
     """A wall that continues without end on both sides of its `point`, and does not turn."""
 
@@ -316,7 +304,7 @@ class InfiniteWall(Wall):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class StraightWall(ThinWall):
+class StraightWall(Wall):
     """A straight wall that a force may drive `across` itself."""
 
     force: float | None = described(

@@ -79,7 +79,8 @@ def _wall_without_normal(records: SceneRecords, k: int, grain: int, path: float)
     position = records.array(k, "grains.position")[own]
     time = scene.time_after(int(records.host["steps"][k]) + 1)
     for number in scene.wall_numbers:
-        if scene.is_without_normal(number, position, scene.radius[own], path, time).any():
+        side = scene.side(number, position, scene.radius[own], time=time)
+        if side.without_normal(path).any():
             place = tuple(position[0].tolist())
             return f"it is at {place} m, where wall {number}, which it may touch in this step, has no normal"
     return None
