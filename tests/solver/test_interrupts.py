@@ -54,7 +54,11 @@ def test_one_endless_step(method: str, threads: int) -> None:
 
 @pytest.mark.parametrize(
     ("scene", "method", "phase"),
-    [("polydisperse", "gauss-seidel", Phase.FULL), ("column", "exact", Phase.CORRECTED)],
+    [
+        ("polydisperse", "gauss-seidel", Phase.FULL),
+        ("column", "exact", Phase.CORRECTED),
+        ("collapse", "exact", Phase.CORRECTED),
+    ],
 )
 def test_a_step_that_has_been_served_is_finished_or_undone(
     monkeypatch: pytest.MonkeyPatch, scene: str, method: str, phase: Phase
@@ -83,7 +87,8 @@ def test_a_step_that_has_been_served_is_finished_or_undone(
         canceled.advance(10)
     assert served
     whole.advance(canceled.steps - whole.steps)
-    assert contents(canceled.state()) == contents(whole.state())
+    left, expected = (dataclasses.replace(one.state(), lists=None) for one in (canceled, whole))
+    assert contents(left) == contents(expected)
     for simulation in (canceled, whole):
         simulation.advance(20)
     assert np.array_equal(canceled.velocity, whole.velocity)
