@@ -115,7 +115,10 @@ def lowest_bit(bits: wp.uint64) -> int:
     ...
 
 
-@wp.func_native((CHECK + "return within(array, i);") if CHECKED else "return i;")
+CONTIGUOUS = "__builtin_assume(i >= 0 && array.strides[0] == sizeof(*array.data)); return i;"
+
+
+@wp.func_native((CHECK + "return within(array, i);") if CHECKED else CONTIGUOUS)
 def index_of(array: wp.array(dtype=Contact), i: int) -> int:
     """Return an index, which checked mode tests: no native function can return a record."""
     ...

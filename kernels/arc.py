@@ -1,4 +1,4 @@
-"""An arc inside the annulus: a part of a circle that grains touch from both sides, and round its ends."""
+"""An arc: a part of a circle that grains touch from both sides, and round its ends."""
 
 import warp as wp
 

@@ -1,7 +1,6 @@
 """Grains sorted by the cells of a grid, with the numbers that a search for pairs reads.
 
-The grid is wrapped around (cell (cx, cy) shares its bucket with (cx + width, cy)), so that it needs no
-bounds.
+The grid repeats itself: cell (cx, cy) shares its bucket with (cx + width, cy), so that it needs no bounds.
 """
 
 import warp as wp
@@ -22,7 +21,7 @@ def cell_of(x: f64, inverse_size: f64) -> int:
 
 @wp.func
 def bucket_of(cx: int, cy: int, width: int) -> int:
-    """Return the bucket of a cell in the wrapped grid."""
+    """Return the bucket of a cell."""
     return (cx & (width - 1)) + width * (cy & (width - 1))
 
 

@@ -7,7 +7,7 @@ from .access import at, put, raise_to
 from .contacts import value_at
 from .record import Phase, Scene, grain_count, has_friction, has_swept, has_weights, is_accelerated
 from .types import Contact, NeighborList
-from .walls import wall_body_count, way
+from .walls import way
 
 f64 = wp.float64
 ROOT_TWO = wp.constant(f64(2.0**0.5))
@@ -150,37 +150,25 @@ def find_weights(s: Scene, c: int, i: int, j: int):
 
 @wp.func
 def find_row_sums(s: Scene):
-    """Find the largest sum of a grain's shares of its contacts, if it is monitored; that at a wall is 1.
-
-    All grains count with as many walls as the one with the most has, or with two, if there are as many.
-    """
+    """Find the largest sum of a grain's shares of its contacts, if it is monitored; that at a wall is 1."""
     if is_accelerated(s):
         return
-    n = grain_count(s)
-    row_sum = s.workspace.row_sum
+    n, row_sum, largest = grain_count(s), s.workspace.row_sum, f64(0.0)
     for i in range(n):
         put(row_sum, i, f64(0.0))
-    most = int(0)
     for i in range(n):
-        own, at_walls = at(row_sum, i), int(0)
+        own = at(row_sum, i)  # of pairs with earlier grains
         k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
         while k < end:
             j = at(s.neighbors.neighbor, k)
-            weight = wp.vec2d(f64(0.5), f64(0.5))
+            weight = wp.vec2d(wp.where(j < n, f64(0.5), f64(1.0)), f64(0.5))
             if has_weights(s):
                 weight = at(s.contacts.weights, at(s.workspace.sweep_index, k))
+            own = own + weight[0]
             if j < n:
-                own = own + weight[0]
                 put(row_sum, j, at(row_sum, j) + weight[1])
-            else:
-                at_walls += 1
             k += 1
-        put(row_sum, i, own)
-        most = wp.max(most, at_walls)
-    walls = wp.min(wall_body_count(s.walls), wp.max(most, 2))
-    largest = f64(0.0)
-    for i in range(n):
-        largest = wp.max(largest, at(row_sum, i) + f64(walls))
+        largest = wp.max(largest, own)
     if has_friction(s):
         largest = ROOT_TWO * largest  # tangential corrections may be as large as normal ones
     s.verlet.work.max_row_sum = largest

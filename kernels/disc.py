@@ -1,4 +1,4 @@
-"""A disc inside the annulus: a wall that grains touch from outside, or a ring that they touch from inside."""
+"""A disc: a wall that grains touch from outside, or a ring that they touch from inside."""
 
 import warp as wp
 

@@ -90,6 +90,12 @@ def driven_change(excess: f64, dv: f64, compliance: f64) -> f64:
 
 
 @wp.func
+def slip_share(rim: f64, wall: f64) -> f64:
+    """1 / K_t of a contact with a driven wall (eq. 30b), from what rim and wall add to K_t."""
+    return f64(1.0) / (f64(1.0) + rim + wall)
+
+
+@wp.func
 def tangent(n: wp.vec2d) -> wp.vec2d:
     """Unit tangent of a contact: its normal, turned by a quarter to the left."""
     return wp.vec2d(-n[1], n[0])

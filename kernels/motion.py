@@ -1,4 +1,4 @@
-"""Walls inside the annulus that move as given in advance: translation, and rotation about a pivot (eq. 26).
+"""Walls that move as given in advance: translation, and rotation about a pivot (eq. 26).
 
 Kinds of walls know nothing of it: a grain is put into the frame in which the wall is as the scene gives it,
 and the normal that is found there is turned back.

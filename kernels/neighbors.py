@@ -1,7 +1,9 @@
 """Candidate contacts: every pair i < j, and grain and wall, within reach (verlet.py), in lexicographic order.
 
 The search scans the cells around each grain (cells.py). Of two grains the one of larger extent finds the
-pair, so that few large grains among many small ones cost no more than the cells that they cover.
+pair, so that few large grains among many small ones cost no more than the cells that they cover. Grains are
+tested eight at a time, and only walls whose circle is near: one by one, a step of 1,000 flowing grains takes
+1.1 of the time, and below 20 to 100 segments 1.2.
 """
 
 import warp as wp
@@ -120,9 +122,9 @@ def find_pairs(s: Scene, k: int):
     """Find the pairs of the grain at index k, each pair once, around it and around its periodic images."""
     own, period = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)), s.walls.period
     radius = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE
-    for column in range(wp.where(period[0] > f64(0.0), 3, 1)):
-        for row in range(wp.where(period[1] > f64(0.0), 3, 1)):
-            shift = wp.vec2d(f64((column + 1) % 3 - 1) * period[0], f64((row + 1) % 3 - 1) * period[1])
+    for kx in range(wp.where(period[0] > f64(0.0), 3, 1)):
+        for ky in range(wp.where(period[1] > f64(0.0), 3, 1)):
+            shift = wp.vec2d(f64((kx + 1) % 3 - 1) * period[0], f64((ky + 1) % 3 - 1) * period[1])
             if is_near_domain(own + shift, radius, period) and not is_too_long(s):
                 find_pairs_around(s, k, shift, radius)
 
@@ -131,7 +133,7 @@ def find_pairs(s: Scene, k: int):
 def find_pairs_around(s: Scene, k: int, shift: wp.vec2d, radius: f64):
     """Find the pairs of the grain at index k, shifted by so much [m], in the cells around it.
 
-    A row of cells is one range of indices, or two where it is wrapped around. Eight indices are tested at
+    A row of cells is one range of indices, or two where the grid repeats. Eight indices are tested at
     once, and the hits of eight such tests are checked together.
     """
     place = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)) + shift
@@ -143,13 +145,13 @@ def find_pairs_around(s: Scene, k: int, shift: wp.vec2d, radius: f64):
         first_x, last_x = 0, width - 1
     last_y = wp.min(last_y, first_y + width - 1)
     first, end = first_x & (width - 1), (last_x & (width - 1)) + 1
-    wrapped = first >= end
+    repeats = first >= end
     near = wp.uint64(0)
     begins = Begins()
     tests = int(0)
-    for stretch in range(wp.where(wrapped, 2, 1)):
+    for stretch in range(wp.where(repeats, 2, 1)):
         left = wp.where(stretch == 1, 0, first)
-        right = wp.where(wrapped and stretch == 0, width, end)
+        right = wp.where(repeats and stretch == 0, width, end)
         cy = int(first_y)
         while cy <= last_y:
             row = bucket_of(0, cy, width)

@@ -16,8 +16,8 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
 @wp.struct
-class Box:
-    """A box in which the discs are placed, in addition to the walls [m]; infinite where discs wrap around."""
+class Bounds:
+    """Lowest and highest coordinates of discs, in addition to the walls [m]; infinite where periodic."""
 
     low: wp.vec2d
     high: wp.vec2d
@@ -37,7 +37,7 @@ class DiscsRecord:
     first: wp.array(dtype=wp.int32)  # cell of a level
     corner: wp.vec2d  # lower left one of the grids [m]
     walls: Walls
-    box: Box
+    bounds: Bounds
     places: wp.array(dtype=wp.vec2d)  # that are to be tried [m]
     placed: wp.int32  # discs that have a place
     tries: wp.int32  # in a row, of the next one
@@ -97,9 +97,9 @@ def is_clear(x: wp.vec2d, radius: f64, discs: Discs, level: int) -> bool:
 
 @wp.func
 def fits(x: wp.vec2d, discs: Discs, i: int) -> bool:
-    """Return whether disc i at x is within walls and box, and overlaps no earlier disc."""
-    r, box = discs.radius[i], discs.box
-    if wp.min(x - box.low) < r or wp.min(box.high - x) < r:
+    """Return whether disc i at x is within walls and bounds, and overlaps no earlier disc."""
+    r, bounds = discs.radius[i], discs.bounds
+    if wp.min(x - bounds.low) < r or wp.min(bounds.high - x) < r:
         return False
     if worst_overlap(x, discs.radius[i], discs.walls) > f64(0.0):
         return False

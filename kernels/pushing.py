@@ -3,7 +3,7 @@
 import warp as wp
 
 from .access import at
-from .placing import Box
+from .placing import Bounds
 from .shapes import shape_gap, shape_normal
 from .walls import Walls, place_at, way
 
@@ -13,15 +13,15 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
 @wp.func
-def put_inside(x: wp.vec2d, r: f64, walls: Walls, box: Box) -> wp.vec2d:
-    """Move a disc of radius r off the walls inside the annulus, between its circles, and into the box."""
+def put_inside(x: wp.vec2d, r: f64, walls: Walls, bounds: Bounds) -> wp.vec2d:
+    """Move a disc of radius r off the walls, into the bounds, and between the circles."""
     for k in range(walls.shape.shape[0]):
         shape, place = at(walls.shape, k), place_at(k + 1, x, walls)
         gap = shape_gap(place, r, shape)
         if gap < f64(0.0):
             x = x + gap * shape_normal(place, shape)
-    x = wp.vec2d(wp.max(x[0], box.low[0] + r), wp.max(x[1], box.low[1] + r))
-    x = wp.vec2d(wp.min(x[0], box.high[0] - r), wp.min(x[1], box.high[1] - r))
+    x = wp.vec2d(wp.max(x[0], bounds.low[0] + r), wp.max(x[1], bounds.low[1] + r))
+    x = wp.vec2d(wp.min(x[0], bounds.high[0] - r), wp.min(x[1], bounds.high[1] - r))
     rho = wp.length(x)
     if rho > walls.annulus.radius_out - r:
         x = x * ((walls.annulus.radius_out - r) / rho)
@@ -36,7 +36,7 @@ def push(
     radius: wp.array(dtype=f64),
     pair: wp.array(dtype=wp.vec2i),
     walls: Walls,
-    box: Box,
+    bounds: Bounds,
     sweeps: int,
     enough: f64,
     worst: wp.array(dtype=f64),
@@ -61,7 +61,7 @@ def push(
                 position[i] = position[i] - n * (overlap * share)
                 position[j] = position[j] + n * (overlap * (f64(1.0) - share))
         for i in range(position.shape[0]):
-            x = put_inside(position[i], radius[i], walls, box)
+            x = put_inside(position[i], radius[i], walls, bounds)
             largest = wp.max(largest, wp.length(x - position[i]) / radius[i])
             position[i] = x
         done = done + 1

@@ -87,7 +87,7 @@ def measurement(friction: bool) -> wp.Function:
             rims = rim_weights(s, c, at_wall)
             slowed = rims[0]
             if at_wall and is_driven(s):
-                slowed = f64(1.0) / (f64(1.0) + rims[1] + tangential)
+                slowed = law.slip_share(rims[1], tangential)
             slip = law.tangential_change(slowed * vt, dvt, mu * (dv + change)) / slowed
             worst = wp.max(worst, wp.abs(slip))
         return worst

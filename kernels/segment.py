@@ -1,4 +1,4 @@
-"""A straight wall inside the annulus: a segment that grains touch from both sides, and round its ends.
+"""A segment: a straight wall that grains touch from both sides, and round its ends.
 
 Its tangent for a step is at right angles to the way from the grain to the nearest point of the segment.
 """

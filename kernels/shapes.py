@@ -1,4 +1,4 @@
-"""Walls inside the annulus by kind: what a grain has to do with the `Shape` of one, at rest.
+"""Walls by kind: what a grain has to do with the `Shape` of one, at rest.
 
 A kind of wall is one file. Of a wall without thickness it has the nearest point and the ends, of a row the
 nearest center, and of other kinds the gap of a grain and the normal into the wall. Functions here choose by
@@ -28,7 +28,7 @@ def nearest_on(x: wp.vec2d, shape: Shape) -> wp.vec2d:
 
 @wp.func
 def shape_gap(x: wp.vec2d, radius: f64, shape: Shape) -> f64:
-    """Return the free distance between a grain at x and a wall inside the annulus [m]."""
+    """Return the free distance between a grain at x and a wall [m]."""
     if shape[0] == disc.KIND:
         return disc.gap(x, radius, shape)
     if shape[0] == line.KIND:
@@ -40,7 +40,7 @@ def shape_gap(x: wp.vec2d, radius: f64, shape: Shape) -> f64:
 
 @wp.func
 def shape_normal(x: wp.vec2d, shape: Shape) -> wp.vec2d:
-    """Return the unit normal from a grain at x into a wall inside the annulus."""
+    """Return the unit normal from a grain at x into a wall."""
     if shape[0] == disc.KIND:
         return disc.normal(x, shape)
     if shape[0] == line.KIND:

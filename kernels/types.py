@@ -10,8 +10,8 @@ Ints = wp.array(dtype=wp.int32)
 Vectors = wp.array(dtype=wp.vec2d)
 MOST_NUMBERS = 6  # of a kind of wall, as on the host (scene/wall.py)
 Shape = wp.types.vector(length=1 + MOST_NUMBERS + 3, dtype=f64)
-"""A wall inside the annulus: the number of its kind (`kind_number` of the host), its numbers [m], and a
-circle about the places where grains touch it, center and radius [m]."""
+"""A wall other than the annulus: the number of its kind (`kind_number` of the host), its numbers [m], and a
+circle about the places where grains touch it, center and radius [m]; that of a line or row is infinite."""
 
 
 class MotionOf(IntEnum):

@@ -46,13 +46,12 @@ def seconds() -> wp.float64:
     int yield_processor(void) __asm__("sched_yield");
 #if defined(__linux__) && (defined(__x86_64__) || defined(__aarch64__))
     long call_system(long, ...) __asm__("syscall");
-    const long most[2] = {{0, 2000000}};  // nanoseconds
 #if defined(__x86_64__)
     const long futex = 202;
 #else
     const long futex = 98;
 #endif
-    const auto sleep = [&] {{ call_system(futex, generation, 128 /* FUTEX_WAIT_PRIVATE */, before, most); }};
+    const auto sleep = [&] {{ call_system(futex, generation, 128 /* FUTEX_WAIT_PRIVATE */, before, 0L); }};
     const auto wake = [&] {{ call_system(futex, generation, 129 /* FUTEX_WAKE_PRIVATE */, 0x7fffffff); }};
 #else
     const auto sleep = [&] {{ yield_processor(); }};

@@ -27,6 +27,9 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
     def sweep_walls(s: Scene, contacts: ContactsByRef, begin: int, end: int) -> wp.vec3d:
         velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
         rim = s.grains.next_rim
+        walls = contacts.contact
+        dvs = contacts.dv
+        all_limits = contacts.limits
         beta, omega = s.momentum.state.beta, f64(1.0)
         if wp.static(ahead and not friction):
             omega = relaxation_factor(s)
@@ -34,16 +37,16 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
         total = wp.vec3d()
         c = int(begin)
         while c < end:
-            contact = contact_at(contacts.contact, c)
+            contact = contact_at(walls, c)
             i, j = bodies_of(contact)
             n, gap_rate = contact.n, f64(contact.gap_rate)
-            v, x, listed = at(velocity, i), at(contacts.dv, c), c
+            v, x, listed = at(velocity, i), at(dvs, c), c
             y = x
             if wp.static(ahead):
                 y = x + beta * (x - at(contacts.last_dv, c))
                 put(contacts.last_dv, c, x)
                 listed = at(s.working.index, c)
-            limits, compliance = limits_at(contacts.limits, c - first_wall), f64(1.0)
+            limits, compliance = limits_at(all_limits, c - first_wall), f64(1.0)
             if wp.static(driven):
                 leader, lever = leader_of(s, j), levers(s, j, n)
                 share, speed = shares_of_wall(s, i, j, lever), at(velocity, leader)[0]
@@ -58,13 +61,13 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
                 excess = vn - gap_rate
             new, wide_dv, push = y + dv, compliance * dv, dv * n
             change, cost, slope = wp.abs(wide_dv), f64(0.0), wide_dv * (new - x)
-            put(contacts.dv, c, new)
+            put(dvs, c, new)
             if wp.static(friction):
                 surface, rims = surface_of(s, listed), rim_weights(s, listed, True)
                 along, slowed = surface[1], rims[0]
                 if wp.static(driven):
                     along = surface[1] + lever[1] * speed
-                    slowed = f64(1.0) / (f64(1.0) + rims[1] + lever[1] * share[1])
+                    slowed = law.slip_share(rims[1], lever[1] * share[1])
                 u, xt = at(rim, i), at(contacts.dvt, c)
                 yt = xt
                 if wp.static(ahead):

@@ -1,7 +1,7 @@
 """The walls of a scene as bodies that grains touch: where each body is, and where several are joined.
 
-Body 0 is the annulus (annulus.py), whose circles are the two sides of one wall; then come the walls inside
-it, each with a `Shape` (shapes.py). Everything else treats contacts with walls and with grains alike
+Body 0 is the annulus (annulus.py), whose circles are the two sides of one wall; then come the other
+walls, each with a `Shape` (shapes.py). Everything else treats contacts with walls and with grains alike
 (contacts.py). For a step, a wall is its tangent. A wall that moves as given in advance is where it is at the
 end of the step (motion.py). A driven one is where the force has taken it at its start (driven.py).
 """
@@ -26,9 +26,9 @@ class Walls:
 
     annulus: Annulus
     period: wp.vec2d  # of the domain along x and y [m]; 0 where it is not periodic
-    shape: wp.array(dtype=Shape)  # of the walls inside it
+    shape: wp.array(dtype=Shape)  # of the other walls
     joint_start: Ints  # of their ends, 0 and 1 of each: where the walls of the joint begin in `joint`,
-    joint: Ints  # which has other walls inside by number; both empty if no end is a joint
+    joint: Ints  # which has walls by the index of their shape; both empty if no end is a joint
     motion: wp.array(dtype=Motion)  # of these, and
     pose: wp.array(dtype=Pose)  # where they are; both empty if none is mobile
     drive: wp.array(dtype=Drive)  # of all walls; empty if none is driven
@@ -44,7 +44,7 @@ def wall_body_count(walls: Walls) -> int:
 
 @wp.func
 def are_mobile(walls: Walls) -> bool:
-    """Return whether a wall inside the annulus is mobile: it moves as given in advance, or is driven."""
+    """Return whether a wall is mobile: it moves as given in advance, or is driven."""
     return walls.pose.shape[0] > 0
 
 
@@ -182,7 +182,7 @@ def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> 
 def wall_contact(b: int, x: wp.vec2d, radius: f64, walls: Walls):
     """Return normal, gap, gap on the other side, and A of eq. 18 [m] for a grain at x and wall b.
 
-    A wall inside the annulus has no other side, and is its tangent: both are inf.
+    A wall other than the annulus has no other side, and is its tangent: both are inf.
     """
     if b > 0:
         place, shape = place_at(b, x, walls), at(walls.shape, b - 1)

@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
 from hard_scenes import couette, drum
 from same_bits import contents
 
 from warpgrains import Simulation
 from warpgrains.accuracy import certify
 from warpgrains.arrays import FloatArray
+from warpgrains.kernels.block_lu import Factors, Triples, factor, solve
 from warpgrains.solver.exact import path
 from warpgrains.solver.exact.path import ATTEMPTS, Contacts, FrictionStep
 
@@ -19,6 +21,38 @@ EPS = np.finfo(float).eps
 STEPS = Path(__file__).parent / "friction_steps"
 """Steps of runs in which 300 sweeps end above 2 % of g dt; dv and dvt are the corrections then."""
 NAMES = sorted(file.stem for file in STEPS.glob("*.npz"))
+
+
+@wp.kernel
+def factor_and_solve(factors: Factors, x: Triples, sign: wp.array(dtype=wp.float64)) -> None:
+    sign[0] = factor(factors)
+    solve(factors, x)
+
+
+@pytest.mark.parametrize("first", [3.0, -3.0])
+def test_factors_of_two_grains(first: float) -> None:
+    """One contact of compliance 1e-8 links them: quotients by a block of entries far apart stay exact."""
+    stiffness, h, g = 1e8, np.array([0.6, 0.7, -0.4]), np.array([-0.5, 0.3, 0.8])
+    blocks = [np.diag([first, 2.0, 3.0]) + stiffness * np.outer(h, h), np.eye(3) + stiffness * np.outer(g, g)]
+    lower, upper = -stiffness * np.outer(g, h), -stiffness * np.outer(h, g)
+    right, sign = np.arange(1.0, 7.0), wp.zeros(1, dtype=wp.float64, device="cpu")
+    factors = Factors()
+    for name, values in {"start": [0, 1, 1], "row": [1], "used": [0], "used_end": [0, 0]}.items():
+        setattr(factors, name, wp.array(values, dtype=wp.int32, device="cpu"))
+    parts = {"diagonal": blocks, "inverse": blocks, "lower": [lower], "upper": [upper]}
+    for name, values in parts.items():
+        setattr(factors, name, wp.array(np.array(values), dtype=wp.mat33d, device="cpu"))
+    x = wp.array(right.reshape(2, 3), dtype=wp.vec3d, device="cpu")
+    wp.launch(factor_and_solve, dim=1, inputs=[factors, x, sign], device="cpu")
+    whole = np.block([[blocks[0], upper], [lower, blocks[1]]])
+    assert sign.numpy()[0] == np.sign(np.linalg.det(whole))
+    quotient, solution = factors.lower.numpy()[0], x.numpy().ravel()
+    for found, expected, size in (  # each with the roundings of a dozen products that are added up
+        (quotient @ blocks[0], lower, np.abs(quotient) @ np.abs(blocks[0])),
+        (factors.diagonal.numpy()[1] + quotient @ upper, blocks[1], np.abs(quotient) @ np.abs(upper)),
+        (whole @ solution, right, np.abs(whole) @ np.abs(solution)),
+    ):
+        assert (np.abs(found - expected) <= 12.0 * EPS * (np.abs(expected) + size)).all()
 
 
 def hard_step(name: str) -> tuple[FrictionStep, Contacts, dict[str, FloatArray]]:

@@ -69,7 +69,7 @@ class _Discs:
         limits = self._record["walls"]
         limits["annulus"]["radius_in"], limits["annulus"]["radius_out"] = region.ring[:2]
         limits["period"] = region.period
-        self._record["box"]["low"], self._record["box"]["high"] = _box(region)
+        self._record["bounds"]["low"], self._record["bounds"]["high"] = _box(region)
         self._set("shape", _shapes(walls), limits)
         _, start, count = np.unique(-np.frexp(radius)[1], return_index=True, return_counts=True)
         low, high = np.where(region.period > 0.0, (region.low, region.low + region.period), region.box)
@@ -167,7 +167,7 @@ def _push(
         from warpgrains.host_kernels import launch, shared
         from warpgrains.kernels import pushing
 
-    limits, box = _limits(region, walls)
+    limits, bounds = _limits(region, walls)
     worst = np.array([np.inf, 0.0])
     centers, radii = shared(position, wp.vec2d), shared(radius)
     result = shared(worst)
@@ -175,7 +175,7 @@ def _push(
     while sweeps > 0 and (worst[0] > enough or distance(position - listed).max() > far):
         if distance(position - listed).max() > far:
             listed, pair = position.copy(), _near(region, position, (1.0 + SKIN) * radius)
-        inputs: list[Any] = [centers, radii, shared(pair, wp.vec2i), limits, box, AT_ONCE, enough, result]
+        inputs: list[Any] = [centers, radii, shared(pair, wp.vec2i), limits, bounds, AT_ONCE, enough, result]
         launch(pushing.push, inputs)
         sweeps -= int(worst[1])
     return float(worst[0])
@@ -190,17 +190,17 @@ def _near(region: Region, position: FloatArray, radius: FloatArray) -> np.ndarra
 
 
 def _limits(region: Region, walls: Sequence[Wall]) -> tuple[Any, Any]:
-    """Return the walls and the box of a region as kernel arguments."""
+    """Return the walls and bounds of a region as kernel arguments."""
     from warpgrains.host_kernels import shared
     from warpgrains.kernels.types import Shape
     from warpgrains.kernels.walls import Walls
 
-    limits, box = Walls(), _kernels().Box()
+    limits, bounds = Walls(), _kernels().Bounds()
     limits.annulus.radius_in, limits.annulus.radius_out = region.ring.radius_in, region.ring.radius_out
     limits.period = region.period
     limits.shape = shared(_shapes(walls), Shape)
-    box.low, box.high = _box(region)
-    return limits, box
+    bounds.low, bounds.high = _box(region)
+    return limits, bounds
 
 
 def _box(region: Region) -> FloatArray:
