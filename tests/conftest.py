@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from warp._src import context as warp_context
 from warpgrains import Scene, Simulation
 from warpgrains.grade.compiler import Compiler
 from warpgrains.reference.reference import Reference, build
+from warpgrains.scene.fields import METHODS
 from warpgrains.scene.state import State
 from warpgrains.solver import tuning
 from warpgrains.solver.statistics import Summary
@@ -116,6 +118,17 @@ def headers_compiled_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(warp_build, "build_cpu", build_with_headers)
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kernels_shared_out(request: pytest.FixtureRequest, headers_compiled_once: None) -> None:
+    """In a run of all tests, let each worker compile its share of the kernels, which all of them need."""
+    worker = os.environ.get("PYTEST_XDIST_WORKER")
+    if worker is None or request.config.option.file_or_dir:
+        return
+    kinds = [*product(METHODS, (0.0, 0.3), (0.0, 0.5))]
+    for method, mu, e in kinds[int(worker[2:]) :: int(os.environ["PYTEST_XDIST_WORKER_COUNT"])]:
+        Simulation("annulus", method=method, friction=mu, restitution=e).compile()
 
 
 @pytest.fixture(scope="session", autouse=True)
