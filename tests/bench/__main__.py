@@ -28,7 +28,7 @@ BENCHES = {
     "threads": Bench("step", "--only threads --repeats 3", "--only threads", "two threads, quiet and busy"),
     "moving": Bench("step", "--only moving --repeats 3", "--only moving", "whole runs of grains that flow"),
     "peers": Bench(
-        "peers", "--longest 40", "--longest 1000", "time against overlap of this and other programs"
+        "peers", "--longest 60", "--longest 1000", "time against overlap of this and other programs"
     ),
     "step": Bench(
         "step",

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from datetime import date
+from functools import partial
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -122,8 +123,11 @@ def publish(
 
 
 def _commit() -> str:
-    line = ["git", "describe", "--always", "--dirty=+", "--exclude=*"]
-    return subprocess.run(line, cwd=Path(__file__).parent, capture_output=True, text=True).stdout.strip()
+    """Return the commit, with a + if the package differs from it."""
+    git = partial(subprocess.run, cwd=Path(__file__).parents[2], capture_output=True, text=True)
+    commit = git(["git", "rev-parse", "--short", "HEAD"]).stdout.strip()
+    changed = git(["git", "diff", "--quiet", "HEAD", "--", "kernels", "warpgrains"]).returncode == 1
+    return f"{commit}+" if changed else commit
 
 
 def _processor() -> str:

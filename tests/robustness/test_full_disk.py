@@ -121,7 +121,6 @@ def test_small_disk(disk, complaint):
 
 @pytest.mark.parametrize("disk", ["120k"], indirect=True)
 def test_an_export_that_does_not_fit_keeps_the_earlier_one(disk, tmp_path, complaint, capfd):
-    """VTK reports success of files that it could not write."""
     Simulation("annulus").run(steps=40, record=tmp_path / "run.usdc", forces=True)
     assert exit_code("export", tmp_path / "run.usdc", "-o", disk / "run.pvd") == 0
     before = {path: path.read_bytes() for path in disk.rglob("*.*")}

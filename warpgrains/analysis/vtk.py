@@ -1,21 +1,24 @@
-"""Export of recordings for ParaView and pyvista: grains, contacts and walls, written by VTK itself."""
+"""Export of recordings for ParaView and pyvista: grains, contacts and walls, as polydata of VTK in XML."""
 
 import re
+from base64 import b64encode
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Literal
 from xml.sax.saxutils import quoteattr
+from zlib import compress
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import all_contacts, contact_lines, cut
 from warpgrains.drawing.shapes import drawn_walls, moved_walls, wall_mesh
-from warpgrains.errors import InputError, requiring
+from warpgrains.errors import InputError
 from warpgrains.files import draft_of, make_folder, require_writable_path, resolve_link, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.usd.recording import Recording
 
+Arrays = dict[str, np.ndarray]
 _FRAME = re.compile(r"(\.draft\.)?([a-z]+-)?\d{4,}\.vtp")  # drafts are those of an export that was killed
 
 
@@ -35,8 +38,6 @@ def export(recording: str | Path, output: str | Path) -> int:
     """
     output = Path(output)
     require_writable_path("output", output, ".pvd")
-    with requiring("export", "data"):
-        import vtkmodules.vtkIOXML  # noqa: F401
     source = Recording(recording)
     with Lock(output):
         _write(source, output)
@@ -55,7 +56,7 @@ def _write(source: Recording, output: Path) -> None:
         for k, time in enumerate(source.time.tolist()):
             for name, data in _blocks(source, k).items():
                 latest[name] = folder / f"{name.lower()}-{k:04}.vtp"
-                drafts.enter_context(draft_of(latest[name])).write_bytes(_vtp(data))
+                drafts.enter_context(draft_of(latest[name])).write_bytes(data)
             written.update(latest.values())
             lines += [
                 f'    <DataSet timestep="{time!r}" part="{part}" name="{name}"'
@@ -69,81 +70,77 @@ def _write(source: Recording, output: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def _vtp(data: Any) -> bytes:
-    """Return polydata as the content of a file; VTK reports no error when a disk is full."""
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
-
-    writer = vtkXMLPolyDataWriter()
-    writer.SetInputData(data)
-    writer.SetDataModeToBinary()
-    writer.WriteToOutputStringOn()
-    writer.Write()
-    return bytes(writer.GetOutputString(), "utf-8")
-
-
-def _blocks(source: Recording, k: int) -> dict[str, Any]:
-    """Return the polydata of a frame by name, without walls if they are as in the frame before."""
+def _blocks(source: Recording, k: int) -> dict[str, bytes]:
+    """Return the files of a frame by block, without walls if they are as in the frame before."""
     frame = source.frame(k, contacts=source.has_forces)
     (places, number), scene = frame.images, frame.scene
-    grains = _polydata(places)
-    grains.SetVerts(_cells(np.arange(len(places))[:, np.newaxis]))
     own = {**frame.recorded, "radius": scene.radius, "mass": scene.mass}
     own |= {"spin": frame.spin, "angle": frame.angle} if scene.has_friction else {}
-    of_grain: dict[str, Any] = dict(sorted(own.items())) | {
+    of_grain: Arrays = dict(sorted(own.items())) | {
         "grain": np.arange(frame.n),
         "velocity": _in_space(frame.velocity),
     }
-    _add(grains.GetPointData(), {name: values[number] for name, values in of_grain.items()})
-    found = {"Grains": grains}
+    points = np.arange(len(places))[:, np.newaxis]
+    images = {name: values[number] for name, values in of_grain.items()}
+    found = {"Grains": _vtp(places, "Verts", points, of_points=images)}
     if source.has_forces:
         pair, force, tangential = all_contacts(frame)
         start, end, _ = contact_lines(frame, pair)
         start, end, contact = cut(scene.space, start, end)
         ends = np.stack([start, end], axis=1).reshape(-1, 2)
-        found["Contacts"] = contacts = _polydata(ends)
-        contacts.SetLines(_cells(np.arange(len(ends)).reshape(-1, 2)))
         carried = {"force": force} | ({"tangential_force": tangential} if scene.has_friction else {})
-        ends_of = {"grain": pair[contact, 0], "other": pair[contact, 1]}
-        _add(contacts.GetCellData(), ends_of | {name: own[contact] for name, own in carried.items()})
+        of_contact = {"grain": pair[contact, 0], "other": pair[contact, 1]}
+        of_contact |= {name: own[contact] for name, own in carried.items()}
+        found["Contacts"] = _vtp(ends, "Lines", np.arange(len(ends)).reshape(-1, 2), of_cells=of_contact)
     moved = moved_walls(scene, scene, frame.time)
     meshes = [wall_mesh(band) for band in (drawn_walls(scene) | moved).values()]
     if meshes and (moved or k == 0):
         first = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
         corners = [mesh.corners.reshape(-1, 4) + of for mesh, of in zip(meshes, first, strict=False)]
-        found["Walls"] = _polydata(np.concatenate([mesh.points[:, :2] for mesh in meshes]))
-        found["Walls"].SetPolys(_cells(np.concatenate(corners)))
+        places = np.concatenate([mesh.points[:, :2] for mesh in meshes])
+        found["Walls"] = _vtp(places, "Polys", np.concatenate(corners))
     return found
 
 
-def _polydata(places: FloatArray) -> Any:
-    from vtkmodules.util.numpy_support import numpy_to_vtk
-    from vtkmodules.vtkCommonCore import vtkPoints
-    from vtkmodules.vtkCommonDataModel import vtkPolyData
+def _vtp(
+    places: FloatArray,
+    kind: Literal["Verts", "Lines", "Polys"],
+    corners: np.ndarray,
+    of_points: Arrays | None = None,
+    of_cells: Arrays | None = None,
+) -> bytes:
+    """Return polydata as the content of a file: c cells of k corners each, from corners of shape (c, k)."""
+    sections = {
+        "PointData": of_points or {},
+        "CellData": of_cells or {},
+        "Points": {"Points": _in_space(places)},
+        kind: {
+            "connectivity": corners.ravel(),
+            "offsets": corners.shape[1] * np.arange(1, len(corners) + 1),
+        },
+    }
+    lines = [
+        '<?xml version="1.0"?>',
+        '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64"'
+        ' compressor="vtkZLibDataCompressor"><PolyData>',
+        f'<Piece NumberOfPoints="{len(places)}" NumberOf{kind}="{len(corners)}">',
+    ]
+    for section, arrays in sections.items():
+        lines += [f"<{section}>", *map(_array, arrays, arrays.values()), f"</{section}>"]
+    return "\n".join([*lines, "</Piece></PolyData></VTKFile>", ""]).encode()
 
-    points, data = vtkPoints(), vtkPolyData()
-    points.SetData(numpy_to_vtk(_in_space(places), deep=True))
-    data.SetPoints(points)
-    return data
 
-
-def _cells(corners: Any) -> Any:
-    """Return c cells of k corners each, from corners of shape (c, k)."""
-    from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray
-    from vtkmodules.vtkCommonDataModel import vtkCellArray
-
-    cells, flat = vtkCellArray(), np.ascontiguousarray(corners, np.int64)
-    first = np.arange(len(flat) + 1, dtype=np.int64) * flat.shape[1]
-    cells.SetData(numpy_to_vtkIdTypeArray(first, deep=True), numpy_to_vtkIdTypeArray(flat.ravel(), deep=True))
-    return cells
-
-
-def _add(to: Any, arrays: dict[str, Any]) -> None:
-    from vtkmodules.util.numpy_support import numpy_to_vtk
-
-    for name, values in arrays.items():
-        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
-        array.SetName(name)
-        to.AddArray(array)
+def _array(name: str, values: np.ndarray) -> str:
+    """Return an array as XML: in base 64 a header, and the bytes as one compressed block."""
+    data = values.astype(values.dtype.newbyteorder("<")).tobytes()
+    block = compress(data) if data else b""
+    header = np.array([1, len(data), 0, len(block)] if data else [0, 0, 0], "<u8")
+    kind = {"f": "Float", "i": "Int", "u": "UInt"}[values.dtype.kind]
+    return (
+        f'<DataArray type="{kind}{8 * values.itemsize}" Name="{name}" format="binary"'
+        f' NumberOfComponents="{values.shape[1] if values.ndim > 1 else 1}">'
+        f"{b64encode(header.tobytes()).decode()}{b64encode(block).decode()}</DataArray>"
+    )
 
 
 def _in_space(vectors: FloatArray) -> FloatArray:
