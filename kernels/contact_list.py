@@ -5,7 +5,17 @@ import warp as wp
 from . import law
 from .access import at, put, raise_to
 from .contacts import value_at
-from .record import Phase, Scene, grain_count, has_friction, has_swept, has_weights, is_accelerated
+from .record import (
+    Phase,
+    Scene,
+    grain_count,
+    has_friction,
+    has_rolling,
+    has_swept,
+    has_weights,
+    is_accelerated,
+)
+from .rolling import find_roll_weights
 from .types import Contact, NeighborList
 from .walls import way
 
@@ -46,6 +56,9 @@ def save_contact(s: Scene, k: int):
     if has_friction(s):
         dvt = wp.vec3d(at(contacts.dvt, c), at(contacts.dvt_start, c), value_at(contacts.last_dvt, c))
         put(s.workspace.old_dvt, k, dvt)
+    if has_rolling(s):
+        dvr = wp.vec3d(at(contacts.dvr, c), at(contacts.dvr_start, c), value_at(contacts.last_dvr, c))
+        put(s.workspace.old_dvr, k, dvr)
 
 
 @wp.func
@@ -109,11 +122,13 @@ def transfer_warm_start(s: Scene, i: int):
         j = at(s.neighbors.neighbor, k)
         c = at(s.workspace.sweep_index, k)
         k_old = at(s.workspace.old_place, k)
-        dv, dvt = wp.vec3d(), wp.vec3d()
+        dv, dvt, dvr = wp.vec3d(), wp.vec3d(), wp.vec3d()
         if k_old >= 0:
             dv = at(s.workspace.old_dv, k_old)
             if has_friction(s):
                 dvt = at(s.workspace.old_dvt, k_old)
+            if has_rolling(s):
+                dvr = at(s.workspace.old_dvr, k_old)
         contact = Contact()
         contact.i = wp.uint32(2 * i)
         contact.j = wp.uint32(2 * j)
@@ -129,6 +144,12 @@ def transfer_warm_start(s: Scene, i: int):
                 put(s.contacts.last_dvt, c, dvt[2])
         if has_weights(s):
             find_weights(s, c, i, j)
+        if has_rolling(s):
+            put(s.contacts.dvr, c, dvr[0])
+            put(s.contacts.dvr_start, c, dvr[1])
+            if is_accelerated(s):
+                put(s.contacts.last_dvr, c, dvr[2])
+            find_roll_weights(s, c, i, j)
         k += 1
 
 

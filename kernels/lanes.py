@@ -70,17 +70,25 @@ KEEP = """
 TURN = """
     const wp::vec_t<2, double> t(-n[1], n[0]);
     impulse = impulse + *(const couple *)&t * dvt.c[k];
-    rim.data[i / 2] = rim.data[i / 2] - dvt.c[k] * rim_i.c[k];
-    rim.data[j / 2] = rim.data[j / 2] - dvt.c[k] * rim_j.c[k];
+    const double slid_i = rim.data[i / 2] - dvt.c[k] * rim_i.c[k];
+    const double slid_j = rim.data[j / 2] - dvt.c[k] * rim_j.c[k];
+    rim.data[i / 2] = slid_i;
+    rim.data[j / 2] = slid_j;
 """
 """C++ that adds a tangential correction, and turns both grains by it."""
+ROLL = """
+    rim.data[i / 2] = slid_i - dvr.c[k] * part.c[k] * rim_i.c[k];
+    rim.data[j / 2] = slid_j + dvr.c[k] * (1.0 - part.c[k]) * rim_j.c[k];
+"""
+"""C++ that turns them by a rolling correction besides."""
 
 
 @cache
-def lanes(count: int, friction: bool = False, keep: bool = False) -> SimpleNamespace:
+def lanes(count: int, friction: bool = False, rolling: bool = False, keep: bool = False) -> SimpleNamespace:
     """Return the functions of `count` pairs at once, from index c on, and `vector`, one number of each.
 
-    `push` shares changes of corrections out to grains and, with friction, to their rims (eqs. 7 and 23).
+    `push` shares changes of corrections out to grains and, with friction, to their rims (eqs. 7, 23 and 37).
+    `roll` is the speed of rolling after a tangential correction.
     """
     vector = wp.types.vector(length=count, dtype=f64)
 
@@ -144,12 +152,28 @@ def lanes(count: int, friction: bool = False, keep: bool = False) -> SimpleNames
     def slip(velocity: Vectors, rim: Floats, pairs: Pairs, c: int) -> vector: ...
 
     @wp.func_native(
+        checked(f"""
+        wp::vec_t<{count}, double> vr;
+        for (int k = 0; k < {count}; k++) {{
+            const double slid_i = rim.data[pairs.data[c + k].i / 2] - dvt.c[k] * rim_i.c[k];
+            const double slid_j = rim.data[pairs.data[c + k].j / 2] - dvt.c[k] * rim_j.c[k];
+            vr.c[k] = part.c[k] * slid_i - (1.0 - part.c[k]) * slid_j;
+        }}
+        return vr;
+    """)
+    )
+    def roll(
+        rim: Floats, pairs: Pairs, c: int, dvt: vector, rim_i: vector, rim_j: vector, part: vector
+    ) -> vector: ...
+
+    @wp.func_native(
         checked(f"""{VELOCITIES}
         for (int k = 0; k < {count}; k++) {{
             const unsigned i = pairs.data[c + k].i, j = pairs.data[c + k].j;
             const auto n = pairs.data[c + k].n;
             couple impulse = *(const couple *)&n * dv.c[k];
             {TURN if friction else ""}
+            {ROLL if rolling else ""}
             couple *vi = velocity_at(i), *vj = velocity_at(j);
             const couple after_i = *vi - impulse * share_i.c[k], after_j = *vj + impulse * share_j.c[k];
             *vi = after_i;
@@ -165,10 +189,12 @@ def lanes(count: int, friction: bool = False, keep: bool = False) -> SimpleNames
         c: int,
         dv: vector,
         dvt: vector,
+        dvr: vector,
         share_i: vector,
         share_j: vector,
         rim_i: vector,
         rim_j: vector,
+        part: vector,
         kept: Vectors,
         place: int,
     ): ...
@@ -183,5 +209,6 @@ def lanes(count: int, friction: bool = False, keep: bool = False) -> SimpleNames
         approach=approach,
         gap_rates=gap_rates,
         slip=slip,
+        roll=roll,
         push=push,
     )

@@ -105,7 +105,7 @@ def tangent(n: wp.vec2d) -> wp.vec2d:
 def tangential_change(vt: f64, dvt: f64, limit: f64) -> f64:
     """Change of a contact's tangential correction dv_t [m/s] (eq. 23), whose size is at most the limit.
 
-    vt is the velocity at which the surfaces slip, divided by K_t of eq. 22.
+    vt is the velocity at which the surfaces slip, divided by K_t of eq. 22. So is dv_r changed (eq. 37).
     """
     stuck = dvt + vt
     return wp.where(stuck > limit, limit, wp.where(stuck < -limit, -limit, stuck)) - dvt
@@ -127,6 +127,24 @@ def pair_slip(difference: wp.vec2d, n: wp.vec2d, rim_i: f64, rim_j: f64) -> f64:
 def wall_slip(v: wp.vec2d, n: wp.vec2d, rim: f64, surface: f64) -> f64:
     """Velocity vt at which a grain slips along a wall whose surface has a speed [m/s] (eq. 23)."""
     return speed_along(v, n) + (rim - surface)
+
+
+@wp.func
+def rolling_part(radius_i: f64, radius_j: f64) -> f64:
+    """Part of its rim speed with which grain i rolls on grain j (eq. 37)."""
+    return radius_j / (radius_i + radius_j)
+
+
+@wp.func
+def pair_roll(part: f64, rim_i: f64, rim_j: f64) -> f64:
+    """Speed vr at which two grains roll on each other [m/s] (eq. 37), from their rims."""
+    return part * rim_i - (f64(1.0) - part) * rim_j
+
+
+@wp.func
+def wall_roll(rim: f64, radius: f64, spin: f64) -> f64:
+    """Speed vr at which a grain rolls on a wall of a spin [m/s] (eq. 37)."""
+    return rim - radius * spin
 
 
 @wp.func

@@ -28,7 +28,7 @@ import warp as wp
 
 from .access import at, named, put
 from .contacts import CHUNK, chunk_count, chunks_in, contact_count
-from .record import Scene, body_count, grain_count, has_friction, has_weights, rotates
+from .record import Scene, body_count, grain_count, has_friction, has_rolling, has_weights, rotates
 from .threads import Team, thread_range
 from .types import Floats
 
@@ -178,6 +178,8 @@ def begin_momentum(team: Team, s: Scene):
     if has_friction(s):
         copy_numbers(team, s.momentum.last_rim, s.grains.next_rim, grain_count(s))
         copy_numbers(team, s.contacts.last_dvt, s.contacts.dvt, contact_count(s))
+    if has_rolling(s):
+        copy_numbers(team, s.contacts.last_dvr, s.contacts.dvr, contact_count(s))
     if team.rank == 0:
         s.momentum.state.t = f64(1.0)
         s.momentum.state.beta = f64(0.0)

@@ -4,7 +4,8 @@ One loop serves all methods, by static flags. A plain sweep visits all pairs, on
 corrections that they have. A sweep `ahead` visits the working set from y, further along, four at a time,
 goes a little too far, and sums what it does to phi (momentum.py). With friction, a visit corrects the
 normal velocity and then the velocity at which the surfaces slip. For discs the two depend on each other by
-Coulomb's bound alone, so one visit solves a contact exactly.
+Coulomb's bound alone, so one visit solves a contact exactly. Where rolling is resisted, a visit at last
+corrects the velocity at which grains roll.
 
 Plain sweeps monitor grains where a correction is large (verlet.py), a block of pairs at a time: whether a
 correction is large cannot be foreseen, and to find it out pair by pair costs a processor as much as the
@@ -19,7 +20,7 @@ from .contacts import EQUAL_RIMS
 from .lanes import FOUR, end_of_fours, lanes
 from .momentum import ENOUGH, relaxation_factor
 from .record import Scene, has_weights
-from .types import ContactsByRef, Vectors
+from .types import ContactsByRef, Floats, Vectors
 from .verlet import least_monitored_correction, monitor
 
 f64 = wp.float64
@@ -42,16 +43,33 @@ def kept_velocity(kept: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
     ...
 
 
-def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> wp.Function:
+def sweeping_pairs(
+    count: int, weighted: bool, friction: bool, resists_rolling: bool, ahead: bool
+) -> wp.Function:
     """Return the function that corrects pairs, `count` at a time: `(scene, contacts, begin, end, kept)`.
 
     It returns the largest change of a correction, the sums of momentum.py, and bits of the pairs of large
     changes, whose velocities are kept from index `kept` on. A plain sweep has no sums, one ahead no bits.
     """
-    several = lanes(count, friction, keep=not ahead)
+    several = lanes(count, friction, resists_rolling, keep=not ahead)
     vector, numbers_at, set_numbers = several.vector, several.numbers_at, several.set_numbers
     sum_of, product_of, larger_of = several.sum_of, several.product_of, several.larger_of
     approach, gap_rates, slip, push = several.approach, several.gap_rates, several.slip, several.push
+    roll = several.roll
+
+    @wp.func
+    def bounded(dv: Floats, last: Floats, c: int, beta: f64, speed: vector, slowed: vector, limit: vector):
+        """Correct dv_t or dv_r within a limit; return the change, and the step ahead before it."""
+        x = numbers_at(dv, c)
+        y, step, change = x, vector(), vector()
+        if wp.static(ahead):
+            step = beta * (x - numbers_at(last, c))
+            y = x + step
+            set_numbers(last, c, x)
+        for k in range(wp.static(count)):
+            change[k] = law.tangential_change(slowed[k] * speed[k], y[k], limit[k])
+        set_numbers(dv, c, y + change)
+        return change, step
 
     @wp.func(inline=ahead)
     def sweep(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int):
@@ -62,11 +80,15 @@ def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> w
         dvts = contacts.dvt
         last_dvs = contacts.last_dv
         last_dvts = contacts.last_dvt
+        dvrs = contacts.dvr
+        last_dvrs = contacts.last_dvr
+        roll_weights = contacts.roll_weights
         weights = contacts.weights
         rim_weights = contacts.rim_weights
         masses = s.working.mass
-        kept_velocity = s.partial.kept_velocity
+        kept_v = s.partial.kept_velocity
         beta, mu, omega = s.momentum.state.beta, f64(s.friction), f64(1.0)
+        mu_r = f64(s.rolling_friction)
         if wp.static(ahead and not friction):
             omega = relaxation_factor(s)
         large, half, one = least_monitored_correction(s), f64(0.5), f64(1.0)
@@ -95,7 +117,7 @@ def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> w
                 y = x + step
             gap_rate, vn = gap_rates(pairs, c), approach(velocity, pairs, c)
             excess = vn - gap_rate
-            dv, dvt = vector(), vector()
+            dv, dvt, dvr, part = vector(), vector(), vector(), vector()
             for k in range(wp.static(count)):
                 if wp.static(ahead and not friction):
                     dv[k] = law.normal_change(omega * excess[k], y[k], f64(0.0))
@@ -103,17 +125,9 @@ def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> w
                     dv[k] = law.normal_change(vn[k], y[k], gap_rate[k])
             change = wp.abs(dv)
             if wp.static(friction):
-                xt = numbers_at(dvts, c)
-                yt, step_t = xt, vector()
-                if wp.static(ahead):
-                    step_t = beta * (xt - numbers_at(last_dvts, c))
-                    yt = xt + step_t
-                    set_numbers(last_dvts, c, xt)
                 vt = slip(velocity, rim, pairs, c)
-                for k in range(wp.static(count)):
-                    dvt[k] = law.tangential_change(narrow[k] * vt[k], yt[k], mu * (y[k] + dv[k]))
+                dvt, step_t = bounded(dvts, last_dvts, c, beta, vt, narrow, mu * (y + dv))
                 change = larger_of(change, wp.abs(dvt))
-                set_numbers(dvts, c, yt + dvt)
                 if wp.static(ahead):
                     wide_dvt = vector()
                     for k in range(wp.static(count)):
@@ -124,7 +138,23 @@ def sweeping_pairs(count: int, weighted: bool, friction: bool, ahead: bool) -> w
             elif wp.static(ahead):
                 gain = product_of(dv, excess - half * dv)
                 cost = sum_of(cost, product_of(mass, product_of(gap_rate, step) - ENOUGH * gain))
-            push(velocity, rim, pairs, c, dv, dvt, share_i, share_j, rim_i, rim_j, kept_velocity, place)
+            if wp.static(resists_rolling):
+                limit, step_r, slowed = mu_r * (y + dv), vector(), vector()
+                if wp.static(ahead) or limit[0] > f64(0.0) or at(dvrs, c) != f64(0.0):  # else it does nothing
+                    for k in range(wp.static(count)):
+                        own = at(roll_weights, c + k)
+                        part[k] = own[0]
+                        slowed[k] = own[1]
+                    vr = roll(rim, pairs, c, dvt, rim_i, rim_j, part)
+                    dvr, step_r = bounded(dvrs, last_dvrs, c, beta, vr, slowed, limit)
+                    change = larger_of(change, wp.abs(dvr))
+                if wp.static(ahead):
+                    wide_dvr = vector()
+                    for k in range(wp.static(count)):
+                        wide_dvr[k] = dvr[k] / slowed[k]
+                    cost = sum_of(cost, product_of(mass, product_of(wide_dvr, dvr)))
+                    slope = sum_of(slope, product_of(mass, product_of(wide_dvr, step_r + dvr)))
+            push(velocity, rim, pairs, c, dv, dvt, dvr, share_i, share_j, rim_i, rim_j, part, kept_v, place)
             set_numbers(dvs, c, y + dv)
             zeta = larger_of(zeta, change)
             if wp.static(ahead):
@@ -155,9 +185,11 @@ def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
         monitor(s, j, kept_velocity(kept, place + 1, velocity, j))
 
 
-def sweeping_any_pairs(count: int, friction: bool, ahead: bool) -> wp.Function:
+def sweeping_any_pairs(count: int, friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
     """Return what `sweeping_pairs` does, for scenes with and without weights."""
-    equal, weighted = (sweeping_pairs(count, flag, friction, ahead) for flag in (False, True))
+    equal, weighted = (
+        sweeping_pairs(count, flag, friction, resists_rolling, ahead) for flag in (False, True)
+    )
 
     @wp.func
     def sweep_pairs(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int):
@@ -171,12 +203,12 @@ def sweeping_any_pairs(count: int, friction: bool, ahead: bool) -> wp.Function:
     return sweep_pairs
 
 
-def sweeping_in_fours(friction: bool) -> wp.Function:
+def sweeping_in_fours(friction: bool, resists_rolling: bool) -> wp.Function:
     """Return the function that corrects pairs of [begin, end) ahead: `(scene, contacts, begin, end, kept)`.
 
     It returns the largest change of a correction, and the sums of momentum.py.
     """
-    fours, ones = (sweeping_any_pairs(count, friction, ahead=True) for count in (FOUR, 1))
+    fours, ones = (sweeping_any_pairs(count, friction, resists_rolling, ahead=True) for count in (FOUR, 1))
 
     @wp.func
     def sweep_pairs(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int) -> wp.vec3d:
@@ -188,9 +220,9 @@ def sweeping_in_fours(friction: bool) -> wp.Function:
     return sweep_pairs
 
 
-def sweeping_in_blocks(friction: bool) -> wp.Function:
+def sweeping_in_blocks(friction: bool, resists_rolling: bool) -> wp.Function:
     """Return the function that corrects pairs of [begin, end) and monitors them, with the same arguments."""
-    sweep_block = sweeping_any_pairs(1, friction, ahead=False)
+    sweep_block = sweeping_any_pairs(1, friction, resists_rolling, ahead=False)
 
     @wp.func
     def sweep_pairs(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int) -> wp.vec3d:

@@ -41,6 +41,7 @@ class Kind(NamedTuple):
     method: str
     has_friction: bool
     has_restitution: bool
+    has_rolling: bool  # resistance to it, only with friction
 
 
 class Phase(IntEnum):
@@ -219,6 +220,7 @@ class SceneRecord:
     drag: f64  # [kg/s]
     spin_drag: f64  # [kg m2/s]
     friction: f64  # coefficient between grains
+    rolling_friction: f64  # the same of rolling
     restitution: f64  # the same, of contacts that bounce
     restitution_speed: f64  # at which they must close [m/s]
     dt: f64  # [s]
@@ -264,6 +266,12 @@ def rotates(s: Scene, i: int) -> bool:
 def has_friction(s: Scene) -> bool:
     """Return whether contacts have tangential corrections."""
     return rotates(s, 0)
+
+
+@wp.func
+def has_rolling(s: Scene) -> bool:
+    """Return whether contacts have rolling corrections."""
+    return s.contacts.dvr.shape[0] > 0
 
 
 @wp.func

@@ -15,13 +15,16 @@ that the final velocities do not violate is satisfied without a correction (eq. 
 list starts again from these.
 """
 
+from functools import cache
+
 import warp as wp
 
 from . import law
 from .access import at, bodies_of, contact_at, larger, named, put
 from .contacts import apply, contact_count, contacts_of, gap_rates_now, rim_weights, surface_of, value_at
 from .driven import leader_of, levers, shares_of_wall
-from .record import Phase, Scene, is_driven, pair_count, rotates
+from .record import Phase, Scene, has_rolling, is_driven, pair_count, rotates
+from .rolling import apply_rolling, rolling_residual
 from .threads import Team, thread_range, update_max
 
 f64 = wp.float64
@@ -41,15 +44,19 @@ def recompute(team: Team, s: Scene, k: int):
     velocity, rim = s.grains.recomputed_velocity, s.grains.recomputed_rim
     c, end = contacts_of(team, s, k)
     while c < end:
+        contact = contact_at(s.contacts.contact, c)
         dv, dvt = at(s.contacts.dv, c), value_at(s.contacts.dvt, c)
-        apply(s, velocity, rim, contact_at(s.contacts.contact, c), c, dv, dvt)
+        apply(s, velocity, rim, contact, c, dv, dvt)
+        if has_rolling(s):
+            apply_rolling(s, rim, contact, c, at(s.contacts.dvr, c))
         c += 1
 
 
-def measurement(friction: bool) -> wp.Function:
+@cache
+def measuring(friction: bool, resists_rolling: bool) -> wp.Function:
     """Return the stage that finds the largest residual of a thread's share of the contacts.
 
-    With friction, the residual of a contact is the larger one of its normal and tangential part (eq. 25).
+    With friction, the residual of a contact is the largest of its parts (eqs. 25 and 38).
     """
 
     @wp.func
@@ -90,9 +97,11 @@ def measurement(friction: bool) -> wp.Function:
                 slowed = law.slip_share(rims[1], tangential)
             slip = law.tangential_change(slowed * vt, dvt, mu * (dv + change)) / slowed
             worst = wp.max(worst, wp.abs(slip))
+        if wp.static(resists_rolling):
+            worst = wp.max(worst, rolling_residual(s, contact, c, dv + change))
         return worst
 
-    @named(f"measure_residual{'_with_friction' * friction}")
+    @named(f"measure_residual{'_with_friction' * friction}{'_and_rolling' * resists_rolling}")
     def measure(team: Team, s: Scene):
         worst = f64(0.0)
         c, end = thread_range(team, 0, contact_count(s))
@@ -102,9 +111,6 @@ def measurement(friction: bool) -> wp.Function:
         update_max(team, s.partial.residual, worst)
 
     return measure
-
-
-measure_residual, measure_with_friction = measurement(False), measurement(True)
 
 
 @wp.func

@@ -132,7 +132,7 @@ def recompute(kind: Kind) -> list[Stage]:
     return [
         Each(body_count, residual.begin_recomputing),
         Sets(residual.recompute),
-        Shared(residual.measure_with_friction if kind.has_friction else residual.measure_residual),
+        Shared(residual.measuring(kind.has_friction, kind.has_rolling)),
     ]
 
 
@@ -142,7 +142,7 @@ def plain_sweeps(kind: Kind) -> list[Stage]:
         While(
             sweeping,
             [
-                Sets(sweep.sweeping(kind.has_friction, ahead=False)),
+                Sets(sweep.sweeping(kind.has_friction, kind.has_rolling, ahead=False)),
                 Serial(sweep.end_sweep),
                 If(verlet.is_sampling_due, [Each(body_count, verlet.sample), Serial(verlet.end_sampling)]),
                 If(measuring, [*recompute(kind), Serial(stopping.end_measurement)]),
@@ -156,7 +156,7 @@ def sweep_ahead(kind: Kind) -> list[Stage]:
     roll_back = [Each(chunk_count, momentum.roll_back), Each(body_count, momentum.roll_back_velocity)]
     return [
         Shared(momentum.extrapolate_with_friction if kind.has_friction else momentum.extrapolate),
-        Sets(sweep.sweeping(kind.has_friction, ahead=True)),
+        Sets(sweep.sweeping(kind.has_friction, kind.has_rolling, ahead=True)),
         Serial(sweep.end_sweep),
         *([] if kind.has_friction else [If(rejected, roll_back)]),
     ]
@@ -203,7 +203,7 @@ def exact(kind: Kind) -> list[Stage]:
 
 
 METHODS = {"gauss-seidel": plain_sweeps, "accelerated": accelerated_sweeps, "exact": exact}
-KINDS = [Kind(*own) for own in product(METHODS, (False, True), (False, True))]
+KINDS = [Kind(*own) for own in product(METHODS, *[(False, True)] * 3)]
 
 SAVE = [Each(grain_count, contact_list.save_row), Each(contact_list.listed_count, contact_list.save_contact)]
 """Keep the list and what its contacts carry, for the next list."""

@@ -19,10 +19,13 @@ f64 = wp.float64
 
 
 @cache
-def sweeping(friction: bool, ahead: bool) -> wp.Function:
+def sweeping(friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
     """Return the stage that corrects the contacts of a set, those of the working set in a sweep ahead."""
-    sweep_pairs = sweeping_in_fours(friction) if ahead else sweeping_in_blocks(friction)
-    sweep_walls, sweep_driven = (sweeping_walls(driven, friction, ahead) for driven in (False, True))
+    sweeping_pairs = sweeping_in_fours if ahead else sweeping_in_blocks
+    sweep_pairs = sweeping_pairs(friction, resists_rolling)
+    sweep_walls, sweep_driven = (
+        sweeping_walls(driven, friction, resists_rolling, ahead) for driven in (False, True)
+    )
 
     @wp.func
     def sweep_range(s: Scene, contacts: ContactsByRef, k: int, begin: int, end: int, kept: int) -> wp.vec3d:
@@ -36,7 +39,7 @@ def sweeping(friction: bool, ahead: bool) -> wp.Function:
             total = sweep_pairs(s, contacts, begin, end, kept)
         return total
 
-    @named(f"sweep{'_ahead' * ahead}{'_with_friction' * friction}")
+    @named(f"sweep{'_ahead' * ahead}{'_with_friction' * friction}{'_and_rolling' * resists_rolling}")
     def sweep_set(team: Team, s: Scene, k: int):
         zeta = f64(0.0)
         if wp.static(ahead):

@@ -126,6 +126,10 @@ class Contacts:
     dvt: Floats  # accumulated tangential corrections [m/s]; empty without friction
     dvt_start: Floats  # those with which a step starts
     last_dvt: Floats  # those before the last sweep
+    dvr: Floats  # accumulated rolling corrections [m/s]; empty without rolling friction, as the next three
+    dvr_start: Floats  # those with which a step starts
+    last_dvr: Floats  # those before the last sweep
+    roll_weights: Vectors  # part of its rim speed with which i rolls, and 1 / K_r (eq. 37)
     rim_weights: wp.array(dtype=wp.vec3d)  # 1 / K_t, and parts for the rims of i and j (eq. 22); as `weights`
     set_start: Ints  # first contact of every set of `stages.Sets`, and the end of the last
     count: ContactCount
@@ -255,6 +259,7 @@ class Workspace:
     old: NeighborList  # the list before
     old_dv: wp.array(dtype=wp.vec3d)  # of its contacts: now, at the step's start, a sweep back [m/s]
     old_dvt: wp.array(dtype=wp.vec3d)  # the same of tangential corrections; empty without friction
+    old_dvr: wp.array(dtype=wp.vec3d)  # and of rolling ones; empty without rolling friction
     old_place: Ints  # of every contact in the list before, or -1
     sweep_index: Ints  # of every contact: its index in sweeping order
     set_of: Ints  # independent set of every pair; -1 of contacts with walls

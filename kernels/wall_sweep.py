@@ -1,4 +1,4 @@
-"""The sweep over contacts with walls: corrections in place (MODEL.md, eqs. 8, 13, 18, 23 and 29).
+"""The sweep over contacts with walls: corrections in place (MODEL.md, eqs. 8, 13, 18, 23, 29 and 37).
 
 One loop serves all methods, by the static flags of pair_sweep.py; `driven`: a force drives one of the walls.
 """
@@ -11,17 +11,34 @@ from .contacts import limits_at, rim_weights, surface_of
 from .driven import leader_of, levers, shares_of_wall
 from .momentum import ENOUGH, mass_in_phi, relaxation_factor
 from .record import Scene, pair_count
-from .types import ContactsByRef
+from .rolling import rolling_at_wall
+from .types import ContactsByRef, Floats
 from .verlet import least_monitored_correction, monitor
 
 f64 = wp.float64
 
 
-def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
+def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
     """Return the function that corrects contacts with walls: `(scene, contacts, begin, end)`.
 
     It returns the largest change of a correction and, of a sweep ahead, the sums of momentum.py.
     """
+
+    @wp.func
+    def bounded(dv: Floats, last: Floats, c: int, beta: f64, speed: f64, slowed: f64, limit: f64) -> wp.vec3d:
+        """Correct dv_t or dv_r within a limit; return the change, and its parts of the sums."""
+        x = at(dv, c)
+        y, size, slope = x, f64(0.0), f64(0.0)
+        if wp.static(ahead):
+            y = x + beta * (x - at(last, c))
+            put(last, c, x)
+        change = law.tangential_change(slowed * speed, y, limit)
+        put(dv, c, y + change)
+        if wp.static(ahead):
+            wide = change / slowed
+            size = wide * change
+            slope = wide * (y + change - x)
+        return wp.vec3d(change, size, slope)
 
     @wp.func(inline=not driven)
     def sweep_walls(s: Scene, contacts: ContactsByRef, begin: int, end: int) -> wp.vec3d:
@@ -68,25 +85,27 @@ def sweeping_walls(driven: bool, friction: bool, ahead: bool) -> wp.Function:
                 if wp.static(driven):
                     along = surface[1] + lever[1] * speed
                     slowed = law.slip_share(rims[1], lever[1] * share[1])
-                u, xt = at(rim, i), at(contacts.dvt, c)
-                yt = xt
-                if wp.static(ahead):
-                    yt = xt + beta * (xt - at(contacts.last_dvt, c))
-                    put(contacts.last_dvt, c, xt)
+                u, limit = at(rim, i), surface[0] * new
                 vt = law.wall_slip(v, n, u, along)
-                dvt = law.tangential_change(slowed * vt, yt, surface[0] * new)
+                slipped = bounded(contacts.dvt, contacts.last_dvt, c, beta, vt, slowed, limit)
+                dvt = slipped[0]
                 push = push + dvt * law.tangent(n)
                 put(rim, i, u - dvt * rims[1])
-                put(contacts.dvt, c, yt + dvt)
                 if wp.static(driven):
                     change = larger(change, (f64(1.0) + lever[1] * share[1]) * wp.abs(dvt))
                     speed = speed + dvt * share[1]
                 else:
                     change = larger(change, wp.abs(dvt))
-                if wp.static(ahead):
-                    wide_dvt = dvt / slowed
-                    cost = wide_dv * dv + wide_dvt * dvt
-                    slope = slope + wide_dvt * (yt + dvt - xt)
+                cost = wide_dv * dv + slipped[1]
+                slope = slope + slipped[2]
+                if wp.static(resists_rolling):
+                    rolls = rolling_at_wall(s, j)
+                    vr, limit = law.wall_roll(at(rim, i), at(s.grains.radius, i), rolls[1]), rolls[0] * new
+                    rolled = bounded(contacts.dvr, contacts.last_dvr, c, beta, vr, f64(1.0) / rims[1], limit)
+                    put(rim, i, at(rim, i) - rolled[0] * rims[1])
+                    change = larger(change, wp.abs(rolled[0]))
+                    cost = cost + rolled[1]
+                    slope = slope + rolled[2]
             elif wp.static(ahead):
                 cost = rise_of_phi(x, y, dv, excess, gap_rate, limits[0], compliance)
             put(velocity, i, v - push)

@@ -34,6 +34,7 @@ class Walls:
     drive: wp.array(dtype=Drive)  # of all walls; empty if none is driven
     surface: wp.array(dtype=wp.vec2d)  # friction, and speed along the tangent [m/s]; empty without friction
     restitution: Floats  # of all walls; empty if no contact bounces
+    rolling: wp.array(dtype=wp.vec2d)  # rolling friction, and spin [rad/s]; empty without rolling friction
 
 
 @wp.func

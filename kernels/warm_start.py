@@ -8,7 +8,8 @@ from . import law
 from .access import at, bodies_of, contact_at, named, put
 from .contacts import apply, contacts_of, is_wall_set, value_at
 from .driven import closing_speed
-from .record import Scene, grain_count, has_friction, is_driven, pair_count, rotates
+from .record import Scene, grain_count, has_friction, has_rolling, is_driven, pair_count, rotates
+from .rolling import apply_rolling
 from .threads import Team
 from .types import Contact
 from .walls import normal_speed, surface_speed, wall_contact, way
@@ -91,6 +92,10 @@ def starting(restitution: bool) -> wp.Function:
                 if has_friction(s):
                     put(s.contacts.dvt, c, dvt)
                 apply(s, s.grains.next_velocity, s.grains.next_rim, contact, c, dv, dvt)
+                if has_rolling(s):
+                    dvr = at(s.contacts.dvr_start, c)
+                    put(s.contacts.dvr, c, dvr)
+                    apply_rolling(s, s.grains.next_rim, contact, c, dvr)
             c += 1
 
     return start
@@ -102,3 +107,5 @@ def keep_correction(s: Scene, c: int):
     put(s.contacts.dv_start, c, at(s.contacts.dv, c))
     if has_friction(s):
         put(s.contacts.dvt_start, c, at(s.contacts.dvt, c))
+    if has_rolling(s):
+        put(s.contacts.dvr_start, c, at(s.contacts.dvr, c))

@@ -15,7 +15,7 @@ from .access import at, bodies_of, contact_at, larger, named, put
 from .contacts import chunks_of_set, contacts_of_chunk, gap_rates_now, is_wall_set
 from .driven import closing_speed
 from .lanes import FOUR, end_of_fours, lanes
-from .record import Scene, has_friction, has_swept, has_weights, is_driven, pair_count
+from .record import Scene, has_friction, has_rolling, has_swept, has_weights, is_driven, pair_count
 from .stopping import stop_or_sweep, stops_on_zeta
 from .threads import Team, take_max, thread_range, update_max
 from .types import Floats, WorkingSet
@@ -61,6 +61,9 @@ def scatter(s: Scene, chunk: int):
     if has_friction(s):
         scatter_numbers(working, bounds, s.contacts.dvt, working.contacts.dvt)
         scatter_numbers(working, bounds, s.contacts.last_dvt, working.contacts.last_dvt)
+    if has_rolling(s):
+        scatter_numbers(working, bounds, s.contacts.dvr, working.contacts.dvr)
+        scatter_numbers(working, bounds, s.contacts.last_dvr, working.contacts.last_dvr)
 
 
 @wp.func
@@ -91,6 +94,10 @@ def select(s: Scene, c: int, k: int):
         put(swept.last_dvt, c, at(listed.last_dvt, k))
         if has_weights(s):
             put(swept.rim_weights, c, at(listed.rim_weights, k))
+    if has_rolling(s):
+        put(swept.dvr, c, at(listed.dvr, k))
+        put(swept.last_dvr, c, at(listed.last_dvr, k))
+        put(swept.roll_weights, c, at(listed.roll_weights, k))
 
 
 def selecting(count: int) -> wp.Function:

@@ -1,6 +1,6 @@
 """The collapse of columns of several aspect ratios, held against the laws of Staron and Hinch (2005)."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -24,13 +24,13 @@ class Collapse(NamedTuple):
     height: float
 
 
-def column(aspect: float, seed: int = 0, count: int = COUNT) -> tuple[wg.Scene, float]:
+def column(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -> tuple[wg.Scene, float]:
     """Return a column between a wall and a gate, and its width [m]."""
     width = float(np.sqrt(room(count) / aspect))
     height, reach = aspect * width, (1.6 + 4.0 * aspect) * width
     domain = wg.Box((0.0, reach), (0.0, 2.0 * height))
     gate = wg.Segment((width, 0.0), (width, domain.y[1]))
-    return filled(domain, count, seed, (0.0, width), [gate]), width
+    return filled(domain, count, seed, (0.0, width), [gate], **fields), width
 
 
 def front(simulation: wg.Simulation) -> float:
@@ -47,9 +47,9 @@ def top(simulation: wg.Simulation) -> float:
     return float((simulation.position[:, 1] + simulation.scene.radius).max())
 
 
-def collapsed(aspect: float, seed: int = 0, count: int = COUNT) -> Collapse:
+def collapsed(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -> Collapse:
     """Let a column settle for 0.8 s and collapse."""
-    scene, width = column(aspect, seed, count)
+    scene, width = column(aspect, seed, count, **fields)
     simulation = opened(scene, 0.8)
     tall = top(simulation)
     simulation.run(duration=round(1.0 + 4.0 * float(np.sqrt(tall / G)), 2))

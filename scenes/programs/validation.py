@@ -3,6 +3,7 @@
 python scenes/programs/validation.py -o validation [NAME ...]
 """
 
+from collections.abc import Sequence
 from functools import partial
 
 import bouncing
@@ -18,11 +19,14 @@ from sections import Numbers, Section, Sections, draw_sections, panels
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.analysis import Snapshot
+from warpgrains.arrays import FloatArray
 from warpgrains.scene.layouts import random
 
 FRICTIONS = (0.0, 0.1, 0.3, 0.5, 1.0)  # of the packings
 SEEDS = (1, 2, 3)
 REPOSE = (0.0, 0.1, 0.2, 0.3, 0.5, 0.8)  # between grains in the rotating drum
+EVERY, SETTLED = 0.1, 3.0  # between two slopes of a drum, and from which on they are averaged [s]
+ROLLING = (0.0, 0.05, 0.1, 0.2, 0.3)  # rolling friction of drums and heaps
 
 
 def loose(friction: float, seed: int) -> wg.Scene:
@@ -100,20 +104,25 @@ def surface_angle(now: Snapshot) -> float:
     return float(np.degrees(np.arctan(silos.straight_line(*np.transpose(highest))[1])))
 
 
-def repose() -> Section:
-    """Rotate drums of several frictions, and one slowly, and draw the slopes of their surfaces."""
-    scene, every, settled = wg.Scene.load("rotating_drum"), 0.1, 3.0
-    scenes = [scene.replace(friction=friction) for friction in REPOSE]
-    scenes.append(scene.replace(angular_velocity_out=scene.angular_velocity_out / 3.0))
+def rotated(scenes: Sequence[wg.Scene]) -> tuple[FloatArray, FloatArray]:
+    """Rotate drums for 8 s; return times [s], shape (m,), and slopes of surfaces [degrees], (drums, m)."""
     batch, angles = wg.Batch(scenes), []
-    time = np.arange(1, 81) * every
+    time = np.arange(1, 81) * EVERY
     for _ in time:
-        batch.run(duration=every)
+        batch.run(duration=EVERY)
         angles.append(
             [surface_angle(analysis.snapshot(scene, batch.state(k))) for k, scene in enumerate(scenes)]
         )
-    slope = np.transpose(angles)
-    mean, deviation = slope[:, time > settled].mean(axis=1), slope[:, time > settled].std(axis=1)
+    return time, np.transpose(angles)
+
+
+def repose() -> Section:
+    """Rotate drums of several frictions, and one slowly, and draw the slopes of their surfaces."""
+    scene = wg.Scene.load("rotating_drum")
+    scenes = [scene.replace(friction=friction) for friction in REPOSE]
+    scenes.append(scene.replace(angular_velocity_out=scene.angular_velocity_out / 3.0))
+    time, slope = rotated(scenes)
+    mean, deviation = slope[:, time > SETTLED].mean(axis=1), slope[:, time > SETTLED].std(axis=1)
     figure, (over_time, over_friction) = panels(1, 2)
     for friction, angle in zip(REPOSE, slope[:-1], strict=True):
         over_time.plot(time, angle, label=f"friction {friction:g}")
@@ -126,6 +135,39 @@ def repose() -> Section:
     over_friction.legend()
     numbers = {f"mu {mu:g}: slope [degrees]": float(one) for mu, one in zip(REPOSE, mean, strict=False)}
     return figure, numbers | {f"mu {scene.friction:g}, {slow}: slope [degrees]": float(mean[-1])}
+
+
+def rolling() -> Section:
+    """Let discs roll down slopes, drums turn and columns collapse, with several frictions of rolling."""
+    figure, (slopes, angles) = panels(1, 2)
+    tangents, worst = np.linspace(0.0, 2.0, 41), 0.0
+    for mu in (0.0, 0.1, 0.3):
+        found, exact = (
+            [acceleration(tangent, 0.6, mu) for tangent in tangents]
+            for acceleration in (closed_forms.measured_on_a_slope, closed_forms.acceleration_on_a_slope)
+        )
+        (line,) = slopes.plot(tangents, found, ".", label=f"rolling friction {mu:g}")
+        slopes.plot(tangents, exact, color=line.get_color(), linewidth=0.8)
+        worst = max(worst, float(np.abs(np.subtract(found, exact)).max()))
+    slopes.set(xlabel="slope, tan(theta)", ylabel="acceleration [m/s2]")
+    drum = wg.Scene.load("rotating_drum", ["grains.count=300", "grains.radius=[0.032, 0.045]"])
+    time, slope = rotated([drum.replace(rolling_friction=mu) for mu in ROLLING])
+    mean = slope[:, time > SETTLED].mean(axis=1)
+    piles = np.array(
+        [[collapse.collapsed(1.0, seed, 300, rolling_friction=mu) for seed in SEEDS] for mu in ROLLING]
+    )
+    _, run_out, height = piles.transpose(2, 0, 1)
+    heaps = np.degrees(np.arctan2(height, 1.0 + run_out)).mean(axis=1)
+    for angle, label in ((mean, "drum"), (heaps, "heap: height / length")):
+        angles.plot(ROLLING, angle, "o-", label=label)
+    angles.set(xlabel="rolling friction", ylabel="slope [degrees]")
+    for axes in (slopes, angles):
+        axes.legend()
+    numbers: Numbers = {"slope: worst error of the acceleration [m/s2]": worst}
+    for mu, *found in zip(ROLLING, mean, heaps, run_out.mean(axis=1), strict=True):
+        names = ("slope of the drum [degrees]", "slope of the heap [degrees]", "run-out / width")
+        numbers |= {f"mu_r {mu:g}: {name}": float(one) for name, one in zip(names, found, strict=True)}
+    return figure, numbers
 
 
 def couette() -> Section:
@@ -176,6 +218,7 @@ SECTIONS: Sections = {
     "bouncing": bouncing.section,
     "packings": packings,
     "repose": repose,
+    "rolling": rolling,
     "couette": couette,
     "solutions": steps.solutions,
     "hard_steps": steps.hard_steps,

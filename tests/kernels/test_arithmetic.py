@@ -59,6 +59,8 @@ def random_scene(seed: int) -> Scene:
         fields |= {"friction": rng.choice([0.0, 0.4]), "wall_friction": 0.6, "angular_velocity_out": 0.5}
         fields |= {"spin_drag": rng.choice([0.0, 1e-4]), "spin": rng.uniform(-3.0, 3.0, n)}
         fields["angular_velocity_in"] = 0.8 if fields["radius_in"] > 0.0 else 0.0
+        if np.random.default_rng((seed, 2)).random() < 0.5:
+            fields |= {"rolling_friction": 0.2, "wall_rolling_friction": [None, 0.0, 0.5][seed % 3]}
     if np.random.default_rng((seed, 1)).random() < 0.5:
         fields |= {
             "restitution": 0.6,

@@ -10,7 +10,7 @@ from warpgrains.kernels.record import Kind
 from warpgrains.kernels.step import KINDS, fused_step
 
 HOPPER = 90
-OF_EVERY_STAGE = [kind for kind in KINDS if kind.method != "accelerated" and kind[1] and kind[2]]
+OF_EVERY_STAGE = [kind for kind in KINDS if kind.method != "accelerated" and all(kind[1:])]
 """The exact method has the stages of the accelerated one, and these are with all options."""
 
 

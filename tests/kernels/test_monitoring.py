@@ -72,7 +72,7 @@ def peaks(record: OneRecord) -> FloatArray:
 def test_every_moment_after_a_large_correction_is_seen(pairs: IntArray) -> None:
     record = swept(pairs)
     expected = peaks(record)
-    record.run(Sets(sweeping(friction=False, ahead=False)))
+    record.run(Sets(sweeping(False, False, ahead=False)))
     assert np.array_equal(record["verlet.peak_square"], expected)
     assert record.record["verlet"]["flags"]["list_expired"] == 0
 
@@ -83,5 +83,5 @@ def test_a_skin_that_is_too_narrow_is_found_out(pairs: IntArray) -> None:
     for factor, expired in ((1.01, 0), (0.99, 1)):
         record = swept(pairs)
         record["verlet.peak_limit"][highest] = factor * np.sqrt(expected[highest])
-        record.run(Sets(sweeping(friction=False, ahead=False)))
+        record.run(Sets(sweeping(False, False, ahead=False)))
         assert record.record["verlet"]["flags"]["list_expired"] == (expired if expected[highest] > 0.0 else 0)

@@ -17,6 +17,8 @@ from walled_scenes import (
     BOXES,
     CORNERS,
     DRIVEN,
+    RESISTING,
+    ROLLING,
     ROUGH,
     SMOOTH_DRIVEN,
     STILL,
@@ -84,6 +86,10 @@ def touches_all(met: Followed) -> bool:
 
 def touches(*walls: int) -> Callable[[Followed], bool]:
     return lambda met: met.touched >= {*walls}
+
+
+def rolls(met: Followed) -> bool:
+    return met.rolled
 
 
 def bounces(met: Followed) -> bool:
@@ -156,6 +162,18 @@ FRICTION: dict[str, dict[str, Any]] = {
 for how, changes in FRICTION.items():
     make = partial(cloud, 120, max_iterations=60, **changes)
     CASES[f"friction, {how}"] = Case(make, 48, meets=lambda met: met.reports[-1].contacts > 10)
+RESISTED: dict[str, Callable[[], Scene]] = {
+    "text": partial(cloud, 120, max_iterations=60, **ROLLING),
+    "leapfrog, round": partial(cloud, 120, max_iterations=60, **ROLLING, **LEAPFROG, **ROUND, **COLOR),
+    "equal": partial(cloud, 120, **FRICTION["equal, no drag"], max_iterations=60, **ROLLING),
+    "moving walls": partial(
+        stirred, 90, **TURNING | {"walls": RESISTING}, max_iterations=60, rolling_friction=0.2
+    ),
+    "driven": partial(pressed, 80, **DRIVES["rough"], **ROLLING, **BOUNCY),
+    "rough lid": partial(boxed, "rough lid", **ROLLING, **COLOR),
+}
+for how, make in RESISTED.items():
+    CASES[f"rolling friction, {how}"] = Case(make, 100, meets=rolls)
 for corners, walls in CORNERS.items():
     for changes in ({}, {**LEAPFROG, **COLOR, "friction": 0.4, "wall_friction": 0.6, "radius_in": 0.1}):
         make = partial(cornered, walls, 40, **changes)
@@ -207,7 +225,7 @@ PYTHON: dict[str, Callable[[], Scene]] = {
         str(scheme): loaded("annulus", mass=np.geomspace(0.1, 3.0, 15), **scheme)
         for scheme in (TEXTS, SECOND_ORDER, TEXTS | ROUND, TEXTS | LEAPFROG)
     },
-    "friction": partial(cloud, **LEAPFROG),
+    "friction": partial(cloud, **LEAPFROG, **ROLLING),
     "driven": partial(pressed, 40, walls=[DRIVEN], restitution=0.5, **LEAPFROG),
 }
 
@@ -219,7 +237,8 @@ def test_python_side_of_the_reference(c_library: ctypes.CDLL, which: str) -> Non
     for _ in range(60 if scene.n == 15 else 20):
         in_c.update()
         in_python.step()
-    names = ["position", "velocity", "spin", "angle", "pair_correction", "wall_correction", "pair_friction"]
+    names = ["position", "velocity", "spin", "angle", "pair_correction", "wall_correction"]
+    names += ["pair_friction", "pair_rolling"]
     for name in names + ["driven"] * scene.has_driven_walls:
         assert np.array_equal(getattr(in_c, name), getattr(in_python, name)), name
 

@@ -16,7 +16,19 @@ from typing import Any
 import pytest
 from same_bits import contents
 from schemes import SECOND_ORDER
-from walled_scenes import BOXES, CORNERS, DRIVEN, TURNING, around, boxed, cloud, cornered, pressed, stirred
+from walled_scenes import (
+    BOXES,
+    CORNERS,
+    DRIVEN,
+    ROLLING,
+    TURNING,
+    around,
+    boxed,
+    cloud,
+    cornered,
+    pressed,
+    stirred,
+)
 
 from warpgrains import Batch, Scene, Simulation, State
 from warpgrains.scene.fields import METHODS, ORDERS
@@ -41,6 +53,9 @@ for order in ORDERS:
     for method in METHODS[:2]:
         driven = partial(pressed, order=order, method=method, walls=[DRIVEN])
         SCENES[f"driven walls, {method}, {order}"] = driven
+        SCENES[f"rolling friction, {method}, {order}"] = partial(
+            cloud, 100, order=order, method=method, **ROLLING
+        )
     SCENES[f"friction, {order}"] = partial(cloud, 100, order=order)
     SCENES[f"moving walls, {order}"] = partial(stirred, order=order, time=-0.2, **TURNING)
     SCENES[f"walls begin to move, {order}"] = partial(stirred, order=order, time=0.05, **TURNING)

@@ -33,6 +33,7 @@ from warpgrains import (
     compress,
     separate,
 )
+from warpgrains.accuracy import certify
 from warpgrains.cli import main as command_line
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import LAYOUTS
@@ -169,7 +170,15 @@ HERE = (
 NAMES = {
     **{one.__name__: one for one in (*CALLABLE, *HERE)},
     **LAYOUTS,
-    **{"np": np, "os": os, "analysis": analysis, "inf": inf, "nan": nan, "SCENE_FILE": SCENE_FILE},
+    **{
+        "np": np,
+        "os": os,
+        "analysis": analysis,
+        "certify": certify,
+        "inf": inf,
+        "nan": nan,
+        "SCENE_FILE": SCENE_FILE,
+    },
     "MATRIX": np.arange(400).reshape(20, 20),
     "PLACES": "position = [[0.75, 0.0], [0.0, 0.75]]",
     "AXES": 'scene = "annulus"\n[axes]\n',

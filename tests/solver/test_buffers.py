@@ -18,11 +18,11 @@ GRAINS = np.array([1, 2, 7, 60])
 
 
 @pytest.fixture(
-    params=[(0, 0, 0, 1), (1, 0, 0, 1), (0, 0, 0, 3), (1, 0, 0, 3), (0, 1, 1, 3)],
-    ids=["plain", "ahead", "plain team", "ahead team", "friction, restitution"],
+    params=[(0, 0, 1), (1, 0, 1), (0, 0, 3), (1, 0, 3), (0, 1, 3)],
+    ids=["plain", "ahead", "plain team", "ahead team", "friction, restitution, rolling"],
 )
 def sizes(request: pytest.FixtureRequest) -> Sizes:
-    accelerated, friction, restitution, team = request.param
+    accelerated, friction, team = request.param
     return Sizes(
         GRAINS,
         np.full_like(GRAINS, CONTACTS),
@@ -34,8 +34,7 @@ def sizes(request: pytest.FixtureRequest) -> Sizes:
         np.array([0, 1, 0, 1]),
         np.array([0, 5, 0, 0]),
         accelerated,
-        friction,
-        restitution,
+        *[friction] * 3,
         team,
         team,
     )

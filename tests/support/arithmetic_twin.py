@@ -160,6 +160,9 @@ class Contact:
     e: float = 0.0
     dv: float = 0.0
     dvt: float = 0.0
+    mu_r: float = 0.0
+    spin: float = 0.0
+    dvr: float = 0.0
 
 
 class Twin:
@@ -205,10 +208,12 @@ class Twin:
         ]
         self.k = [(2.0 * m) / j for m, j in zip(self.mass, rim_mass, strict=True)]
         e = scene.wall_restitutions[:1] + scene.wall_restitutions[2 - self.two :]
-        between = {"mu": scene.friction, "e": scene.restitution}
+        mu_r = scene.wall_rolling_frictions[:1] + scene.wall_rolling_frictions[2 - self.two :]
+        between = {"mu": scene.friction, "e": scene.restitution, "mu_r": scene.rolling_friction}
         self.contacts = [Contact(i, j, False, **between) for i in range(n) for j in range(i + 1, n)]
         every = range(len(self.walls))
-        self.contacts += [Contact(i, b, True, mu=mu[b], e=e[b]) for i in range(n) for b in every]
+        at_walls = [{"mu": mu[b], "e": e[b], "mu_r": mu_r[b]} for b in every]
+        self.contacts += [Contact(i, b, True, **at_walls[b]) for i in range(n) for b in every]
 
     def freeze(self, contact: Contact) -> None:
         scene, x, r, away = self.scene, self.x[contact.i], self.r[contact.i], 0.0
@@ -218,12 +223,13 @@ class Twin:
         elif contact.j == 0:
             contact.n, contact.gap_rate = unit(x), ((self.way[0] - size(x)) - r) / scene.dt
             contact.surface = self.way[0] * scene.angular_velocity_out
+            contact.spin = scene.angular_velocity_out
             if scene.radius_in > 0.0 and not self.two:
                 contact.back_rate = ((size(x) - scene.radius_in) - r) / scene.dt
             if scene.wall == "round":
                 contact.reach = (scene.radius_out - r) / scene.dt
         else:
-            contact.n, gap, contact.surface, away = self.frame_inside(contact.j, x, r)
+            contact.n, gap, contact.surface, away, contact.spin = self.frame_inside(contact.j, x, r)
             contact.gap_rate = gap / scene.dt
         self.let_bounce(contact, away)
 
@@ -242,15 +248,16 @@ class Twin:
         if e > 0.0 and -vn > contact.back_rate and -vn > least:
             contact.back_rate = min(contact.back_rate, -(e * -vn))
 
-    def frame_inside(self, b: int, x: Vector, r: float) -> tuple[Vector, float, float, float]:
-        """Normal, gap, and speeds of the surface along the tangent and the normal."""
+    def frame_inside(self, b: int, x: Vector, r: float) -> tuple[Vector, float, float, float, float]:
+        """Normal, gap, speeds of the surface along the tangent and the normal, and its spin."""
         wall, dt = self.walls[b], self.scene.dt
         if self.two and b == 1:
-            return *frame(wall, x, r), (-self.scene.radius_in) * self.scene.angular_velocity_in, 0.0
+            spin = self.scene.angular_velocity_in
+            return *frame(wall, x, r), (-self.scene.radius_in) * spin, 0.0, spin
         joint = self.walls, self.joined[b], b
         if not wall.moves:
             q, d = self.way[b], self.direction[b]
-            return *frame_at_joint(*joint, (x[0] - q * d[0], x[1] - q * d[1]), r, self.way[0]), 0.0, 0.0
+            return *frame_at_joint(*joint, (x[0] - q * d[0], x[1] - q * d[1]), r, self.way[0]), 0.0, 0.0, 0.0
         (px, py), (vx, vy), w = wall.pivot or wall.middle, wall.velocity, wall.angular_velocity
         to_time = inf if wall.to_time is None else wall.to_time
         times = self.steps * dt, (self.steps + 1) * dt
@@ -260,10 +267,10 @@ class Twin:
         n, gap = frame_at_joint(*joint, (c * dx + s * dy, c * dy - s * dx), r, self.way[0])
         n = turned(c, s, n)
         if not tau - before > 0.5 * (times[1] - times[0]):
-            return n, gap, 0.0, 0.0
+            return n, gap, 0.0, 0.0, 0.0
         y = plus(x, r + gap, n)
         u = (vx + w * (py + vy * tau)) - w * y[1], (vy - w * (px + vx * tau)) + w * y[0]
-        return n, gap, along(n, u), dot(u, n)
+        return n, gap, along(n, u), dot(u, n), w
 
     def shares(self, contact: Contact) -> tuple[float, float]:
         if contact.at_wall:
@@ -329,14 +336,34 @@ class Twin:
         self.rim[j] -= b * rims[1]
         self.next[j] = plus(self.next[j], at_j, push)
 
+    def rolling(self, contact: Contact, dv: float) -> tuple[float, float]:
+        """The change of dv_r that a contact needs, and 1 / K_r (37)."""
+        i, j, (at_i, at_j, _) = contact.i, contact.j, self.slopes(contact)
+        if contact.at_wall:
+            slowed, vr = 1.0 / at_i, self.rim[i] - self.r[i] * contact.spin
+        else:
+            c = self.r[j] / (self.r[i] + self.r[j])
+            d = 1.0 - c
+            slowed, vr = 1.0 / ((c * c) * at_i + (d * d) * at_j), c * self.rim[i] - d * self.rim[j]
+        limit = contact.mu_r * dv
+        return min(limit, max(-limit, contact.dvr + slowed * vr)) - contact.dvr, slowed
+
+    def turn(self, contact: Contact, b: float) -> None:
+        i, j, (at_i, at_j, _) = contact.i, contact.j, self.slopes(contact)
+        c = 1.0 if contact.at_wall else self.r[j] / (self.r[i] + self.r[j])
+        self.rim[i] -= (b * c) * at_i
+        if not contact.at_wall:
+            self.rim[j] += (b * (1.0 - c)) * at_j
+
     def begin(self) -> None:
         """Free velocities, and the corrections that are kept."""
         self.next, self.rim, self.speed = list(self.free[0]), list(self.free[1]), list(self.free[2])
         for contact in self.contacts:
             self.apply(contact, contact.dv, contact.dvt)
+            self.turn(contact, contact.dvr)
 
     def residual(self) -> float:
-        """eta, of (12), (25) and (30), for recomputed velocities."""
+        """eta, of (12), (25), (30) and (38), for recomputed velocities."""
         swept = self.next, self.rim, self.speed
         self.begin()
         eta = 0.0
@@ -347,6 +374,9 @@ class Twin:
                 out, back = self.sides(contact, own[0], -own[1])
                 change = max(abs(out - own[0]), abs(back - own[1]))
             eta = max(eta, stiffness * abs(change), abs(slip) / self.slopes(contact)[2])
+            if self.scene.has_rolling_friction:
+                turned, slowed = self.rolling(contact, contact.dv + change)
+                eta = max(eta, abs(turned) / slowed)
         self.next, self.rim, self.speed = swept
         return eta
 
@@ -393,8 +423,11 @@ class Twin:
                 self.apply(contact, dv, b)
                 contact.dv += dv
                 contact.dvt += b
+                turned = self.rolling(contact, contact.dv)[0] if scene.has_rolling_friction else 0.0
+                self.turn(contact, turned)
+                contact.dvr += turned
                 _, _, gt, ht = self.levers(contact)
-                zeta = max(zeta, stiffness * abs(dv), (1.0 + gt * ht) * abs(b))
+                zeta = max(zeta, stiffness * abs(dv), (1.0 + gt * ht) * abs(b), abs(turned))
             stops = iterations == scene.max_iterations
             if scene.stop != "residual":
                 stops = stops or zeta <= scene.tolerance

@@ -42,6 +42,8 @@ class Followed(NamedTuple):
     """Walls that carried a grain."""
     bounced: bool
     """Whether a pair bounced, and a grain off a wall."""
+    rolled: bool
+    """Whether some pairs and grains at walls rolled on, and some were held."""
 
 
 def contacts_of(reference: Reference) -> int:
@@ -67,6 +69,20 @@ def bounces(simulation: Simulation) -> tuple[bool, bool]:
     return tuple((gap > 1e-3 * simulation.scene.dt).any() for gap in left)
 
 
+def rolls(simulation: Simulation) -> tuple[bool, ...]:
+    """Return whether some pairs, and some grains at walls, rolled on, and whether some were held."""
+    kept, scene = simulation.state().corrections, simulation.scene
+    if kept.pair_rolling is None or kept.wall_rolling is None:
+        return (False,) * 4
+    at_walls = np.array(scene.wall_rolling_frictions)[kept.wall[:, 1]] * kept.wall_correction
+    bounds = scene.rolling_friction * kept.pair_correction, at_walls
+    bounded = [
+        np.abs(own) >= (1.0 - 1e-12) * most
+        for own, most in zip((kept.pair_rolling, kept.wall_rolling), bounds, strict=True)
+    ]
+    return tuple(own.any() for rolled in bounded for own in (rolled, ~rolled))
+
+
 def follow_reference(
     scene: Scene,
     steps: int,
@@ -75,7 +91,7 @@ def follow_reference(
     state: State | None = None,
 ) -> Followed:
     """Hold every step against the reference, in the order of the sweeps; both are restored half-way."""
-    reports, touched, bounced = [], set[int](), [False, False]
+    reports, touched, bounced, rolled = [], set[int](), [False] * 2, [False] * 4
     for count in (steps // 2, steps - steps // 2):
         simulation, reference = simulate(scene), Reference(library, scene, state)
         if state is not None:
@@ -90,5 +106,6 @@ def follow_reference(
                 assert reports[-1].overlap == worst_overlap(simulation)
             touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
             bounced = [*map(or_, bounced, bounces(simulation))]
+            rolled = [*map(or_, rolled, rolls(simulation))]
         state = simulation.state()
-    return Followed(scene, reports, touched, all(bounced))
+    return Followed(scene, reports, touched, all(bounced), all(rolled))

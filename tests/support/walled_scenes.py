@@ -49,6 +49,7 @@ def scattered(
 
 BOUNCY: dict[str, Any] = {"restitution": 0.7, "wall_restitution": 0.9, "restitution_speed": 0.02}
 ROUGH: dict[str, Any] = {"friction": 0.4, "wall_friction": 0.6, "angular_velocity_out": 0.5}
+ROLLING: dict[str, Any] = {"rolling_friction": 0.3, "wall_rolling_friction": 0.2}
 
 DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
 SEGMENTS = (Segment((-0.7, -0.2), (-0.2, -0.6)), Segment((-0.2, -0.6), (0.1, -0.75)))
@@ -77,6 +78,7 @@ STONE = Disc((0.1, -0.7), 0.1, velocity=(0.0, 0.1), angular_velocity=0.5, pivot=
 SCOOP = Arc((-0.3, 0.2), 0.2, 3.0, 5.5, angular_velocity=1.0, velocity=(0.1, -0.1), to_time=0.7)
 ROUGH_MOVING = (PISTON, BLADE, ROLLER, STONE, replace(RING, friction=0.0), SCOOP)
 MOVING = tuple(replace(wall, friction=None) for wall in ROUGH_MOVING)
+RESISTING = (PISTON, replace(BLADE, rolling_friction=0.6), *ROUGH_MOVING[2:])
 BOUNCING = (PISTON, replace(BLADE, restitution=0.3), *ROUGH_MOVING[2:5], replace(SCOOP, restitution=0.0))
 STIRRED_ROUGH: dict[str, Any] = {**ROUGH, "walls": ROUGH_MOVING}
 TURNING: dict[str, Any] = {**STIRRED_ROUGH, "gravity": {"vector": (3.0, -9.0), "rotate": -4.0}}

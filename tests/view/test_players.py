@@ -176,21 +176,21 @@ class TestFriction:
     def test_is_switched_on_and_off(self, simulation):
         live, plain = Live(simulation), Simulation(Scene.load("annulus"))
         live.advance(50)
-        live.set_friction(0.5, 2.0, -1.0)
+        live.set_friction(2.0, -1.0, 0.5, 0.1)
         scene = simulation.scene
         assert (scene.friction, scene.angular_velocity_out, scene.angular_velocity_in) == (0.5, 2.0, -1.0)
         live.set_style("mobilized", forces=True)
         live.advance(50)
         plain.advance(50)
-        plain.change(friction=0.5, angular_velocity_out=2.0, angular_velocity_in=-1.0)
+        plain.change(friction=0.5, rolling_friction=0.1, angular_velocity_out=2.0, angular_velocity_in=-1.0)
         plain.advance(50)
         assert contents(simulation.state()) == contents(plain.state())
         assert np.array_equal(live.snapshot().angle, plain.angle)
         energy = 0.5 * plain.scene.mass * ((plain.velocity**2).sum(axis=1) + (0.1 * plain.spin) ** 2 / 2.0)
         assert live.readout()["kinetic energy"] == f"{energy.sum():.4g} J"
         assert live.readout()["rotation of the walls"] == "2, -1 rad/s"
-        live.set_friction(0.0, 2.0, -1.0)
-        assert simulation.scene.angular_velocity_out == 0.0
+        live.set_friction(2.0, -1.0, 0.0, 0.1)
+        assert simulation.scene.angular_velocity_out == simulation.scene.rolling_friction == 0.0
         assert live.colorings == ("palette", "radius", "speed", "pressure")
         live.set_style("speed", forces=False)
         assert not live.snapshot().scene.has_friction
@@ -198,14 +198,14 @@ class TestFriction:
     def test_keeps_what_the_scene_has_of_it(self):
         scene = Scene.load("annulus").replace(friction=0.3, wall_friction=0.2, spin=4.0, spin_drag=1e-4)
         live = Live(Simulation(scene))
-        live.set_friction(0.0, 1.0, 0.0)  # walls have their own
+        live.set_friction(1.0, 0.0, 0.0)  # walls have their own
         assert (live.scene.wall_frictions[0], live.scene.angular_velocity_out) == (0.2, 1.0)
         assert (live.scene.spin == 4.0).all()
         scene = scene.replace(wall_friction=None, method="exact", exact_time=50.0)
         live = Live(Simulation(scene))
-        live.set_friction(0.0, 1.0, 0.0)
+        live.set_friction(1.0, 0.0, 0.0)
         assert not live.scene.has_friction
-        live.set_friction(0.4, 1.0, 0.0)
+        live.set_friction(1.0, 0.0, 0.4)
         live.restart()
         assert (live.scene.spin_drag, live.scene.angular_velocity_out) == (1e-4, 1.0)
         assert (live.snapshot().angle == 0.0).all()

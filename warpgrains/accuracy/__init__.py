@@ -58,7 +58,7 @@ def certify(simulation: Simulation) -> ErrorBound:
     ------
     InputError
         clarabel, qdldl or scipy is not installed; the extra ``[report]`` installs them. Or a force or a
-        pressure drives a wall.
+        pressure drives a wall, or there is rolling friction.
     SimulationError
         No step has been taken, or no velocities satisfy every gap of the step.
 
@@ -72,6 +72,8 @@ def certify(simulation: Simulation) -> ErrorBound:
     """
     if simulation.scene.has_driven_walls:
         raise InputError("certify: steps in which a force drives a wall cannot be certified")
+    if simulation.scene.has_rolling_friction:
+        raise InputError("certify: steps with rolling_friction cannot be certified")
     with requiring("certify"):
         from warpgrains.accuracy.exact_step import StepProblem, solve_exactly
     velocity = simulation.velocity

@@ -123,9 +123,11 @@ class EnergyBalance(NamedTuple):
 
 
 def require_energy_balance(what: str, scene: Scene) -> None:
-    """Raise InputError, which names `what`, if a force drives a wall, whose work is not computed."""
+    """Raise InputError, which names `what`, if work is not computed: of driven walls, or of moments."""
     if scene.has_driven_walls:
         raise InputError(f"{what} cannot be computed where a pressure or a force drives a wall")
+    if scene.has_rolling_friction:
+        raise InputError(f"{what} cannot be computed with rolling_friction")
 
 
 def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
@@ -139,7 +141,7 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     Raises
     ------
     InputError
-        A force or a pressure drives a wall.
+        A force or a pressure drives a wall, or there is rolling friction.
 
     Examples
     --------

@@ -34,6 +34,9 @@ typedef struct {
     double restitution, restitutionOut, *restitutionWalls; /* by these coefficients, */
     double restitutionSpeed;        /* if they close faster */
     double *vxBefore, *vyBefore, *speedsBefore; /* velocities of grains, and of driven walls, before the step */
+    int rolling;                    /* whether contacts resist rolling, by these coefficients; spin of a wall that is a circle: */
+    double rollingFriction, wallRollingFriction, *rollingWalls, *spinWalls;
+    double *drContacts, *drBoundary, *drWalls; /* rolling corrections, as the normal ones */
 #endif
 } femGrains;
 

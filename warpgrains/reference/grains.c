@@ -1,4 +1,4 @@
-/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), (16) to (18), (21) to (29), (31) and (35), as they stand there.
+/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), (16) to (18), (21) to (29), (31), (35) and (37), as they stand there.
  * With friction, the inner wall is a disc at the origin, because each wall has its own bound.
  *
  * NOCONTACTITERATE and NOUPDATE leave out one of the two functions that students write, NOCREATE the others.
@@ -31,7 +31,7 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->jointStart = theGrains->joints = NULL;
     theGrains->friction = theGrains->wallFriction = 0.0;
     theGrains->turning = theGrains->start = 0.0;
-    theGrains->rough = theGrains->driven = theGrains->bouncy = 0;
+    theGrains->rough = theGrains->driven = theGrains->bouncy = theGrains->rolling = 0;
     theGrains->period[0] = theGrains->period[1] = 0.0;
     theGrains->x = malloc(n * sizeof(double));
     theGrains->y = malloc(n * sizeof(double));
@@ -77,7 +77,7 @@ static double rimFactor(const femGrains *g, int i, double dt) {
     return 2.0 * contactMass(g, i, dt) / mass;
 }
 
-/* Change of the tangential correction (eq. 23), or at iteration 0 all of it. */
+/* Change of a tangential or rolling correction (eqs. 23, 37), or at iteration 0 all of it. */
 static double frictionChange(double *dvt, double vt, double w, double limit, int iter) {
     if (iter == 0) return *dvt;
     double change = fmin(limit, fmax(-limit, *dvt + w * vt)) - *dvt;
@@ -106,8 +106,9 @@ static double reboundAtWall(const femGrains *g, int i, double nx, double ny, dou
     return rebound(g, gapRate, gapRate - sagitta, vn, surface, restitution);
 }
 
-/* The contact of grains i < j; dvc and dtc are its accumulated corrections. Returns the larger change. */
-static double contactPair(femGrains *g, int i, int j, double *dvc, double *dtc, double dt, int iter) {
+/* The contact of grains i < j, whose accumulated corrections are those of a pair. Returns the largest change. */
+static double contactPair(femGrains *g, int i, int j, long pair, double dt, int iter) {
+    double *dvc = &g->dvContacts[pair];
     double dx = g->x[j] - g->x[i];
     double dy = g->y[j] - g->y[i];
     nearestImage(g, &dx, &dy);
@@ -130,14 +131,21 @@ static double contactPair(femGrains *g, int i, int j, double *dvc, double *dtc, 
     double mj = contactMass(g, j, dt);
     double wi = mj / (mi + mj);
     double wj = mi / (mi + mj);
-    double dvt = 0.0;
+    double dvt = 0.0, dvr = 0.0;
     if (hasFriction(g)) {
         double rimI = wi * rimFactor(g, i, dt);
         double rimJ = wj * rimFactor(g, j, dt);
         double vt = (g->vx[i] - g->vx[j]) * -ny + (g->vy[i] - g->vy[j]) * nx + g->u[i] + g->u[j];
-        dvt = frictionChange(dtc, vt, 1.0 / (1.0 + rimI + rimJ), g->friction * *dvc, iter);
+        dvt = frictionChange(&g->dtContacts[pair], vt, 1.0 / (1.0 + rimI + rimJ), g->friction * *dvc, iter);
         g->u[i] -= dvt * rimI;
         g->u[j] -= dvt * rimJ;
+        if (g->rolling) {
+            double partI = g->r[j] / (g->r[i] + g->r[j]), partJ = 1.0 - partI;
+            double vr = partI * g->u[i] - partJ * g->u[j], compliance = partI * partI * rimI + partJ * partJ * rimJ;
+            dvr = frictionChange(&g->drContacts[pair], vr, 1.0 / compliance, g->rollingFriction * *dvc, iter);
+            g->u[i] -= dvr * partI * rimI;
+            g->u[j] += dvr * partJ * rimJ;
+        }
     }
     double px = dv * nx + dvt * -ny;
     double py = dv * ny + dvt * nx;
@@ -145,7 +153,7 @@ static double contactPair(femGrains *g, int i, int j, double *dvc, double *dtc, 
     g->vy[i] -= py * wi;
     g->vx[j] += px * wj;
     g->vy[j] += py * wj;
-    return fmax(fabs(dv), fabs(dvt));
+    return fmax(fmax(fabs(dv), fabs(dvt)), fabs(dvr));
 }
 
 /* A wall's push on grain i: dv along (nx, ny), and friction at most `limit` at a surface of this speed, which yields by
@@ -162,6 +170,16 @@ static double pushFromWall(femGrains *g, int i, double nx, double ny, double dv,
     g->vx[i] -= dv * nx + dvt * -ny;
     g->vy[i] -= dv * ny + dvt * nx;
     return dvt;
+}
+
+/* The resistance to rolling of grain i on a wall of a spin, at most friction * dv (eq. 37). Returns the larger change. */
+static double rollOnWall(femGrains *g, int i, double dv, double friction, double *drw, double spin, double change,
+                         double dt, int iter) {
+    if (!g->rolling) return change;
+    double rim = rimFactor(g, i, dt);
+    double dvr = frictionChange(drw, g->u[i] - g->r[i] * spin, 1.0 / rim, friction * dv, iter);
+    g->u[i] -= dvr * rim;
+    return fmax(change, fabs(dvr));
 }
 
 /* By how much per dt grain i, on its way along the outer wall at (vx, vy), leaves the circle on which it touches it. */
@@ -203,8 +221,11 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
     double nx = r > 0.0 ? g->x[i] / r : 0.0;
     double ny = r > 0.0 ? g->y[i] / r : 0.0;
     double *dtb = hasFriction(g) ? &g->dtBoundary[i] : NULL;
-    if (g->driven)
-        return contactDriven(g, i, 0, nx, ny, g->radiusOut - r - g->r[i], dvb, g->wallFriction, dtb, g->radiusOut * g->turningOut, 0.0, dt, iter);
+    double *drb = g->rolling ? &g->drBoundary[i] : NULL;
+    if (g->driven) {
+        double change = contactDriven(g, i, 0, nx, ny, g->radiusOut - r - g->r[i], dvb, g->wallFriction, dtb, g->radiusOut * g->turningOut, 0.0, dt, iter);
+        return rollOnWall(g, i, *dvb, g->wallRollingFriction, drb, g->turningOut, change, dt, iter);
+    }
     double dv = *dvb;
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny;
@@ -220,7 +241,7 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
         *dvb += dv;
     }
     double dvt = pushFromWall(g, i, nx, ny, dv, g->wallFriction * *dvb, dtb, g->radiusOut * g->turningOut, 0.0, dt, iter);
-    return fmax(fabs(dv), fabs(dvt));
+    return rollOnWall(g, i, *dvb, g->wallRollingFriction, drb, g->turningOut, fmax(fabs(dv), fabs(dvt)), dt, iter);
 }
 
 /* Kinds of walls inside the annulus, and the numbers of one: first its kind. */
@@ -353,9 +374,9 @@ static double movingTime(const double *motion, double time) {
 }
 
 /* The same where the wall is at the end of the step (eq. 26), or is driven (eq. 28); *speed gets that of its surface along
- * the tangent, and *away that along the normal. */
+ * the tangent, *away that along the normal, and *spin its angular velocity. */
 static double movingWallGap(const femGrains *g, int k, double begin, double end, double x, double y, double r, double *nx,
-                            double *ny, double *speed, double *away) {
+                            double *ny, double *speed, double *away, double *spin) {
     const double *motion = &g->motions[7 * k];
     double px = motion[0], py = motion[1], vx = motion[2], vy = motion[3], w = motion[4];
     double moved = movingTime(motion, end), before = movingTime(motion, begin);
@@ -378,6 +399,7 @@ static double movingWallGap(const femGrains *g, int k, double begin, double end,
         double v = vy - w * (px + vx * moved) + w * (x + (r + gap) * *nx);
         *speed += *nx * v - *ny * u;
         *away = u * *nx + v * *ny;
+        *spin += w;
     }
     return gap;
 }
@@ -386,15 +408,19 @@ static double movingWallGap(const femGrains *g, int k, double begin, double end,
 static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
     double nx, ny, gap, away = 0.0;
     double *dvw = &g->dvWalls[i * g->nWalls + k];
-    double speed = hasFriction(g) ? g->speedWalls[k] : 0.0;
+    double speed = hasFriction(g) ? g->speedWalls[k] : 0.0, spin = g->rolling ? g->spinWalls[k] : 0.0;
     if (g->moving || isDriven(g, k))
         gap = movingWallGap(g, k, g->start + g->steps * dt, g->start + (g->steps + 1) * dt, g->x[i], g->y[i], g->r[i], &nx,
-                            &ny, &speed, &away);
+                            &ny, &speed, &away, &spin);
     else
         gap = jointGap(g, k, g->x[i], g->y[i], g->r[i], &nx, &ny);
     double *dtw = hasFriction(g) ? &g->dtWalls[i * g->nWalls + k] : NULL;
     double friction = hasFriction(g) ? g->frictionWalls[k] : 0.0;
-    if (g->driven) return contactDriven(g, i, k + 1, nx, ny, gap, dvw, friction, dtw, speed, away, dt, iter);
+    double rolling = g->rolling ? g->rollingWalls[k] : 0.0, *drw = g->rolling ? &g->drWalls[i * g->nWalls + k] : NULL;
+    if (g->driven) {
+        double change = contactDriven(g, i, k + 1, nx, ny, gap, dvw, friction, dtw, speed, away, dt, iter);
+        return rollOnWall(g, i, *dvw, rolling, drw, spin, change, dt, iter);
+    }
     double dv = *dvw;
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny;
@@ -402,17 +428,16 @@ static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
         dv = fmax(0.0, vn + *dvw - rate) - *dvw;
         *dvw += dv;
     }
-    return fmax(fabs(dv), fabs(pushFromWall(g, i, nx, ny, dv, friction * *dvw, dtw, speed, 0.0, dt, iter)));
+    double dvt = pushFromWall(g, i, nx, ny, dv, friction * *dvw, dtw, speed, 0.0, dt, iter);
+    return rollOnWall(g, i, *dvw, rolling, drw, spin, fmax(fabs(dv), fabs(dvt)), dt, iter);
 }
 
 double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {
     int n = myGrains->n;
     double zeta = 0.0;
-    double *dvc = myGrains->dvContacts, *dtc = myGrains->dtContacts;
-    int step = hasFriction(myGrains);
+    long pair = 0;
     for (int i = 0; i < n; i++)
-        for (int j = i + 1; j < n; j++, dtc += step)
-            zeta = fmax(zeta, contactPair(myGrains, i, j, dvc++, dtc, dt, iter));
+        for (int j = i + 1; j < n; j++) zeta = fmax(zeta, contactPair(myGrains, i, j, pair++, dt, iter));
     for (int i = 0; i < n; i++) {
         zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
         for (int k = 0; k < myGrains->nWalls; k++) zeta = fmax(zeta, contactWall(myGrains, i, k, dt, iter));
@@ -433,8 +458,7 @@ double femGrainsContactIterateOrder(femGrains *myGrains, double dt, int iter, in
             zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
         } else {
             long pair = (long)i * (2 * n - i - 1) / 2 + (j - i - 1);
-            double *dtc = hasFriction(myGrains) ? &myGrains->dtContacts[pair] : NULL;
-            zeta = fmax(zeta, contactPair(myGrains, i, j, &myGrains->dvContacts[pair], dtc, dt, iter));
+            zeta = fmax(zeta, contactPair(myGrains, i, j, pair, dt, iter));
         }
     }
     return zeta;

@@ -22,6 +22,7 @@ MOST_GRAINS = 3000  # of scenes that are timed; the program stores and visits al
 
 _Doubles, _Ints = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int)
 _ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtWalls")
+_ROLLING = ("rollingWalls", "spinWalls", "drContacts", "drBoundary", "drWalls")
 _DRIVEN = ("drives", "places", "speeds")
 _BEFORE = {"vxBefore": "vx", "vyBefore": "vy", "speedsBefore": "speeds"}
 """Copies of arrays before a step."""
@@ -54,6 +55,9 @@ class Grains(ctypes.Structure):
         ("restitutionWalls", _Doubles),
         ("restitutionSpeed", ctypes.c_double),
         *((name, _Doubles) for name in _BEFORE),
+        ("rolling", ctypes.c_int),
+        *((name, ctypes.c_double) for name in ("rollingFriction", "wallRollingFriction")),
+        *((name, _Doubles) for name in _ROLLING),
     )
 
 
@@ -128,7 +132,14 @@ class Reference:
         self._arrays["restitutionWalls"] = bodies.restitutions[1:].copy()
         self._arrays |= {name: self._arrays[own].copy() for name, own in _BEFORE.items()}
         of_walls = ("walls", "dvWalls", "speedWalls", "frictionWalls", "motions", "restitutionWalls")
-        for name in (*of_walls, *_ROTATING, *_DRIVEN, *_BEFORE):
+        self._grains.rolling, self._grains.rollingFriction = (
+            scene.has_rolling_friction,
+            scene.rolling_friction,
+        )
+        self._grains.wallRollingFriction = scene.wall_rolling_frictions[OUTER]
+        rolling = *bodies.rolling[1:].T.copy(), *(self._arrays[name].copy() for name in _ROTATING[3:])
+        self._arrays |= dict(zip(_ROLLING, rolling, strict=True))
+        for name in (*of_walls, *_ROTATING, *_ROLLING, *_DRIVEN, *_BEFORE):
             setattr(self._grains, name, self._arrays[name].ctypes.data_as(_Doubles))
         if joints := bodies.joints:
             lists = np.cumsum([0, *map(len, joints)]), np.concatenate(joints)
@@ -148,11 +159,14 @@ class Reference:
             arrays["dvWalls"][own[inside]] = carried[inside]
             signed = bodies.sign(wall) * carried
             arrays["dvBoundary"][grain[~inside]] = signed[~inside]
-            if corrections.pair_friction is not None and corrections.wall_friction is not None:
+            if state.spin is not None:
                 arrays["w"][:], arrays["angle"][:] = state.spin, state.angle
-                arrays["dtContacts"][pair_index(corrections.pair, n)] = corrections.pair_friction
-                arrays["dtWalls"][own[inside]] = corrections.wall_friction[inside]
-                arrays["dtBoundary"][grain[~inside]] = corrections.wall_friction[~inside]
+            for letter, kind in (("t", "friction"), ("r", "rolling")):
+                of_pairs, of_walls = (getattr(corrections, f"{of}_{kind}") for of in ("pair", "wall"))
+                if of_pairs is not None and of_walls is not None:
+                    arrays[f"d{letter}Contacts"][pair_index(corrections.pair, n)] = of_pairs
+                    arrays[f"d{letter}Walls"][own[inside]] = of_walls[inside]
+                    arrays[f"d{letter}Boundary"][grain[~inside]] = of_walls[~inside]
 
     def update(self) -> None:
         """Advance by one step, entirely in C."""
@@ -242,6 +256,11 @@ class Reference:
     def pair_friction(self) -> FloatArray:
         """Tangential corrections of all pairs i < j [m/s], in lexicographic order."""
         return self._arrays["dtContacts"]
+
+    @property
+    def pair_rolling(self) -> FloatArray:
+        """Rolling corrections of all pairs i < j [m/s], in lexicographic order."""
+        return self._arrays["drContacts"]
 
 
 def pair_index(pair: IntArray, n: int) -> IndexArray:

@@ -145,6 +145,13 @@ class Bodies:
         return np.array([(scene.wall_frictions[wall], scene.surface_speed(wall)) for wall in self._numbers])
 
     @property
+    def rolling(self) -> FloatArray:
+        """Rolling friction of each body, and the spin of a circle that rotates [rad/s], shape (bodies, 2)."""
+        scene = self._scene
+        spins = {OUTER: scene.angular_velocity_out, INNER: scene.angular_velocity_in}
+        return np.array([(scene.wall_rolling_frictions[k], spins.get(k, 0.0)) for k in self._numbers])
+
+    @property
     def restitutions(self) -> FloatArray:
         """Restitution of each body, shape (bodies,)."""
         return np.array(self._scene.wall_restitutions)[self._numbers]

@@ -21,7 +21,7 @@ Ends = tuple[float, float]
 PERIODIC = ("", "x", "y", "xy")
 SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1.0)}
 """The sides, and the component and sign of the direction from each to the grains."""
-_OF_LINES = ("velocity", "from_time", "to_time", "friction", "restitution", "mass")
+_OF_LINES = ("velocity", "from_time", "to_time", "friction", "rolling_friction", "restitution", "mass")
 
 
 def _roughness(field: str, value: Any) -> dict[str, float]:
@@ -85,8 +85,9 @@ class Box:
     )
     left: Mapping[str, Any] | None = _side_field(
         "Left side of a box, unless it is periodic: a table of keys of a wall, ``velocity``, ``from_time``,"
-        " ``to_time``, ``friction`` and ``restitution``; ``pressure``, in N/m, and ``mass``, in kg, of a side"
-        " that moves under it; and ``roughness``, half discs on it, with ``radius`` and ``spacing``, in m."
+        " ``to_time``, ``friction``, ``rolling_friction`` and ``restitution``; ``pressure``, in N/m, and"
+        " ``mass``, in kg, of a side that moves under it; and ``roughness``, half discs on it, with"
+        " ``radius`` and ``spacing``, in m."
     )
     right: Mapping[str, Any] | None = _side_field("Right side, as ``left``.")
     bottom: Mapping[str, Any] | None = _side_field("Lower side, as ``left``.")

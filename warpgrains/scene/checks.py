@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 LARGEST_WHOLE_NUMBER = 2**31 - 1  # the kernels count in 32 bits
 LONGEST_SHOWN = 100  # characters of a value in a message
 ABSENT = {
-    "rolling_friction": "discs roll without resistance; spin_drag slows rotation",
-    "rolling_resistance": "discs roll without resistance; spin_drag slows rotation",
     "stiffness": "grains are rigid",
     "damping": "grains are rigid; drag slows their motion",
 }

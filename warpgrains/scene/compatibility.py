@@ -153,6 +153,8 @@ def _of_friction(scene: Scene) -> Iterator[str]:
             yield f"{grain}: grains rotate only with friction"
         if scene.spin_drag:
             yield f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction"
+        if scene.has_rolling_friction:
+            yield f"{_rolling_friction(scene)}: grains rotate only with friction"
         return
     lost = scene.spin_drag * scene.dt / scene.inertia
     if scene.scheme == "text" and (lost >= 1.0).any():
@@ -165,6 +167,13 @@ def _of_friction(scene: Scene) -> Iterator[str]:
         too_fast = ~np.isfinite(scene.spin * scene.radius)
     if too_fast.any():
         yield f"{checks.first_bad('spin', scene.spin, too_fast)}: the speed of its rim is not finite"
+
+
+def _rolling_friction(scene: Scene) -> str:
+    """Return which rolling friction is given."""
+    given = {name: getattr(scene, name) for name in ("rolling_friction", "wall_rolling_friction")}
+    given |= {f"rolling_friction of walls[{k}]": one.rolling_friction for k, one in enumerate(scene.walls)}
+    return next(f"{name} is {value}" for name, value in given.items() if value)
 
 
 def _of_restitution(scene: Scene) -> Iterator[str]:
@@ -190,6 +199,8 @@ def _of_driven_walls(scene: Scene) -> Iterator[str]:
 def _of_methods(scene: Scene) -> Iterator[str]:
     if scene.method == "exact" and scene.stops_on != "residual":
         yield f"stop is {scene.stop!r}: method 'exact' stops on the residual"
+    if scene.method == "exact" and scene.has_rolling_friction:
+        yield f"{_rolling_friction(scene)} and method is 'exact': use 'accelerated' or 'gauss-seidel'"
 
 
 def warn_of_overlaps(scenes: Sequence[Scene]) -> None:

@@ -124,6 +124,19 @@ class SceneFields:
         checks.not_negative,
         default=None,
     )
+    rolling_friction: float = _key(
+        "Coefficient of rolling friction between grains: the largest moment against their relative rotation,"
+        " in units of the normal force times r_i r_j / (r_i + r_j), or r_i at a wall. Only with friction.",
+        "contact",
+        checks.not_negative,
+        default=0.0,
+    )
+    wall_rolling_friction: float | None = _key(
+        "Coefficient of rolling friction between grains and walls; by default that between grains.",
+        "contact",
+        checks.not_negative,
+        default=None,
+    )
     restitution: float = _key(
         "Coefficient of restitution between grains, from 0 to 1: the speed at which they part, in speeds at"
         " which they met; 0 means that they do not bounce.",
@@ -226,6 +239,8 @@ class SceneOptions(TypedDict, total=False):
     spin_drag: float
     friction: float
     wall_friction: float | None
+    rolling_friction: float
+    wall_rolling_friction: float | None
     restitution: float
     wall_restitution: float | None
     restitution_speed: float

@@ -271,6 +271,16 @@ class Scene(SceneFields, Shown):
         return self._at_walls("friction")
 
     @property
+    def has_rolling_friction(self) -> bool:
+        """True if contacts have rolling friction."""
+        return self.rolling_friction > 0.0 or max(self.wall_rolling_frictions) > 0.0
+
+    @property
+    def wall_rolling_frictions(self) -> list[float]:
+        """Coefficients of rolling friction of the walls 0, 1, 2, ..."""
+        return self._at_walls("rolling_friction")
+
+    @property
     def has_restitution(self) -> bool:
         """True if contacts bounce."""
         return self.restitution > 0.0 or max(self.wall_restitutions) > 0.0

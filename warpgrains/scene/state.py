@@ -41,6 +41,9 @@ class Corrections:
     pair_friction, wall_friction : ndarray or None
         Tangential corrections dv_t of pairs and wall contacts [m/s], shapes (m,) and (k,), along the normal
         rotated by 90 degrees to the left; None without friction.
+    pair_rolling, wall_rolling : ndarray or None
+        Rolling corrections dv_r of pairs and wall contacts [m/s], shapes (m,) and (k,), against the rotation
+        of i relative to j or the wall; None without rolling friction.
 
     Examples
     --------
@@ -55,6 +58,8 @@ class Corrections:
     wall_correction: FloatArray
     pair_friction: FloatArray | None = None
     wall_friction: FloatArray | None = None
+    pair_rolling: FloatArray | None = None
+    wall_rolling: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +167,8 @@ _ARRAYS = {
     "wall_correction": ("contact", (), "finite and 0 or more"),
     "pair_friction": ("pair", (), "finite"),
     "wall_friction": ("contact", (), "finite"),
+    "pair_rolling": ("pair", (), "finite"),
+    "wall_rolling": ("contact", (), "finite"),
     "skin": ("body", (), "a number"),
     "recent_deviation": ("body", (), "a number"),
     "reference_position": ("body", (2,), "a number"),

@@ -90,6 +90,11 @@ class Wall:
         check=checks.not_negative,
         default=None,
     )
+    rolling_friction: float | None = described(
+        "Coefficient of rolling friction of the wall; by default that of the scene at walls.",
+        check=checks.not_negative,
+        default=None,
+    )
     restitution: float | None = described(
         "Coefficient of restitution of the wall; by default that of the scene at walls.",
         check=checks.fraction,

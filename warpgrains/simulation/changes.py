@@ -143,10 +143,5 @@ def _require_room(scene: Scene, staying: list[int], position: FloatArray, now: f
 def _at_walls(corrections: Corrections, numbers: list[int]) -> Corrections:
     """Return the corrections without those of contacts with other walls."""
     kept = np.isin(corrections.wall[:, 1], numbers)
-    dvt = corrections.wall_friction
-    return replace(
-        corrections,
-        wall=corrections.wall[kept],
-        wall_correction=corrections.wall_correction[kept],
-        wall_friction=None if dvt is None else dvt[kept],
-    )
+    own = {name: array for name, array in vars(corrections).items() if name[:4] == "wall"}
+    return replace(corrections, **{name: array[kept] for name, array in own.items() if array is not None})

@@ -106,8 +106,8 @@ class Engine:
     def kernel(self) -> wp.Kernel:
         """The kernel that advances the scenes."""
         kind, on_gpu = kind_of(self.records.scenes[0]), self._device.is_cuda
-        flags = "friction" * kind.has_friction, "restitution" * kind.has_restitution, "gpu" * on_gpu
-        name = "_".join(filter(None, ["warpgrains.kernels", kind.method.replace("-", "_"), *flags]))
+        flags = [has[4:] for has, given in kind._asdict().items() if given is True] + ["gpu"] * on_gpu
+        name = "_".join(["warpgrains.kernels", kind.method.replace("-", "_"), *flags])
         with BUILDING:
             return advance_kernel.kernel(name, fused_step(kind), on_gpu)
 

@@ -34,10 +34,14 @@ def corrections_of(records: SceneRecords, k: int) -> Corrections:
     active, at_side = dv != 0.0, dv_wall != 0.0
     wall[:, 1], carried_at_wall = scene.bodies.carried(wall[:, 1], dv_wall)
     carried = pair[active], dv[active], wall[at_side], carried_at_wall[at_side]
-    if not scene.has_friction:
-        return Corrections(*carried)
-    dvt = records.array(k, "contacts.dvt")
-    return Corrections(*carried, dvt[at_pair[active]], dvt[at_wall[at_side]])
+    rough = [records.array(k, f"contacts.{name}") for name in _bounded(scene)]
+    return Corrections(*carried, *(own[at] for own in rough for at in (at_pair[active], at_wall[at_side])))
+
+
+def _bounded(scene: Scene) -> dict[str, str]:
+    """Return the names of corrections that friction bounds, and those in a state."""
+    names = {"dvt": "friction"} if scene.has_friction else {}
+    return names | ({"dvr": "rolling"} if scene.has_rolling_friction else {})
 
 
 def state_of(records: SceneRecords, k: int) -> State:
@@ -157,10 +161,10 @@ def _write_list(
     dv = np.zeros(count)
     dv[place] = np.concatenate([corrections.pair_correction, sign * corrections.wall_correction])
     values = {"dv": dv}
-    if scene.has_friction:
-        values["dvt"] = np.zeros(count)
-        if corrections.pair_friction is not None and corrections.wall_friction is not None:
-            values["dvt"][place] = np.concatenate([corrections.pair_friction, corrections.wall_friction])
+    for name, kept in _bounded(scene).items():
+        values[name], own = np.zeros(count), [getattr(corrections, f"{of}_{kept}") for of in ("pair", "wall")]
+        if all(one is not None for one in own):
+            values[name][place] = np.concatenate(own)
     for name, value in values.items():
         records.array(k, f"contacts.{name}")[:count] = value
         records.array(k, f"contacts.{name}_start")[:count] = value
@@ -182,7 +186,7 @@ def give_up_step(records: SceneRecords, k: int) -> None:
     record = records.host[k]
     count, control = record["contacts"]["count"], record["control"]
     listed = int(count["pairs"] + count["walls"])
-    for name in ("dv", "dvt"):
+    for name in ("dv", "dvt", "dvr"):
         records.array(k, f"contacts.{name}")[:listed] = records.array(k, f"contacts.{name}_start")[:listed]
     if control["phase"] == Phase.FULL:
         for rows, count in (("start", records.scenes[k].n + 1), ("neighbor", listed)):

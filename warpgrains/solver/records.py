@@ -105,7 +105,8 @@ class SceneRecords:
         """Write all fields of some records that are not arrays, and the arrays of walls."""
         host, scenes, sizes = self.host[which], self.scenes[which], self.sizes
         host["start_time"] = [scene.time for scene in scenes]
-        for name in ("drag", "spin_drag", "friction", "restitution", "restitution_speed", "dt"):
+        numbers = "drag spin_drag friction rolling_friction restitution restitution_speed dt"
+        for name in numbers.split():
             host[name] = [getattr(scene, name) for scene in scenes]
         self.set_gravity([scene.gravity for scene in scenes], which)
         host["turning"]["start"] = host["gravity"]
@@ -151,6 +152,8 @@ class SceneRecords:
             self.array(k, "walls.surface")[:] = bodies.surfaces
         if sizes.restitution:
             self.array(k, "walls.restitution")[:] = bodies.restitutions
+        if sizes.rolling:
+            self.array(k, "walls.rolling")[:] = bodies.rolling
 
     def set_gravity(self, gravity: ArrayLike, which: slice = slice(None)) -> None:
         """Write the gravity of some scenes [m/s2], shape (scenes, 2)."""

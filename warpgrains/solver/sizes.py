@@ -42,6 +42,7 @@ class Sizes:
     accelerated: int  # 1 if sweeps are accelerated
     friction: int  # 1 if there is friction
     restitution: int  # 1 if contacts bounce
+    rolling: int  # 1 if there is rolling friction
     team: int  # CPU threads that share a scene
     partials: int  # partial maxima and sums, one per thread
 
@@ -64,6 +65,7 @@ class Sizes:
             int(scenes[0].method != "gauss-seidel"),
             int(scenes[0].has_friction),
             int(scenes[0].has_restitution),
+            int(scenes[0].has_rolling_friction),
             team,
             team if device.is_cpu else GPU_PARTIALS,
         )
@@ -98,7 +100,7 @@ def _of_walls(scene: Scene) -> tuple[int, ...]:
 
 def kind_of(scene: Scene) -> Kind:
     """Return the kind of a scene."""
-    return Kind(scene.method, scene.has_friction, scene.has_restitution)
+    return Kind(scene.method, scene.has_friction, scene.has_restitution, scene.has_rolling_friction)
 
 
 def first_pairs(n: IndexArray) -> IndexArray:
@@ -120,15 +122,17 @@ def lengths(size: Sizes) -> dict[str, Any]:
     listed = {
         **dict.fromkeys(("contact", "dv", "dv_start"), contacts),
         **dict.fromkeys(("dvt", "dvt_start"), friction * contacts),
+        **dict.fromkeys(("dvr", "dvr_start", "roll_weights"), size.rolling * contacts),
         "last_dv": ahead * contacts,
         "last_dvt": ahead * friction * contacts,
+        "last_dvr": ahead * size.rolling * contacts,
         "weights": contacts * size.weighted,
         "rim_weights": friction * contacts * size.weighted,
         "limits": size.limited * at_walls,
         "wall_speed": friction * size.mobile * at_walls,
         "set_start": contacts + 2,
     }
-    not_swept = dict.fromkeys(("dv_start", "dvt_start", "wall_speed", "set_start"), 0)
+    not_swept = dict.fromkeys(("dv_start", "dvt_start", "dvr_start", "wall_speed", "set_start"), 0)
     return {
         "grains": {
             **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), bodies),
@@ -148,6 +152,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "drive": size.driven * size.walls,
             "surface": friction * size.walls,
             "restitution": size.restitution * size.walls,
+            "rolling": size.rolling * size.walls,
         },
         "verlet": {
             **dict.fromkeys(("peak_square", "peak_limit", "recent_deviation", "skin"), bodies),
@@ -176,6 +181,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("old_dv", "old_place"), contacts),
             **dict.fromkeys(("sweep_index", "set_of"), contacts),
             "old_dvt": friction * contacts,
+            "old_dvr": size.rolling * contacts,
             **dict.fromkeys(("row_sum", "taken"), n),
         },
         "partial": {

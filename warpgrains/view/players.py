@@ -118,13 +118,15 @@ class Live:
     def change(self, **fields: Unpack[SceneChanges]) -> None:
         self._simulation.change(**fields)
 
-    def set_friction(self, friction: float, out: float, inside: float) -> None:
-        """Go on with another friction and spins of the walls [rad/s]; without friction, with neither."""
+    def set_friction(self, out: float, inside: float, friction: float, rolling: float = 0.0) -> None:
+        """Go on with other spins of the walls [rad/s] and frictions; without friction, with none of them."""
         first = self._first
         at_walls = friction if first.wall_friction is None else first.wall_friction
         rotates = friction > 0.0 or at_walls > 0.0 or any(wall.friction for wall in first.walls)
         self.change(
             friction=friction,
+            rolling_friction=rolling if rotates else 0.0,
+            wall_rolling_friction=first.wall_rolling_friction if rotates else None,
             angular_velocity_out=out if at_walls > 0.0 else 0.0,
             angular_velocity_in=inside if at_walls > 0.0 else 0.0,
             spin_drag=first.spin_drag if rotates else 0.0,

@@ -52,8 +52,11 @@ def _gravity(size: float, degrees: float, rate: float) -> dict[str, Any]:
 
 def _add_friction(gui: viser.GuiApi, player: Live, on: OnChange) -> None:
     """Add sliders of friction and of the angular velocities of the circles."""
-    scene = player.scene
-    sliders = [gui.add_slider("friction", 0.0, max(1.0, scene.friction), 0.01, scene.friction)]
+    scene, sliders = player.scene, []
+    given = {"friction": scene.friction}
+    if scene.method != "exact":  # which knows no other
+        given["rolling friction"] = scene.rolling_friction
+    rough = [gui.add_slider(label, 0.0, max(1.0, own), 0.01, own) for label, own in given.items()]
     walls = [("outer wall [rad/s]", scene.angular_velocity_out)] * (scene.domain is None)
     walls += [("inner wall [rad/s]", scene.angular_velocity_in)] * (scene.radius_in > 0.0)
     for label, spin in walls:
@@ -61,8 +64,7 @@ def _add_friction(gui: viser.GuiApi, player: Live, on: OnChange) -> None:
         sliders.append(gui.add_slider(label, -most, most, 0.1, spin, hint=_HINT))
 
     def change() -> None:
-        friction, out, inside = [*map(value_of, sliders), 0.0, 0.0][:3]
-        player.set_friction(friction, out, inside)
+        player.set_friction(*[*map(value_of, sliders), 0.0, 0.0][:2], *map(value_of, rough))
 
-    for slider in sliders:
+    for slider in rough + sliders:
         slider.on_update(on(change))
