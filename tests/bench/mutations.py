@@ -28,7 +28,7 @@ TABLE = Path(__file__).with_suffix(".toml")
 COLUMNS = ("file", "line", "old", "new", "effect", "detected by", "seconds")
 TIME_LIMIT = 300.0  # seconds a mutant: one that never ends is detected as well
 DECIDING = {
-    "verlet": ("verlet", "monitoring", "missing_contacts", "driven_walls"),
+    "verlet": ("verlet", "monitoring", "missing_contacts", "driven_walls", "restitution"),
     "skins": ("verlet", "missing_contacts"),
     "neighbors": ("contact_list", "driven_walls"),
     "wall_sweep": ("driven_walls", "reference"),

@@ -142,6 +142,7 @@ def test_every_contact_has_one_thread(size: int, driven: bool) -> None:
     rows, index = record["neighbors.start"], record["workspace.sweep_index"][: record["neighbors.start"][-1]]
     grain = np.empty(len(index), int)
     grain[index] = np.repeat(np.arange(len(rows) - 1), np.diff(rows))
+    grain[len(pairs) - 1] = grain[len(pairs)]  # the last pair is of the first grain with a wall
     record["contacts.contact"]["i"][: len(index)] = 2 * grain
     record["workspace.old_place"][:] = 0
     record.record["walls"]["drive"]["shape"][0] = int(driven)

@@ -228,14 +228,14 @@ def test_contacts_are_listed_that_only_the_velocity_before_the_step_closes(
 
 @pytest.mark.parametrize("grain", [0, 1])
 def test_the_velocity_before_the_step_counts_in_the_proof(grain: int) -> None:
-    """A peak of 5 m/s, and what a skin allows of it."""
-    for limit, expired in ((5.0, 0), (np.nextafter(5.0, 0.0), 1)):
+    """A peak of 10 m/s, twice that of the velocity now, and what a skin allows of it."""
+    for limit, expired in ((10.0, 0), (np.nextafter(10.0, 0.0), 1)):
         record = record_with()
         record["grains.velocity"][:] = W + U
-        record["grains.velocity"][grain] += (3.0, 4.0)
+        record["grains.velocity"][grain] += (6.0, 8.0)
         record["verlet.peak_limit"][:] = limit
         record.run(Each(grain_count, verlet.monitor_start))
-        assert record["verlet.peak_square"][grain] == 25.0
+        assert record["verlet.peak_square"][grain] == 100.0
         assert flag(record, "list_expired") == expired
 
 
