@@ -189,3 +189,28 @@ def test_interrupt_while_threads_start(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(KeyboardInterrupt):
         run_threads([lambda: (sleep(0.2), ended.append(0)), lambda: ended.append(1)], lambda: None)
     assert sorted(ended) == [0, 1]
+
+
+INTERRUPTED = """
+import random, signal, time
+from warpgrains.solver import threads
+
+def interrupt_soon():
+    if signal.getitimer(signal.ITIMER_REAL)[0] == 0.0:
+        signal.setitimer(signal.ITIMER_REAL, random.uniform(1e-5, 2e-3))
+
+threads.GLANCE = 2e-5
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+for _ in range(500):
+    try:
+        tasks = [lambda: time.sleep(random.uniform(2e-3, 3e-3))] * 3
+        threads.run_threads(tasks, interrupt_soon, lambda _: None)
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    except KeyboardInterrupt:
+        pass
+"""
+
+
+def test_an_interrupt_while_threads_run_leaves_none_waiting():
+    """An interrupt in a wait for Python's futures left a lock that no thread would release."""
+    subprocess.run([sys.executable, "-c", INTERRUPTED], check=True, timeout=60)

@@ -2,8 +2,8 @@
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
-from threading import Condition
+from concurrent.futures import ThreadPoolExecutor
+from queue import Empty, SimpleQueue
 
 from warpgrains.scene.checks import MOST_THREADS
 
@@ -17,32 +17,53 @@ def cores() -> int:
 
 
 class _Tasks:
-    """Tasks that are executed exactly once, even if an interrupt occurs while threads start."""
+    """Tasks that are executed exactly once, even if an interrupt occurs while threads start.
+
+    No Python lock is held by the thread that waits: an interrupt could leave it locked.
+    """
 
     def __init__(self, tasks: Sequence[Callable[[], None]]) -> None:
-        self._tasks, self._waiting = tasks, set(range(len(tasks)))
-        self._ended, self._changed = 0, Condition()
+        self._waiting, self._count = dict(enumerate(tasks)), len(tasks)
+        self._failures: dict[int, BaseException | None] = {}
+        self._wake_ups: SimpleQueue[None] = SimpleQueue()
 
     def do(self, k: int) -> None:
-        """Execute task k, unless it was begun before."""
-        with self._changed:
-            if k not in self._waiting:
-                return
-            self._waiting.remove(k)
+        """Execute task k, unless it was begun or dropped before."""
+        failure, task = None, self._waiting.pop(k, None)
+        if task is None:
+            return
         try:
-            self._tasks[k]()
+            task()
+        except BaseException as error:
+            failure = error
+            raise
         finally:
-            with self._changed:
-                self._ended += 1
-                self._changed.notify_all()
+            self._failures[k] = failure
+            self._wake_ups.put(None)
+
+    def drop(self) -> None:
+        """Drop the tasks that no thread has begun."""
+        for k in range(self._count):
+            if self._waiting.pop(k, None) is not None:
+                self._failures[k] = None
 
     def __len__(self) -> int:
-        return len(self._tasks)
+        return self._count
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait until all tasks are done, for some seconds at most; return True if they are."""
-        with self._changed:
-            return self._changed.wait_for(lambda: self._ended == len(self._tasks), timeout)
+        """Wait until all tasks are done; return False if none ends within some seconds."""
+        while len(self._failures) < self._count:
+            try:
+                self._wake_ups.get(timeout=timeout)
+            except Empty:
+                return False
+        return True
+
+    def require_success(self) -> None:
+        """Raise what the first of the tasks has raised, if any has."""
+        for _, failure in sorted(self._failures.items()):
+            if failure is not None:
+                raise failure
 
 
 class _Workers:
@@ -56,9 +77,10 @@ class _Workers:
         """Begin without threads."""
         self._executor = ThreadPoolExecutor(MOST_THREADS, "warpgrains")
 
-    def submit(self, tasks: _Tasks, first: int = 0) -> list[Future[None]]:
+    def submit(self, tasks: _Tasks, first: int = 0) -> None:
         """Submit the tasks from number `first` on."""
-        return [self._executor.submit(tasks.do, k) for k in range(first, len(tasks))]
+        for k in range(first, len(tasks)):
+            self._executor.submit(tasks.do, k)
 
 
 _WORKERS = _Workers()
@@ -80,11 +102,11 @@ def run_threads(
         return tasks[0]()
     all_tasks = _Tasks(tasks)
     try:
-        futures = _WORKERS.submit(all_tasks, int(poll is None))
+        _WORKERS.submit(all_tasks, int(poll is None))
         if poll is None:
             all_tasks.do(0)
-            futures = [future for future in futures if not future.cancel()]
-        while wait(futures, timeout=GLANCE).not_done:
+            all_tasks.drop()
+        while not all_tasks.wait(GLANCE):
             if poll is not None:
                 poll()
     except BaseException:
@@ -95,7 +117,6 @@ def run_threads(
             cancel(True)
         all_tasks.wait()
         raise
-    for future in futures:
-        future.result()
+    all_tasks.require_success()
     if poll is not None:
         poll()
