@@ -1,11 +1,10 @@
 """How the threads of a team wait for each other: at one barrier, after every stage.
 
 On a GPU it is the barrier of a block. On a CPU, a thread that arrives adds 1 to ARRIVED. The last one sets it
-to 0 and raises GENERATION, for which the others wait. They spin for about half a millisecond, and then sleep.
-Meanwhile they offer their core to others now and then, also to the thread that they wait for: without that, a
-team of two took 10 times as long as one thread where other programs were at work. Spinning for less costs
-more where a core that sleeps wakes slowly, as those of virtual machines do: with a tenth of it, a team of two
-took 1.2 to 3 times as long as one thread.
+to 0 and raises GENERATION, for which the others wait. They spin for some 50 microseconds, and then sleep. A
+sleeping thread leaves its core to others, also to the thread that it waits for. If it yielded its core while
+it spins, it would lose a whole time slice to a busy program: a team of two took 70 to 90 times as long as one
+thread then.
 """
 
 import warp as wp
@@ -13,8 +12,7 @@ import warp as wp
 from .threads import WORDS, Team
 
 ARRIVED, GENERATION, SLEEPERS = 0, WORDS // 3, 2 * WORDS // 3  # a cache line each
-SPINS = 10_000  # polls before a thread sleeps
-YIELD = 32  # polls after which it lets others use its core
+SPINS = 1_000  # polls before a thread sleeps
 
 
 @wp.func_native("""
@@ -43,7 +41,6 @@ def seconds() -> wp.float64:
     long long *arrived = words.data + {ARRIVED}, *sleepers = words.data + {SLEEPERS};
     int *generation = (int *)(words.data + {GENERATION});
     const int before = __atomic_load_n(generation, __ATOMIC_ACQUIRE);
-    int yield_processor(void) __asm__("sched_yield");
 #if defined(__linux__) && (defined(__x86_64__) || defined(__aarch64__))
     long call_system(long, ...) __asm__("syscall");
 #if defined(__x86_64__)
@@ -54,6 +51,7 @@ def seconds() -> wp.float64:
     const auto sleep = [&] {{ call_system(futex, generation, 128 /* FUTEX_WAIT_PRIVATE */, before, 0L); }};
     const auto wake = [&] {{ call_system(futex, generation, 129 /* FUTEX_WAKE_PRIVATE */, 0x7fffffff); }};
 #else
+    int yield_processor(void) __asm__("sched_yield");
     const auto sleep = [&] {{ yield_processor(); }};
     const auto wake = [&] {{}};
 #endif
@@ -67,8 +65,6 @@ def seconds() -> wp.float64:
     for (int poll = 0; poll < {SPINS}; poll++) {{
         if (__atomic_load_n(generation, __ATOMIC_ACQUIRE) != before)
             return;
-        if (poll % {YIELD} == {YIELD} - 1)
-            yield_processor();
 #if defined(__x86_64__)
         __builtin_ia32_pause();
 #elif defined(__aarch64__)

@@ -64,9 +64,10 @@ def threads(options: argparse.Namespace) -> Iterator[Row]:
             "accelerated to 1e-2 m/s, flowing": partial(continued, *flow),
         }
         for (name, make), loops in product(cases.items(), (0, 1)):
-            repeats = 1 if loops else options.repeats  # a barrier then waits for whole time slices
             with _endless_loops(loops):
-                yield from _against_one_thread(f"a step, {name}{', busy cores' * loops}", n, make, repeats)
+                yield from _against_one_thread(
+                    f"a step, {name}{', busy cores' * loops}", n, make, options.repeats
+                )
 
 
 def _against_one_thread(name: str, n: int, make: Make, repeats: int) -> Iterator[Row]:
