@@ -16,11 +16,11 @@ from typing import NamedTuple
 
 
 class Bench(NamedTuple):
-    """A module, its arguments, those of a long run, and what it measures."""
+    """A module, its arguments, those of a long run if they differ, and what it measures."""
 
     module: str
     arguments: str
-    long: str
+    long: str | None
     measures: str
 
 
@@ -30,16 +30,11 @@ BENCHES = {
     "peers": Bench(
         "peers", "--longest 60", "--longest 1000", "time against overlap of this and other programs"
     ),
-    "step": Bench(
-        "step",
-        "--only sweeps steps course start",
-        "--only sweeps steps course start",
-        "steps, compared with C",
-    ),
+    "step": Bench("step", "--only sweeps steps course start", None, "steps, compared with C"),
     "batch": Bench("batch", "", "--scenes 1000", "batches of scenes, compared with C"),
     "features": Bench("features", "--repeats 7", "", "the cost of each feature"),
     "exact": Bench("exact", "--grains 1000 3000 --steps 500 --repeats 3", "", "the exact method"),
-    "gpu": Bench("gpu", "", "", "a GPU, compared with the cores of its machine"),
+    "gpu": Bench("gpu", "", None, "a GPU, compared with the cores of its machine"),
 }
 
 
@@ -47,7 +42,8 @@ def run(name: str, options: argparse.Namespace) -> bool:
     """Run a bench, and return whether it ended well."""
     bench, file = BENCHES[name], options.output / f"{name}.csv"
     part = file.with_suffix(".part")
-    arguments = (bench.long if options.long else bench.arguments).split()
+    is_long = options.long and bench.long is not None
+    arguments = (bench.long if is_long else bench.arguments).split()
     if name == "peers" and options.box2d3:
         arguments += ["--box2d3", str(options.box2d3)]
     if options.repeats:
