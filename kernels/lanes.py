@@ -155,8 +155,9 @@ def lanes(count: int, friction: bool = False, rolling: bool = False, keep: bool 
         checked(f"""
         wp::vec_t<{count}, double> vr;
         for (int k = 0; k < {count}; k++) {{
-            const double slid_i = rim.data[pairs.data[c + k].i / 2] - dvt.c[k] * rim_i.c[k];
-            const double slid_j = rim.data[pairs.data[c + k].j / 2] - dvt.c[k] * rim_j.c[k];
+            const unsigned i = pairs.data[c + k].i / 2, j = pairs.data[c + k].j / 2;
+            const double slid_i = rim.data[i] - dvt.c[k] * rim_i.c[k];
+            const double slid_j = rim.data[j] - dvt.c[k] * rim_j.c[k];
             vr.c[k] = part.c[k] * slid_i - (1.0 - part.c[k]) * slid_j;
         }}
         return vr;

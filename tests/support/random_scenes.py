@@ -1,69 +1,114 @@
-"""Scenes drawn at random: from dense to spread, of all methods, orders, schemes, walls and friction."""
+"""Scenes drawn at random: from dense to spread, of all methods, orders, schemes, walls and laws."""
 
+from math import pi
 from typing import Any
 
 import numpy as np
 
-from warpgrains import Disc, Scene, Segment
+from warpgrains import Arc, Disc, Scene, Segment
 from warpgrains.scene.fields import METHODS, ORDERS
+from warpgrains.scene.gravity import TurningGravity
 
-GRAINS = {"dense": (40, 160), "jammed": (20, 100), "huge": (500, 1500), "tiny": (1, 4), "spread": (5, 80)}
+GRAINS = {"dense": (40, 160), "jammed": (20, 100), "huge": (500, 1500), "few": (1, 12), "spread": (5, 80)}
 OFTEN = (0.25, 0.3, 0.005, 0.22, 0.225)
 
 
-def random_scene(rng: np.random.Generator) -> Scene:
+def random_scene(rng: np.random.Generator, kind: str | None = None, **fixed: Any) -> Scene:
     """Draw a scene: its kind says how many grains there are, and how they overlap."""
-    kind = str(rng.choice(list(GRAINS), p=OFTEN))
+    kind = kind or str(rng.choice(list(GRAINS), p=OFTEN))
     n = int(rng.integers(*GRAINS[kind]))
     inner = float(rng.choice([0.0, 0.3]))
-    filled = {"dense": rng.uniform(1.0, 6.0), "jammed": rng.uniform(0.9, 1.3), "tiny": 0.3}.get(kind, 0.5)
+    filled = {"dense": rng.uniform(1.0, 6.0), "jammed": rng.uniform(0.9, 1.3), "few": 0.1}.get(kind, 0.5)
     typical = np.sqrt(filled * (1.0 - inner**2) / n)
     ratio = float(rng.choice([1.0, 1.5, 10.0]))
     radius = np.minimum(typical * rng.uniform(1.0 / ratio, 1.0, n), 0.3 * (1.0 - inner))
     distance = np.sqrt(rng.uniform(inner**2, 1.0, n)) * rng.uniform(0.8, 1.0)
-    angle = rng.uniform(0.0, rng.choice([2.0, 1.0, 0.05]) * np.pi, n)
+    angle = rng.uniform(0.0, rng.choice([2.0, 1.0, 0.05]) * pi, n)
     position = np.maximum(distance, 1.001 * inner)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    method = str(rng.choice(METHODS[: 2 + (n < 60)]))
-    fields: dict[str, Any] = {
-        "walls": random_walls(rng, float(radius.min()), position) if rng.random() < 0.3 else []
+    method = fixed.get("method") or str(rng.choice(METHODS[: 2 + (n < 60)]))
+    fields = random_contacts(rng, inner, method)
+    walls = random_walls(rng, 0.3 * float(radius.min()) / 1e-2) if rng.random() < 0.5 else []
+    if "pressure" not in fields and fields.get("wall") == "tangent":  # a force drives another wall
+        walls.append(Segment((-0.8, 0.33), (0.7, 0.41), force=rng.uniform(-2.0, 2.0), mass=0.7))
+    free = ~np.any([wall.covers(position) for wall in walls] or [np.zeros(n, bool)], axis=0)
+    free[0] |= not free.any()
+    walls = [wall for wall in walls if not wall.covers(position[free]).any()]
+    if "friction" in fields:
+        fields["spin"] = rng.normal(0.0, 10.0, free.sum())
+    common = {
+        "position": position[free],
+        "velocity": rng.normal(0.0, rng.choice([0.0, 1.0, 20.0]), (free.sum(), 2)),
+        "radius": radius[free] if ratio > 1.0 else float(radius.max()),
+        "mass": 10.0 ** rng.uniform(-3.0, 3.0, free.sum()) if rng.random() < 0.3 else 1.0,
+        "radius_in": inner,
+        "radius_out": 1.0,
+        "walls": walls,
+        "gravity": random_gravity(rng),
+        "drag": float(rng.choice([0.0, 0.05])),
+        "dt": float(rng.choice([1e-4, 1e-3, 1e-2])),
+        "tolerance": float(rng.choice([1e-8, 1e-4, 1e-2])),
+        "max_iterations": int(rng.choice([1, 10, 50, 200, 1000], p=[0.3, 0.3, 0.25, 0.13, 0.02])),
+        "order": str(rng.choice(ORDERS)),
+        "method": method,
+        "scheme": str(rng.choice(["text", "leapfrog"])),
+        "wall": str(rng.choice(["tangent", "round"])),
+        "stop": "residual" if method == "exact" else str(rng.choice(["zeta", "residual"])),
     }
+    return Scene(**common | fields | fixed)
+
+
+def random_gravity(rng: np.random.Generator) -> Any:
+    gravity = (0.5, float(rng.choice([0.0, -9.81, -1e4])))
+    return TurningGravity(gravity, rng.uniform(-3.0, 3.0)) if rng.random() < 0.3 else gravity
+
+
+def random_contacts(rng: np.random.Generator, inner: float, method: str) -> dict[str, Any]:
+    """Draw what a contact does beside keeping grains apart, and whether walls yield."""
+    fields: dict[str, Any] = {}
     if method != "exact" and rng.random() < 0.4:
-        fields |= {"friction": float(rng.choice([0.05, 0.5, 2.0])), "spin": rng.normal(0.0, 10.0, n)}
-        fields |= {"angular_velocity_out": float(rng.normal(0.0, 10.0))}
-    elif method != "exact" and rng.random() < 0.2:
-        fields |= {"pressure": 50.0, "wall_mass": 0.5}
-    return Scene(
-        position=position,
-        velocity=rng.normal(0.0, rng.choice([0.0, 1.0, 20.0]), (n, 2)),
-        radius=radius if ratio > 1.0 else float(radius.max()),
-        mass=10.0 ** rng.uniform(-3.0, 3.0, n) if rng.random() < 0.3 else 1.0,
-        radius_in=inner,
-        radius_out=1.0,
-        gravity=(0.0, float(rng.choice([0.0, -9.81, -1e4]))),
-        drag=float(rng.choice([0.0, 0.05])),
-        dt=float(rng.choice([1e-4, 1e-3, 1e-2])),
-        tolerance=float(rng.choice([1e-8, 1e-4, 1e-2])),
-        max_iterations=int(rng.choice([1, 10, 50, 200, 1000], p=[0.3, 0.3, 0.25, 0.13, 0.02])),
-        order=str(rng.choice(ORDERS)),
-        method=method,
-        scheme=str(rng.choice(["text", "leapfrog"])),
-        wall="tangent" if "pressure" in fields else str(rng.choice(["tangent", "round"])),
-        stop="residual" if method == "exact" else str(rng.choice(["zeta", "residual"])),
-        **fields,
-    )
+        fields |= {"friction": float(rng.choice([0.0, 0.05, 0.5, 2.0])), "wall_friction": 0.6}
+        fields |= {"angular_velocity_out": float(rng.normal(0.0, 10.0)), "spin_drag": rng.choice([0.0, 1e-6])}
+        fields |= {"angular_velocity_in": 8.0} if inner > 0.0 else {}
+        if rng.random() < 0.5:
+            fields |= {"rolling_friction": 0.2, "wall_rolling_friction": rng.choice([None, 0.0, 0.5])}
+    if method != "exact" and rng.random() < 0.3:
+        fields |= {"wall": "tangent"}
+        if rng.random() < 0.6:
+            fields |= {"pressure": rng.uniform(0.1, 50.0), "wall_mass": rng.choice([None, 0.5])}
+    if rng.random() < 0.5:
+        fields |= {"restitution": 0.6, "wall_restitution": rng.choice([None, 1.0, 0.0])}
+        fields |= {"restitution_speed": 0.1}
+    return fields
 
 
-def random_walls(rng: np.random.Generator, smallest: float, position: np.ndarray) -> list[Any]:
-    """Draw segments that move by less than the smallest radius in the longest step, and a disc on nothing."""
-    fastest = 0.3 * smallest / 1e-2
-    segments = [
-        Segment(
-            tuple(rng.uniform(-1.0, 1.0, 2)),
-            tuple(rng.uniform(-1.0, 1.0, 2)),
-            velocity=tuple(rng.uniform(-fastest, fastest, 2)),
-            angular_velocity=float(rng.choice([0.0, 0.1 * fastest])),
-        )
-        for _ in range(rng.integers(1, 4))
+def random_motion(rng: np.random.Generator, fastest: float) -> dict[str, Any]:
+    """Draw a motion, or none; it may begin and end within a step."""
+    if rng.random() < 0.4:
+        return {}
+    return {
+        "velocity": tuple(rng.uniform(-fastest, fastest, 2).tolist()),
+        "angular_velocity": float(rng.choice([0.0, fastest])),
+        "from_time": rng.choice([0.0, 0.013, 0.016]),
+        "to_time": rng.choice([None, 0.053, 0.056]),
+        "pivot": (0.1, -0.2) if rng.random() < 0.5 else None,
+    }
+
+
+def random_walls(rng: np.random.Generator, fastest: float) -> list[Any]:
+    """Draw walls of every kind, and some with joints that move alike."""
+    one = random_motion(rng, fastest)
+    joined = [
+        Segment((0.3, -0.45), (0.0, -0.5), **one),
+        Segment((-0.5, -0.3), (0.0, -0.5), **one),
+        Arc((0.0, -0.3), 0.2, -0.5 * pi, 0.5, **one),
+        Segment((0.3, -0.45), (0.35, -0.2), **one),
     ]
-    center = rng.uniform(-0.6, 0.6, 2)
-    return [*segments, *[Disc(tuple(center), 0.05)] * bool((np.hypot(*(position - center).T) > 0.05).all())]
+    apart = [
+        Segment(*map(tuple, rng.uniform(-1.0, 1.0, (2, 2))), **random_motion(rng, fastest)),
+        Disc(tuple(rng.uniform(-0.6, 0.6, 2)), 0.1, **random_motion(rng, fastest)),
+        Arc((0.1, -0.2), 0.6, -2.0, -0.4, **random_motion(rng, fastest)),
+        Disc((0.02, 0.0), 0.95, inside=True, **random_motion(rng, fastest)),
+    ]
+    return [wall for wall in apart if rng.random() < 0.4] + [
+        joined[k] for k in rng.permutation(4)[: rng.choice([0, 2, 4])]
+    ]

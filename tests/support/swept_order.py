@@ -2,6 +2,7 @@
 
 import ctypes
 from collections.abc import Callable
+from dataclasses import replace
 from operator import or_
 from typing import NamedTuple
 
@@ -12,6 +13,15 @@ from same_bits import assert_same_bits
 from warpgrains import Scene, Simulation, State, StepReport
 from warpgrains.arrays import IntArray
 from warpgrains.reference.reference import Reference, pair_index
+
+LAWS = {
+    "tangent": (("friction", "wallFriction"), ("frictionWalls", "dtContacts", "dtBoundary", "dtWalls")),
+    "rolling": (
+        ("rollingFriction", "wallRollingFriction"),
+        ("rollingWalls", "drContacts", "drBoundary", "drWalls"),
+    ),
+}
+"""Numbers and arrays of the reference, of which the last three are corrections."""
 
 
 def swept_pairs(simulation: Simulation) -> IntArray:
@@ -81,6 +91,36 @@ def rolls(simulation: Simulation) -> tuple[bool, ...]:
         for own, most in zip((kept.pair_rolling, kept.wall_rolling), bounds, strict=True)
     ]
     return tuple(own.any() for rolled in bounded for own in (rolled, ~rolled))
+
+
+def residual_in_c(library: ctypes.CDLL, simulation: Simulation, start: State) -> float:
+    """Return by how much contacts err after the last step, each visited alone (eqs. 12, 25, 30, 38).
+
+    A visit changes their relative velocity, along the normal or the tangent or in rolling, by their error.
+    """
+    scene, worst = simulation.scene, 0.0
+    after = replace(start, corrections=simulation.state().corrections)
+    for kind in ["normal", *LAWS][: 1 + scene.has_friction + scene.has_rolling_friction]:
+        reference = Reference(library, scene, after)
+        reference.begin()
+        arrays = reference._arrays
+        for numbers, names in (LAWS[other] for other in LAWS if other != kind):
+            for name in numbers:
+                setattr(reference._grains, name, 0.0)
+            for name in names:
+                arrays[name][:] = 0.0
+        begun = {name: array.copy() for name, array in arrays.items()}
+        for i, j in full_order(simulation):
+            change = reference._iterate(1, np.array([[i, j]], np.int32))
+            rim, r = np.abs(arrays["u"] - begun["u"]), scene.radius
+            if kind == "tangent":
+                change = rim.sum() + sum(np.abs(arrays[name] - begun[name]).sum() for name in LAWS[kind][1])
+            elif kind == "rolling":
+                change = rim[i] if j < 0 else (r[j] * rim[i] + r[i] * rim[j]) / (r[i] + r[j])
+            worst = max(worst, change)
+            for name, array in begun.items():
+                arrays[name][:] = array
+    return worst
 
 
 def follow_reference(

@@ -173,12 +173,8 @@ class Reference:
         scene = self._scene
         self._library.femGrainsUpdate(self._grains, scene.dt, scene.tolerance, scene.max_iterations)
 
-    def step(self, order: IntArray | None = None) -> tuple[int, float]:
-        """Advance by one step in Python's loop; return iterations and last zeta, which C does not return.
-
-        `order` overrides the text's order: contacts (i, j), (i, -1) for the annulus, (i, -2 - k) for wall k
-        inside it, shape (m, 2). With friction, wall 0 is the inner circle, if there is one.
-        """
+    def begin(self, order: IntArray | None = None) -> None:
+        """Give grains and walls the velocities without contacts, and the corrections that are kept."""
         scene, arrays = self._scene, self._arrays
         time = scene.time_after(self._grains.steps)
         for name, own in _BEFORE.items():
@@ -189,6 +185,15 @@ class Reference:
         if self._grains.driven:
             self._arrays["speeds"] += self._kicks()
         self._iterate(0, order)
+
+    def step(self, order: IntArray | None = None) -> tuple[int, float]:
+        """Advance by one step in Python's loop; return iterations and last zeta, which C does not return.
+
+        `order` overrides the text's order: contacts (i, j), (i, -1) for the annulus, (i, -2 - k) for wall k
+        inside it, shape (m, 2). With friction, wall 0 is the inner circle, if there is one.
+        """
+        scene, arrays = self._scene, self._arrays
+        self.begin(order)
         iterations, zeta = 0, np.inf
         while iterations < scene.max_iterations and zeta > scene.tolerance:
             iterations += 1
