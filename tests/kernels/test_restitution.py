@@ -29,16 +29,16 @@ def row(velocity: list[float], gap: float, **fields: Any) -> Scene:
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize(("e", "mu"), [(0.3, 0.2), (1.0, 0.2), (1.0, 0.5)])
-@pytest.mark.parametrize("masses", [(1.0, 1.0), (3.0, 0.7), (1e3, 1e-3)])
+@pytest.mark.parametrize(("e", "mu"), [(0.0, 0.2), (0.3, 0.2), (1.0, 0.2), (1.0, 0.5)])
+@pytest.mark.parametrize("masses", [(1.0, 1.0), (3.0, 0.7), (1e-6, 1.0)])
 def test_unlike_discs_that_meet_obliquely(
     masses: tuple[float, float], e: float, mu: float, scheme: dict[str, str]
 ) -> None:
-    """They part at e vn, and slip by 3 min(mu (1 + e) vn, vt / 3) less."""
+    """They part at e vn, and slip by 3 min(mu (1 + e) vn, vt / 3) less; those of e = 0 touch already."""
     mass, radius, n = np.array(masses), np.array([0.1, 0.25]), np.array([0.6, 0.8])
     v, spin, t = np.array([[2.0, 1.0], [-1.0, 0.5]]), np.array([30.0, 8.0]), np.array([-0.8, 0.6])
     scene = Scene(
-        position=[(0.0, 0.0), (0.35 + 5e-4) * n],
+        position=[(0.0, 0.0), (0.35 + 5e-4 * (e > 0.0)) * n],
         velocity=v,
         spin=spin,
         radius=radius,
@@ -55,7 +55,8 @@ def test_unlike_discs_that_meet_obliquely(
     assert (dvt < mu * dv) == (mu == 0.5)
     impulse = reduced * (dv * n + dvt * t)
     expected = v + np.outer([-1.0, 1.0], impulse) / mass[:, np.newaxis]
-    rounding = 20.0 * EPS * np.abs([*v.ravel(), *expected.ravel()]).max()
+    largest = np.abs([*v.ravel(), *expected.ravel()]).max() + (0.1 / FREE["dt"] if e == 0.0 else 0.0)
+    rounding = 20.0 * EPS * largest  # of gap / dt, too, if it counts
     assert np.abs(simulation.velocity - expected).max() <= rounding
     assert np.abs(radius * simulation.spin - (rim - 2.0 * reduced * dvt / mass)).max() <= rounding
 
