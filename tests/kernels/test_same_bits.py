@@ -2,10 +2,12 @@
 
 import hashlib
 import os
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy, deepcopy
 from dataclasses import replace
 from functools import cache, partial
 from itertools import product
@@ -14,6 +16,7 @@ from time import sleep, thread_time
 from typing import Any
 
 import pytest
+from hard_scenes import SOON, drum, heap
 from same_bits import contents
 from schemes import SECOND_ORDER
 from walled_scenes import (
@@ -61,6 +64,8 @@ for order in ORDERS:
     SCENES[f"walls begin to move, {order}"] = partial(stirred, order=order, time=0.05, **TURNING)
     SCENES[f"box, {order}"] = partial(boxed, "lid", order=order)
     SCENES[f"walls, {order}"] = partial(around, 110, order=order)
+    SCENES[f"exact, {order}"] = partial(heap, 60, spacing=2.0, order=order, **SOON)
+    SCENES[f"exact, rough, {order}"] = partial(drum, order=order)
     SCENES[f"corners, {order}"] = partial(cornered, CORNERS["chute"], 40, order=order)
 
 
@@ -81,21 +86,40 @@ def advanced(scene: Scene, **options: Any) -> State:
     return simulation.state()
 
 
-def saved(scene: Scene, folder: Path) -> State:
-    """Go on from a file, with more threads."""
-    simulation = Simulation(scene, threads=1)
-    simulation.advance(STEPS // 3)
+def loaded_again(simulation: Simulation, folder: Path) -> Simulation:
     simulation.save(folder / "state.npz")
-    loaded = Simulation.load(folder / "state.npz", threads=3)
-    assert (loaded.scene.walls, loaded.scene.gravity) == (scene.walls, scene.gravity)
-    loaded.advance(STEPS - STEPS // 3)
-    return loaded.state()
+    other = Simulation.load(folder / "state.npz", threads=3)
+    assert contents(other.scene) == contents(simulation.scene)
+    return other
 
 
-def restored(scene: Scene, _: Path) -> State:
-    first, second = Simulation(scene, threads=1), Simulation(scene, threads=2)
+def gone_back(simulation: Simulation, _: Path) -> Simulation:
+    """Return a simulation whose steps from the state have not changed it."""
+    other, state = Simulation(simulation.scene), simulation.state()
+    other.restore(state)
+    other.advance(50)
+    other.restore(state)
+    return other
+
+
+CONTINUED: dict[str, Callable[[Simulation, Path], Simulation]] = {
+    "saved": loaded_again,
+    "restored": lambda simulation, _: Simulation(simulation.scene, state=simulation.state(), threads=2),
+    "gone back": gone_back,
+    "copied": lambda simulation, _: copy(simulation),
+    "deeply copied": lambda simulation, _: deepcopy(simulation),
+    "pickled": lambda simulation, _: pickle.loads(pickle.dumps(simulation)),
+}
+"""How to have another simulation go on."""
+
+
+def continued(how: str, scene: Scene, folder: Path) -> State:
+    first = Simulation(scene, threads=1)
     first.advance(STEPS // 2)
-    second.restore(first.state())
+    before = contents(first.state())
+    second = CONTINUED[how](first, folder)
+    assert contents(first.state()) == before
+    assert second.time == first.time
     rest = range(STEPS - STEPS // 2)
     assert [second.step() for _ in rest] == [first.step() for _ in rest]
     return second.state()
@@ -111,9 +135,8 @@ def in_batch(scene: Scene, _: Path) -> State:
 WAYS: dict[str, Callable[[Scene, Path], State]] = {
     "2 threads": lambda scene, _: advanced(scene, threads=2),
     "3 threads": lambda scene, _: advanced(scene, threads=3),
-    "saved": saved,
-    "restored": restored,
     "batch": in_batch,
+    **{how: partial(continued, how) for how in CONTINUED},
 }
 
 
@@ -123,6 +146,7 @@ CASES = [
     for way in {
         "poly": ("2 threads", "3 threads", "restored"),
         "bowl": ("2 threads", "batch"),
+        "exac": ("2 threads", "batch", "saved"),
         "box,": [*WAYS],
     }.get(which[:4], ("saved", "batch"))
 ]

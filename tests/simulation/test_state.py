@@ -1,8 +1,6 @@
 """State out and in: a run continues with the same bits, also after a step that failed."""
 
-import pickle
-from collections.abc import Callable
-from copy import copy, deepcopy
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,55 +9,14 @@ import pytest
 from same_bits import contents
 
 from warpgrains import Disc, Recording, Scene, Simulation, SimulationError, State, analysis
+from warpgrains.scene.fields import ORDERS
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import VERLET_NUMBERS
-
-ORDERS = ("sequential", "color")
 
 
 @pytest.fixture(params=ORDERS)
 def scene(request: pytest.FixtureRequest) -> Scene:
     return Scene.load("polydisperse").replace(order=request.param)
-
-
-def went_back(simulation: Simulation, _: Path) -> Simulation:
-    """Return a simulation whose steps from a state have not changed it."""
-    other, state = Simulation(simulation.scene), simulation.state()
-    other.restore(state)
-    other.run(steps=50)
-    other.restore(state)
-    return other
-
-
-def loaded(simulation: Simulation, folder: Path) -> Simulation:
-    simulation.save(folder / "saved.npz")
-    return Simulation.load(folder / "saved.npz")
-
-
-WAYS: dict[str, Callable[[Simulation, Path], Simulation]] = {
-    "from its state": lambda simulation, _: Simulation(simulation.scene, state=simulation.state()),
-    "went back": went_back,
-    "copied": lambda simulation, _: copy(simulation),
-    "deeply copied": lambda simulation, _: deepcopy(simulation),
-    "pickled": lambda simulation, _: pickle.loads(pickle.dumps(simulation)),
-    "loaded": loaded,
-}
-
-
-@pytest.mark.parametrize("steps", [0, 100])
-@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
-def test_it_continues_with_the_same_bits(scene: Scene, way: Callable, steps: int, tmp_path: Path) -> None:
-    simulation = Simulation(scene)
-    simulation.run(steps=steps)
-    state = simulation.state()
-    assert (len(state.corrections.pair) > 0) == (state.corrections.wall_correction.any()) == (steps > 0)
-    other = way(simulation, tmp_path)
-    assert contents(simulation.state()) == contents(state)
-    assert (type(other), other.time) == (Simulation, simulation.time)
-    assert contents(other.scene) == contents(simulation.scene)
-    for _ in range(25):
-        assert contents(other.state()) == contents(simulation.state())
-        assert contents(other.step()) == contents(simulation.step())
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hard_scenes import couette, drum, heap, past_the_origin, random_masses, stack
+from hard_scenes import SOON, drum, heap, past_the_origin, random_masses, stack
 from invariants import checked_step
 from residual_twin import free_velocity, twin_residual
-from same_bits import assert_same_bits_however_run, at_annulus, contents, run_of
+from same_bits import at_annulus, contents, run_of
 from sample_scenes import SUDDEN, chain, dense_start
 from scipy import sparse
 
@@ -23,10 +23,7 @@ from warpgrains.solver.exact.convex import Matrices
 from warpgrains.solver.exact.path import FrictionStep
 from warpgrains.solver.exact.projection import NormalMatrix, Projection, Solution
 
-TOLERANCE = 1e-10  # m/s
 EPS = np.finfo(float).eps
-SOON: dict[str, Any] = {"method": "exact", "tolerance": TOLERANCE, "max_iterations": 3}
-"""The host is asked after 3 sweeps."""
 
 
 def few(n: int, **changes) -> Scene:
@@ -133,7 +130,7 @@ def test_a_pile_at_rest_takes_few_factorizations() -> None:
     simulation = Simulation(heap(200, spacing=2.0), method="exact", tolerance=1e-6, order="color")
     simulation.advance(150)
     settled = simulation.state()
-    simulation = Simulation(simulation.scene.replace(tolerance=TOLERANCE, max_iterations=10))
+    simulation = Simulation(simulation.scene.replace(tolerance=SOON["tolerance"], max_iterations=10))
     simulation.restore(settled)
     reports = [simulation.step() for _ in range(10)]
     assert all(report.converged for report in reports)
@@ -195,40 +192,18 @@ def test_where_too_many_contacts_change_the_interior_point_method_goes_on(
         assert optimal_step(simulation).factorizations > 1
 
 
-@pytest.mark.parametrize("order", ["sequential", "color"])
-@pytest.mark.parametrize("rough", [False, True])
-def test_the_same_bits_however_it_is_run(rough: bool, order: str) -> None:
-    if rough:
-        assert_same_bits_however_run(drum(order=order), couette(order=order), steps=40, before=31)
-        return
-    masses = random_masses(40, 100.0).replace(order=order, **SOON)
-    assert_same_bits_however_run(heap(60, spacing=2.0, order=order, **SOON), masses, steps=25, before=11)
-
-
 def test_what_the_host_takes_for_solved_is_not_asked_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Projection, "residual", lambda *_: 0.0)
     scene = heap(60, spacing=2.0, **SOON).replace(max_iterations=200, tolerance=1e-17)
     assert not run_of(scene, 1).step().converged
 
 
-HOSTED: dict[str, tuple[Callable[[], Scene], int, Any]] = {
-    "smooth": (partial(heap, 60, spacing=2.0, **SOON), 8, convex),
-    "rough": (drum, 20, FrictionStep),
-}
-"""Scenes that the host solves, steps of them, and what has the function `solve`."""
-
-
-@pytest.mark.gpu
-@pytest.mark.parametrize("which", HOSTED)
-def test_a_gpu(which: str) -> None:
-    make, steps, _ = HOSTED[which]
-    on_gpu = run_of(make(), steps, device="cuda:0")
-    assert contents(on_gpu.state()) == contents(run_of(make(), steps).state())
-
-
-@pytest.mark.parametrize("which", HOSTED)
-def test_an_interrupted_solve_leaves_the_step_before(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    make, _, solver = HOSTED[which]
+@pytest.mark.parametrize(
+    ("make", "solver"), [(partial(heap, 60, spacing=2.0, **SOON), convex), (drum, FrictionStep)]
+)
+def test_an_interrupted_solve_leaves_the_step_before(
+    make: Callable[[], Scene], solver: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     simulation = Simulation(make())
     while simulation.step().factorizations == 0:
         pass
@@ -246,7 +221,7 @@ def test_an_interrupted_solve_leaves_the_step_before(which: str, monkeypatch: py
 
 
 def test_what_cannot_fit_is_named_and_keeps_the_sweeps_answer() -> None:
-    scene = chain(5, 1e-3, method="exact", tolerance=TOLERANCE)
+    scene = chain(5, 1e-3, method="exact", tolerance=SOON["tolerance"])
     simulation = Simulation(scene)
     report = simulation.step()
     assert simulation.infeasible_grains() == (0, 1, 2, 3, 4)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains import Batch, Scene, Simulation
+from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.reference.reference import Reference, pair_index
 from warpgrains.scene.annulus import INNER
@@ -47,19 +47,6 @@ def run_of(scene: Scene, steps: int, **options: Any) -> Simulation:
     simulation = Simulation(scene, **options)
     simulation.advance(steps)
     return simulation
-
-
-def assert_same_bits_however_run(one: Scene, other: Scene, steps: int, before: int) -> None:
-    """Alone, with threads, in a batch among others, from a state after the steps `before`."""
-    expected = [contents(run_of(scene, steps).state()) for scene in (one, other)]
-    assert contents(run_of(one, steps, threads=2).state()) == expected[0]
-    batch = Batch([other, one, Scene.load("annulus")], threads=2)
-    batch.run(steps=steps)
-    assert [contents(batch.state(k)) for k in (1, 0)] == expected
-    resumed = Simulation(one)
-    resumed.restore(run_of(one, before).state())
-    resumed.advance(steps - before)
-    assert contents(resumed.state()) == expected[0]
 
 
 def dense_pair_correction(simulation: Simulation) -> FloatArray:

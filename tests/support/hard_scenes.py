@@ -19,6 +19,8 @@ ROUGH: dict[str, Any] = {
     "exact_time": 1e3,
 }
 """Friction by the exact method, whose host is asked early."""
+SOON: dict[str, Any] = {"method": "exact", "tolerance": 1e-10, "max_iterations": 3}
+"""The host is asked after 3 sweeps."""
 
 
 def stack(count: int) -> Scene:
