@@ -40,6 +40,8 @@ def prefix_sum(count: Ints, end: Ints):
 def wrapped(s: Scene, x: wp.vec2d) -> wp.vec2d:
     """Return the image of a point that is between 0 and the period in each periodic direction [m]."""
     period, place = s.walls.period, x
+    if period == wp.vec2d():
+        return x
     for k in range(2):
         if period[k] > f64(0.0):
             place[k] = x[k] - period[k] * wp.floor(x[k] / period[k])

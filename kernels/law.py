@@ -41,6 +41,8 @@ def distance(tail: wp.vec2d, head: wp.vec2d) -> f64:
 def nearest_image(d: wp.vec2d, period: wp.vec2d) -> wp.vec2d:
     """Return the shortest of a way and its periodic images [m] (eq. 36); a period of 0 has none."""
     x, y = d[0], d[1]
+    if period == wp.vec2d():  # else a processor divides by both before it tests them
+        return d
     if period[0] > f64(0.0):
         x -= period[0] * wp.rint(x / period[0])
     if period[1] > f64(0.0):

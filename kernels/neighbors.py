@@ -8,6 +8,7 @@ tested eight at a time, and only walls whose circle is near: one by one, a step 
 
 import warp as wp
 
+from . import law
 from .access import add, at, checked, lowest_bit, put
 from .cells import AT_ONCE, bucket_of, cell_of, prefix_sum
 from .contact_list import is_active, pair_end
@@ -79,16 +80,6 @@ def near_mask(grid: CellGrid, k: int, place: wp.vec2d, begin: int, end: int, wid
 
 
 @wp.func
-def is_nearest_image(s: Scene, d: wp.vec2d, shift: wp.vec2d) -> bool:
-    """Return whether a grain's image, shifted by so much [m], is the nearest to another, which is d away."""
-    period, nearest = s.walls.period, bool(True)
-    for k in range(2):
-        if period[k] > f64(0.0):
-            nearest = nearest and period[k] * wp.rint(d[k] / period[k]) == shift[k]
-    return nearest
-
-
-@wp.func
 def note_pairs(s: Scene, k: int, shift: wp.vec2d, near: wp.uint64, begins: Begins):
     """Write those of the possible pairs of the grain at index k that are within reach, if it is shifted."""
     x, y, velocity, skin, grain = s.grid.x, s.grid.y, s.grid.velocity, s.grid.skin, s.grid.grain
@@ -102,7 +93,7 @@ def note_pairs(s: Scene, k: int, shift: wp.vec2d, near: wp.uint64, begins: Begin
         reach = (at(skin, k) + at(skin, other) + path) * TOO_WIDE
         apart = wp.vec2d(at(x, other) - at(x, k), at(y, other) - at(y, k))
         d = apart - shift
-        if wp.dot(d, d) <= reach * reach and is_nearest_image(s, apart, shift):
+        if wp.dot(d, d) <= reach * reach and d == law.nearest_image(apart, s.walls.period):
             a, b = at(grain, k), at(grain, other)
             note_contact(s, wp.min(a, b), wp.max(a, b))
 

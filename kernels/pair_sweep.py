@@ -193,12 +193,9 @@ def sweeping_any_pairs(count: int, friction: bool, resists_rolling: bool, ahead:
 
     @wp.func
     def sweep_pairs(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int):
-        total, bits = wp.vec3d(), wp.uint64(0)
         if has_weights(s):
-            total, bits = weighted(s, contacts, begin, end, kept)
-        else:
-            total, bits = equal(s, contacts, begin, end, kept)
-        return total, bits
+            return weighted(s, contacts, begin, end, kept)
+        return equal(s, contacts, begin, end, kept)
 
     return sweep_pairs
 

@@ -114,15 +114,15 @@ MONITOR_START = [Each(body_count, verlet.monitor_start)]
 """Take the velocities before the step into the peaks, by which contacts bounce."""
 
 
-def start(has_restitution: bool) -> list[Stage]:
+def start(kind: Kind) -> list[Stage]:
     """Freeze the contacts and, unless sweeps resume, apply the corrections of the last step."""
     return [
         If(fresh, [Each(body_count, warm_start.begin_velocity)]),
-        Sets(warm_start.starting(has_restitution)),
+        Sets(warm_start.starting(kind)),
         Serial(verlet.clear_check),
         Serial(verlet.find_frame),
         Each(body_count, verlet.begin_check),
-        *(MONITOR_START if has_restitution else []),
+        *(MONITOR_START if kind.has_restitution else []),
         Serial(attempt.begin_iterating),
     ]
 
@@ -209,16 +209,17 @@ SAVE = [Each(grain_count, contact_list.save_row), Each(contact_list.listed_count
 """Keep the list and what its contacts carry, for the next list."""
 
 
-FINISH = [
-    Each(body_count, integrate.move),
-    Each(contact_count, warm_start.keep_correction),
-    Serial(integrate.end_step),
-    Each(body_count, verlet.remember),
-    Serial(verlet.shift_frame),
-    Shared(statistics.overlaps),
-    Serial(statistics.report),
-]
-"""Move the grains, and report."""
+def finish(kind: Kind) -> list[Stage]:
+    """Move the grains, and report."""
+    return [
+        Each(body_count, integrate.move),
+        Each(contact_count, warm_start.keeping(kind)),
+        Serial(integrate.end_step),
+        Each(body_count, verlet.remember),
+        Serial(verlet.shift_frame),
+        Shared(statistics.overlaps),
+        Serial(statistics.report),
+    ]
 
 
 def expire(has_restitution: bool) -> list[Stage]:
@@ -247,11 +248,11 @@ def step(kind: Kind) -> list[Stage]:
                 If(
                     attempting,
                     [
-                        If(starting, start(kind.has_restitution)),
+                        If(starting, start(kind)),
                         *METHODS[kind.method](kind),
                         Each(body_count, verlet.verify),
                         Serial(attempt.judge),
-                        If(accepted, FINISH),
+                        If(accepted, finish(kind)),
                         If(expired, expire(kind.has_restitution)),
                     ],
                 ),

@@ -30,14 +30,11 @@ def sweeping(friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
     @wp.func
     def sweep_range(s: Scene, contacts: ContactsByRef, k: int, begin: int, end: int, kept: int) -> wp.vec3d:
         """Correct contacts of set k; return the largest change and the sums of momentum.py."""
-        total = wp.vec3d()
-        if is_wall_set(s, k) and is_driven(s):
-            total = sweep_driven(s, contacts, begin, end)
-        elif is_wall_set(s, k):
-            total = sweep_walls(s, contacts, begin, end)
-        else:
-            total = sweep_pairs(s, contacts, begin, end, kept)
-        return total
+        if not is_wall_set(s, k):
+            return sweep_pairs(s, contacts, begin, end, kept)
+        if is_driven(s):
+            return sweep_driven(s, contacts, begin, end)
+        return sweep_walls(s, contacts, begin, end)
 
     @named(f"sweep{'_ahead' * ahead}{'_with_friction' * friction}{'_and_rolling' * resists_rolling}")
     def sweep_set(team: Team, s: Scene, k: int):

@@ -47,14 +47,19 @@ def is_on_gpu(team: Team) -> bool:
 @wp.func
 def thread_range(team: Team, begin: int, end: int):
     """Return this thread's range of [begin, end): consecutive ranges, of one length but for the last."""
-    length = (end - begin + team.size - 1) // team.size
-    first = wp.min(begin + team.rank * length, end)
-    return first, wp.min(first + length, end)
+    first, last = begin, end
+    if team.size > 1:  # to divide takes as long as a small scene's stage
+        length = (end - begin + team.size - 1) // team.size
+        first = wp.min(begin + team.rank * length, end)
+        last = wp.min(first + length, end)
+    return first, last
 
 
 @wp.func
 def partial_index(team: Team, partials: int) -> int:
     """Return the index of this thread's partial maximum or sum; each CPU thread has a separate one."""
+    if team.rank < partials:
+        return team.rank
     return team.rank % partials
 
 

@@ -5,10 +5,10 @@ from functools import cache
 import warp as wp
 
 from . import law
-from .access import at, bodies_of, contact_at, named, put
-from .contacts import apply, contacts_of, is_wall_set, value_at
+from .access import at, bodies_of, contact_at, put
+from .contacts import apply, contacts_of, is_wall_set
 from .driven import closing_speed
-from .record import Scene, grain_count, has_friction, has_rolling, is_driven, pair_count, rotates
+from .record import Kind, Scene, grain_count, is_driven, pair_count, rotates
 from .rolling import apply_rolling
 from .threads import Team
 from .types import Contact
@@ -41,7 +41,7 @@ def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, point: wp.vec2d, rate
 
 
 @cache
-def starting(restitution: bool) -> wp.Function:
+def starting(kind: Kind) -> wp.Function:
     """Return the stage that freezes the contacts of a set, and applies their corrections.
 
     It applies none if sweeps resume.
@@ -60,7 +60,7 @@ def starting(restitution: bool) -> wp.Function:
                 normal = wp.vec2d()  # no force: `grain_beyond_wall` checks that none is due
                 s.verlet.flags.without_normal = 1
             point, rates = x + (radius + gap) * normal, wp.vec3d(gap / s.dt, back / s.dt, circle / s.dt)
-            if wp.static(restitution):
+            if wp.static(kind.has_restitution):
                 rates = rebound_at_wall(s, i, j, normal, point, rates)
             contact.n = normal
             contact.gap_rate = rates[0]
@@ -71,14 +71,14 @@ def starting(restitution: bool) -> wp.Function:
         else:
             normal, distance = law.normal(wp.vec2d(), way(x, at(s.grains.position, j), s.walls))
             rate = law.pair_gap(distance, radius, at(s.grains.radius, j)) / s.dt
-            if wp.static(restitution):
+            if wp.static(kind.has_restitution):
                 vn = wp.dot(at(s.grains.velocity, i) - at(s.grains.velocity, j), normal)
                 rate = law.rebound(rate, rate, vn, f64(0.0), s.restitution, s.restitution_speed)
             contact.n = normal
             contact.gap_rate = rate
         return contact
 
-    @named(f"start{'_with_restitution' * restitution}")
+    @wp.func
     def start(team: Team, s: Scene, k: int):
         # Other threads may read the grain of a contact meanwhile (`next_grain`), which is written as it is.
         c, end = contacts_of(team, s, k)
@@ -87,12 +87,13 @@ def starting(restitution: bool) -> wp.Function:
             contact = frozen(s, c, at_wall)
             put(s.contacts.contact, c, contact)
             if s.control.resuming == 0:
-                dv, dvt = at(s.contacts.dv_start, c), value_at(s.contacts.dvt_start, c)
+                dv, dvt = at(s.contacts.dv_start, c), f64(0.0)
                 put(s.contacts.dv, c, dv)
-                if has_friction(s):
+                if wp.static(kind.has_friction):
+                    dvt = at(s.contacts.dvt_start, c)
                     put(s.contacts.dvt, c, dvt)
                 apply(s, s.grains.next_velocity, s.grains.next_rim, contact, c, dv, dvt)
-                if has_rolling(s):
+                if wp.static(kind.has_rolling):
                     dvr = at(s.contacts.dvr_start, c)
                     put(s.contacts.dvr, c, dvr)
                     apply_rolling(s, s.grains.next_rim, contact, c, dvr)
@@ -101,11 +102,16 @@ def starting(restitution: bool) -> wp.Function:
     return start
 
 
-@wp.func
-def keep_correction(s: Scene, c: int):
-    """Let the next step start with the corrections of a contact."""
-    put(s.contacts.dv_start, c, at(s.contacts.dv, c))
-    if has_friction(s):
-        put(s.contacts.dvt_start, c, at(s.contacts.dvt, c))
-    if has_rolling(s):
-        put(s.contacts.dvr_start, c, at(s.contacts.dvr, c))
+@cache
+def keeping(kind: Kind) -> wp.Function:
+    """Return the stage that lets the next step start with the corrections of a contact."""
+
+    @wp.func
+    def keep(s: Scene, c: int):
+        put(s.contacts.dv_start, c, at(s.contacts.dv, c))
+        if wp.static(kind.has_friction):
+            put(s.contacts.dvt_start, c, at(s.contacts.dvt, c))
+        if wp.static(kind.has_rolling):
+            put(s.contacts.dvr_start, c, at(s.contacts.dvr, c))
+
+    return keep
