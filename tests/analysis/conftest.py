@@ -6,7 +6,7 @@ from warpgrains import Scene, Simulation
 
 
 @pytest.fixture(scope="package")
-def settled() -> Simulation:
+def settled():
     """Return a pile of grains of several sizes, almost at rest."""
     simulation = Simulation(Scene.load("polydisperse"), method="accelerated", tolerance=1e-8)
     simulation.run(duration=3.0)

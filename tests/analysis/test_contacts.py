@@ -296,17 +296,3 @@ def test_a_blow_loses_relative_motion(position, velocity, mass, loss):
     )
     simulation.step()
     assert analysis.step_energy_balance(simulation).contact_loss == pytest.approx(loss, rel=64 * EPS)
-
-
-def test_granular_temperature():
-    scene = Scene(
-        position=[[-0.5, 0.5], [0.5, 0.5]],
-        velocity=[[3.0, 1.0], [1.0, 1.0]],
-        radius=0.1,
-        mass=1.0,
-        radius_out=2.0,
-    )
-    simulation = Simulation(scene)
-    assert analysis.granular_temperature(simulation) == 0.5
-    assert analysis.mean_speed(simulation) == (np.sqrt(10.0) + np.sqrt(2.0)) / 2.0
-    assert analysis.largest_speed(simulation) == np.sqrt(10.0)

@@ -91,13 +91,11 @@ def test_container_of_a_box_ends_at_its_sides(sides, walls, area):
 
 def test_boxes_of_all_kinds_at_once():
     """The same bits as of one scene."""
-    scenes = [boxed(kind) for kind in BOXES]
-    scenes = [
-        scene for scene in scenes if scene.n == scenes[0].n and scene.wall_count == scenes[0].wall_count
-    ]
+    first, *others = (boxed(kind) for kind in BOXES)
+    scenes = [first, *(one for one in others if (one.n, one.wall_count) == (first.n, first.wall_count))]
     arrays = {name: np.array([getattr(scene, name) for scene in scenes]) for name in ("position", "velocity")}
     arrays |= {"spin": np.zeros(arrays["position"].shape[:2])}
-    arrays |= {"wall_force": np.zeros((*arrays["spin"].shape, scenes[0].wall_count))}
+    arrays |= {"wall_force": np.zeros((*arrays["spin"].shape, first.wall_count))}
     together = Snapshots.of(scenes, [0.1] * len(scenes), **arrays)
     assert len(scenes) > 2
     for k, scene in enumerate(scenes):
@@ -139,42 +137,33 @@ BOX = [(-0.2, 0.12), (-0.2, -0.12), (0.2, -0.12), (0.2, 0.12)]
 LATTICE = np.array([(0.04 * i - 0.18, 0.04 * j - 0.1) for i in range(10) for j in range(6)])
 
 
+def carrying(now, around=False, walls=(2, 4)):
+    """Let each row of the lattice carry a force of 3 N from wall to wall, or around."""
+    pair = [(6 * i + j, 6 * i + j + 6) for i in range(9) for j in range(6)]
+    pair += [(j, 54 + j) for j in range(6) if around]
+    wall = [(j + 54 * k, walls[k]) for j in range(6) for k in range(2) if not around]
+    numbers = {"pair": np.array(pair, np.int32), "wall": np.array(wall, np.int32).reshape(-1, 2)}
+    forces = {"force": np.full(len(pair), 3.0), "tangential_force": np.zeros(len(pair))}
+    at_walls = {"wall_force": np.full(len(wall), 3.0), "wall_tangential_force": np.zeros(len(wall))}
+    return replace(now, **numbers, **forces, **at_walls)
+
+
 def crate(closed, turn):
-    """A square lattice that fills a box, in which each row carries a force of 3 N from wall to wall."""
-    corners = np.array([*BOX, *BOX[: int(closed)]]) @ turn
-    gravity = np.array([0.0, -9.81]) @ turn
-    now = moment_of(LATTICE @ turn, RADIUS, walls=chain(*corners), gravity=gravity)
-    row = np.array([(6 * i + j, 6 * i + j + 6) for i in range(9) for j in range(6)], np.int32)
-    ends = np.array([(j, 2) for j in range(6)] + [(54 + j, 4) for j in range(6)], np.int32)
-    forces = {"force": np.full(54, 3.0), "tangential_force": np.zeros(54)}
-    at_walls = {"wall_force": np.full(12, 3.0), "wall_tangential_force": np.zeros(12)}
-    return replace(now, pair=row, wall=ends, **forces, **at_walls)
+    """A square lattice that fills a box of segments."""
+    corners, gravity = np.array([*BOX, *BOX[: int(closed)]]) @ turn, np.array([0.0, -9.81]) @ turn
+    return carrying(moment_of(LATTICE @ turn, RADIUS, walls=chain(*corners), gravity=gravity))
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0), (3.0, -5.0)])
 @pytest.mark.parametrize("periodic", ["", "x", "y", "xy"])
 def test_what_is_measured_in_a_box_of_the_domain(periodic, gravity):
-    """The same lattice, in which each row carries a force of 3 N from side to side, or around."""
-    now = moment_of(
-        LATTICE, RADIUS, domain=Box((-0.2, 0.2), (-0.12, 0.12), periodic=periodic), gravity=gravity
-    )
-    row = [(6 * i + j, 6 * i + j + 6) for i in range(9) for j in range(6)]
-    around = [(j, 54 + j) for j in range(6)] if "x" in periodic else []
-    ends = [] if around else [(j + 54 * k, 2 + k) for j in range(6) for k in range(2)]
-    count = len(row) + len(around)
-    now = replace(
-        far_away(now),
-        start=far_away(now).position,
-        pair=np.array(row + around, np.int32),
-        wall=np.array(ends, np.int32).reshape(-1, 2),
-        **{"force": np.full(count, 3.0), "tangential_force": np.zeros(count)},
-        **dict.fromkeys(("wall_force", "wall_tangential_force"), np.full(len(ends), 3.0)),
-    )
+    box = Box((-0.2, 0.2), (-0.12, 0.12), periodic=periodic)
+    now = far_away(moment_of(LATTICE, RADIUS, domain=box, gravity=gravity))
+    now = replace(carrying(now, "x" in periodic, (2, 3)), start=now.position)
     near, fill = {"rel": 1e4 * EPS, "abs": 1e4 * EPS}, pi / 4.0
     assert analysis.packing_fraction(now) == pytest.approx(fill, rel=sqrt(EPS))
-    assert analysis.packing_fraction(now, {"x": (-0.18, 0.1), "y": (-0.1, 0.1)}) == pytest.approx(
-        fill, **near
-    )
+    window = {"x": (-0.18, 0.1), "y": (-0.1, 0.1)}
+    assert analysis.packing_fraction(now, window) == pytest.approx(fill, **near)
     assert analysis.global_packing_fraction(now) == pytest.approx(fill, **near)
     assert analysis.local_packing_fractions(now) == pytest.approx(fill, rel=1e-9)
     stress = np.diag([3.0 / 0.04, 0.0])
@@ -212,13 +201,8 @@ def test_what_is_measured_in_a_box_is_over_the_box(closed, turn):
         assert analysis.mean_stress(now) == pytest.approx(stress, rel=1e-9, abs=1e-9)
         assert analysis.global_packing_fraction(now) == pytest.approx(fill, **near)
     else:
-        hint = r": give region, such as \{'below"
-        for measure, end in (
-            (analysis.mean_stress, hint),
-            (analysis.pressure, hint),
-            (analysis.global_packing_fraction, "$"),
-        ):
-            with pytest.raises(InputError, match=rf"open above a height of 0\.12 m{end}"):
+        for measure in (analysis.mean_stress, analysis.pressure, analysis.global_packing_fraction):
+            with pytest.raises(InputError, match=r"open above a height of 0\.12 m"):
                 measure(now)
 
 
@@ -234,19 +218,13 @@ def test_where_the_container_is_unknown_a_region_must_be_bounded():
     for region in (None, {}, {"below": "surface"}, {"x": (-0.2, 0.2)}, {"angle": (0.0, 1.0)}):
         with pytest.raises(InputError, match="do not form a convex polygon"):
             analysis.packing_fraction(stub, region)
-    for measure in (
-        analysis.packing_fraction,
-        analysis.mean_stress,
-        analysis.pile_height,
-        analysis.cell_areas,
-    ):
+    for measure in (analysis.mean_stress, analysis.pile_height, analysis.cell_areas):
         with pytest.raises(InputError, match="do not form a convex polygon"):
             measure(stub)
     box = {"x": (-0.2, 0.2), "y": (-0.12, 0.12)}
     assert analysis.packing_fraction(stub, box) == pytest.approx(pi / 4.0, rel=1e4 * EPS)
-    assert np.isnan(
-        [analysis.quantities(stub)[name] for name in ("packing_fraction", "pile_height", "pressure")]
-    ).all()
+    unknown = ["packing_fraction", "pile_height", "pressure"]
+    assert np.isnan([*analysis.quantities(stub, unknown).values()]).all()
 
 
 @pytest.mark.parametrize("fraction", [0.1, 0.2, 0.5, 0.9])
@@ -268,12 +246,9 @@ def test_areas_of_discs_are_those_of_points_at_random():
     inside = np.stack([points.real, points.imag], axis=1)
     for _ in range(12):
         angle = np.sort(rng.uniform(0.0, 2.0 * pi, rng.integers(3, 8)))
-        corner = rng.uniform(0.5, 1.3) * np.stack([np.cos(angle), np.sin(angle)], axis=1) + rng.uniform(
-            -0.3, 0.3, 2
-        )
-        part = Part(
-            corner, (*Annulus(0.3, 1.0).borders, *(disc.border for disc in (Disc((0.4, 0.2), 0.25),)))
-        )
+        corner = rng.uniform(0.5, 1.3) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        borders = (*Annulus(0.3, 1.0).borders, Disc((0.4, 0.2), 0.25).border)
+        part = Part(corner + rng.uniform(-0.3, 0.3, 2), borders)
         center, radius = rng.uniform(-1.0, 1.0, (25, 2)), rng.uniform(0.05, 0.6, 25)
         for own, r, area in zip(center, radius, part.areas(center, radius), strict=True):
             share = area / (pi * r**2)
@@ -302,29 +277,19 @@ def test_areas_of_discs_that_touch():
 
 
 SILO = """
-[domain]
-radius_out = 1.0
-[[walls]]
-kind = "segment"
-from = [-0.3, 0.5]
-to = [-0.3, -0.4]
-[[walls]]
-kind = "segment"
-from = [-0.4, -0.4]
-to = [$right, -0.4]
-[[walls]]
-kind = "segment"
-from = [0.3, -0.4]
-to = [0.3, 0.5]
+domain.radius_out = 1.0
+time = {dt = 0.01, duration = 1.0}
+walls = [
+    {kind = "segment", from = [-0.3, 0.5], to = [-0.3, -0.4]},
+    {kind = "segment", from = [-0.4, -0.4], to = [$right, -0.4]},
+    {kind = "segment", from = [0.3, -0.4], to = [0.3, 0.5]},
+]
 [grains]
 layout = "random"
 radius = [0.03, 0.04]
 count = 30
 mass = 0.1
 region = {x = [-0.3, 0.3], y = [-0.4, 0.4]}
-[time]
-dt = 0.01
-duration = 1.0
 """
 
 
@@ -367,21 +332,3 @@ def test_a_sweep_in_a_region(silos, tmp_path, capfd):
     capfd.readouterr()
     assert exit_code("batch", silos, "-o", tmp_path / "long", "--resume", "--measure", "stress") == 2
     require_refusal(capfd, "is of a sweep with --region x = [-0.25, 0.25], y = [-0.35, -0.2]")
-    assert exit_code("batch", silos, "-o", tmp_path / "new", "--region", "x = 1 2") == 2
-    require_refusal(capfd, "--region is 'x = 1 2': it must be ranges such as")
-
-
-@pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        (("--measure", "stress"), "pressure: the walls are open above a height of 0.5 m: give region"),
-        (("--measure", "stress", "--region", "below = 'surfaces'"), "unknown region.below 'surfaces'"),
-        (("--measure", "speed", "--region", "below = 0.1"), "region has no effect on mean_speed"),
-        (("--measure", "stress", "--region", "y = [0.95, 0.99]"), "no point between the walls lies in it"),
-    ],
-)
-def test_a_run_refuses_a_series_without_area(silos, tmp_path, capfd, options, complaint):
-    series = tmp_path / "run.csv"
-    assert exit_code("run", silos / "closed.toml", "--series", series, *options) == 2
-    require_refusal(capfd, complaint)
-    assert not series.exists()

@@ -17,9 +17,8 @@ from warpgrains.scene.region import Region
 @pytest.fixture(scope="module")
 def mixture():
     """Grains of many radii anywhere between the walls."""
-    return moment_of(
-        *random(Region(Annulus(0.3, 1.0)), count=900, radius=[0.005, 0.02], seed=2), radius_in=0.3
-    )
+    grains = random(Region(Annulus(0.3, 1.0)), count=900, radius=[0.005, 0.02], seed=2)
+    return moment_of(*grains, radius_in=0.3)
 
 
 BOX = [(-0.3, 0.4), (-0.3, -0.4), (0.3, -0.4), (0.3, 0.5)]
@@ -77,12 +76,7 @@ def test_pairs_by_kinds_are_those_of_a_twin(mixture, region):
     near, far = 0.3 + radius.min(), 1.0 - radius.min()
     angle, middle = 2.0 * np.pi * np.arange(2000) / 2000, 0.5 * (found.edges[1:] + found.edges[:-1])
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    reached = {
-        "distance": (
-            max(near, 0.4 if "angle" in region else near),
-            min(far, 0.9 if "angle" in region else far),
-        )
-    }
+    reached = {"distance": (0.4, 0.9) if "angle" in region else (near, far)}
     space = analysis.region_of(mixture, {**region, **reached})
     for b in (3, 11, 29):
         share = space.contains(position[:, np.newaxis] + middle[b] * circle).mean(axis=1)
@@ -107,13 +101,6 @@ def test_kinds_add_up_to_all(mixture, kinds):
     upper = np.triu_indices(len(found.kinds))
     assert np.array_equal(found.pairs[upper].sum(axis=0), whole.pairs)
     assert np.array_equal(found.pairs, found.pairs.swapaxes(0, 1))
-    full = whole.pairs > 100
-    expected = found.pairs[upper][:, full] / np.where(found.g > 0.0, found.g, np.inf)[upper][:, full]
-    occupied = (found.g[upper][:, full] > 0.0).all(axis=0)
-    assert expected.sum(axis=0)[occupied] == pytest.approx(
-        (whole.pairs / np.maximum(whole.g, 1e-300))[full][occupied]
-    )
-    assert occupied.sum() > 20
 
 
 def test_classes_of_radii(mixture):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import pyvista
 from command import exit_code, require_refusal
-from pxr import Usd
 from walled_scenes import boxed
 
 import warpgrains as wg
@@ -93,33 +92,6 @@ def test_a_frame_within_a_step_has_its_time(tmp_path):
         assert analysis.potential_energy(frame) == pytest.approx(
             -(scene.mass * (frame.position @ scene.gravity_at(k / 24.0))).sum(), rel=1e-12
         )
-
-
-@pytest.mark.parametrize("name", ["velocities", "warpgrains:mass", "points"])
-def test_damage_that_a_frame_meets_is_one_error(tmp_path, name):
-    path = tmp_path / "run.usda"
-    Simulation(Scene.load("annulus")).run(steps=4, record=path)
-    stage = Usd.Stage.Open(str(path))
-    attribute = stage.GetPrimAtPath("/World/Grains").GetAttribute(name)
-    attribute.Set(attribute.Get(0.0)[:3], 0.0)
-    stage.Save()
-    with pytest.raises(InputError, match=r"run\.usda' is damaged|has shape|of the grains"):
-        wg.Recording(path).frame(0, contacts=False)
-
-
-@pytest.mark.parametrize("other", [80, -4])
-def test_chains_that_name_no_body_are_one_error(tmp_path, other):
-    path = tmp_path / "run.usda"
-    Simulation(Scene.load("polydisperse")).run(steps=20, record=path, forces=True)
-    stage = Usd.Stage.Open(str(path))
-    neighbour = stage.GetPrimAtPath("/World/Forces").GetAttribute("primvars:neighbour")
-    last = neighbour.GetTimeSamples()[-1]
-    neighbour.Set([other, *list(neighbour.Get(last))[1:]], last)
-    stage.Save()
-    found = wg.Recording(path)
-    for read in (found.frame, lambda k: found.to_xarray("contacts"), lambda k: found.to_pandas("contacts")):
-        with pytest.raises(InputError, match=r"is damaged.*a grain or a wall that does not exist"):
-            read(-1)
 
 
 def test_a_frame_is_analysed_as_the_simulation_was(recorded):

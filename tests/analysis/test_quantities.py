@@ -9,7 +9,7 @@ from moments import EPS
 
 from warpgrains import Disc, Scene, Simulation
 from warpgrains.analysis import height_profile, quantities, snapshot
-from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES
+from warpgrains.analysis.quantities import GROUPS, QUANTITIES, SWEEP_QUANTITIES
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.geometry import area_below
 from warpgrains.scene.gravity import upwards
@@ -62,6 +62,7 @@ def test_energies():
     # a sum of two products of three factors each: a few roundings
     assert found["kinetic_energy"] == pytest.approx(0.5 * 0.2 * 25.0 + 0.5 * 0.4, rel=8 * EPS)
     assert found["potential_energy"] == pytest.approx(-0.4 * G * 0.5, rel=8 * EPS)
+    assert [found[name] for name in GROUPS["speed"]] == [3.0, 5.0, 2.25]
 
 
 @pytest.mark.parametrize(

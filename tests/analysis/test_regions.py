@@ -81,14 +81,6 @@ def test_area_without_walls_is_that_of_points_at_random(region):
     assert 0.05 < found.area < 2.2
 
 
-def test_area_without_a_disc_that_moves():
-    moving = of(walls=[Disc((0.65, 0.0), 0.1, velocity=(0.0, 0.5))], position=[(-0.6, 0.0)])
-    quarter = {"angle": (-pi / 4, pi / 4)}
-    later = replace(moving, time=10.0)
-    assert analysis.region_of(moving, quarter).area == pytest.approx(pi * (0.91 / 4.0 - 0.01), rel=64 * EPS)
-    assert analysis.region_of(later, quarter).area == pytest.approx(pi * 0.91 / 4.0, rel=64 * EPS)
-
-
 @kind_of_wall
 class Post(Wall):
     """A kind of wall that fills an area, as a file of its own would add it."""
@@ -223,7 +215,7 @@ def test_shares_of_circles_are_those_of_points_on_them():
     """With a polygon, a sector, discs, and the walls."""
     region = analysis.region_of(of(walls=INSIDE), {"polygon": KITE, "angle": (-2.5, 1.5)})
     center = np.random.default_rng(7).uniform(-1.0, 1.0, (60, 2))
-    angle = 2.0 * pi * np.arange(20_000) / 20_000
+    angle = 2.0 * pi * np.arange(4_000) / 4_000
     for r in (0.03, 0.2, 0.7):
         found = region.angles(center, np.full(60, r)) / (2.0 * pi)
         points = center[:, np.newaxis] + r * np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -7,7 +7,6 @@ import pytest
 from command import exit_code, require_refusal
 
 from warpgrains import Scene, Simulation, analysis
-from warpgrains.errors import InputError, OutputError
 
 EPS = np.finfo(np.float64).eps
 
@@ -89,7 +88,7 @@ def test_resumed_means_are_those_of_a_whole_run(tmp_path, until):
     assert 0.0 < found < 1.0
 
 
-def test_a_sweep_with_means(tmp_path, capfd):
+def test_a_sweep_with_means(tmp_path):
     sweep = tmp_path / "sweep.toml"
     sweep.write_text('scene = "annulus"\n[set]\ntime.duration = 0.5\n[axes]\nphysics.drag = [0.1, 0.2]\n')
     options = ("--measure", "walls", "--every", 25, "--mean")
@@ -97,24 +96,6 @@ def test_a_sweep_with_means(tmp_path, capfd):
     series = analysis.Series("walls", 25, mean=True)
     Simulation(Scene.load("annulus", "physics.drag=0.2")).run(steps=50, observer=series)
     assert rows(tmp_path / "out" / "runs" / "00001" / "series.csv") == series.rows
-    capfd.readouterr()
-    assert exit_code("batch", sweep, "-o", tmp_path / "new", "--measure", "walls", "--mean") == 2
-    require_refusal(capfd, "--mean needs --every")
-    short = ("--steps", 9, "--measure", "walls", "--series", tmp_path / "run.csv", "--mean")
-    assert exit_code("run", "annulus", *short) == 2
-    require_refusal(capfd, "steps is 9: no mean over 10 steps ends within them")
-
-
-def test_what_a_scene_cannot_have_is_refused_before_the_first_step(tmp_path, capfd):
-    pressed = ("annulus", "--set", "domain.pressure=10.0")
-    series = ("--measure", "walls,energy", "--series", tmp_path / "run.csv")
-    assert exit_code("run", *pressed, *series, "-o", tmp_path / "run.usdc") == 2
-    require_refusal(capfd, "contact_power cannot be computed where a pressure or a force drives a wall")
-    assert not list(tmp_path.iterdir())
-    simulation = Simulation(Scene.load("annulus", ["domain.pressure=10.0"]))
-    with pytest.raises(InputError, match="the energy balance of a step cannot be computed"):
-        simulation.run(observer=analysis.Series("energy"))
-    assert simulation.steps == 0
 
 
 def test_a_series_that_is_gone_is_not_continued(tmp_path, capfd):
@@ -125,19 +106,3 @@ def test_a_series_that_is_gone_is_not_continued(tmp_path, capfd):
     path.unlink()
     assert exit_code("run", "--resume", kept, "--steps", 50) == 2
     require_refusal(capfd, "lacks rows before step 40")
-
-
-def test_nothing_else_is_replaced(tmp_path):
-    path = tmp_path / "mine.csv"
-    path.write_text("x,y\n1,2\n")
-    with pytest.raises(OutputError, match="not a series"):
-        analysis.Series("energy", path=path)
-    assert path.read_text() == "x,y\n1,2\n"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_two_do_not_write_one_file(tmp_path):
-    with analysis.Series("energy", path=tmp_path / "run.csv"), pytest.raises(OutputError):
-        analysis.Series("energy", path=tmp_path / "run.csv")
-    with pytest.raises(InputError, match="every is 0"):
-        analysis.Series("energy", every=0)

@@ -1,7 +1,6 @@
 """Runs that were interrupted or killed, and resumed: the same bits as if nothing had happened."""
 
 import json
-from dataclasses import replace
 
 import lightusd
 import numpy as np
@@ -10,18 +9,11 @@ from command import exit_code, require_refusal
 from recordings import GRAINS
 from same_bits import contents
 
-from warpgrains import Scene, Simulation
+from warpgrains import Simulation
 from warpgrains.frame_log import FrameLog
-from warpgrains.simulation.checkpoint import read_checkpoint, write_checkpoint
-from warpgrains.simulation.options import RunOptions
+from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import log_of
-
-ORDERS = ("sequential", "color")
-
-
-def scene_in(order):
-    return Scene.load("annulus", [f"solver.order={order}"])
 
 
 def run(*arguments):
@@ -33,17 +25,15 @@ def summary_of(capfd):
     return {name: value for name, value in summary.items() if name not in ("seconds", "output")}
 
 
-@pytest.mark.parametrize("order", ORDERS)
-class TestResume:
-    @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
-    def test_longer_run_than_was_planned(self, order, tmp_path, suffix):
-        whole, parts = tmp_path / f"whole{suffix}", tmp_path / f"parts{suffix}"
-        common = ["annulus", "--order", order, "--fps", 50, "--steps"]
-        assert run(*common, 60, "-o", whole) == 0
-        assert run(*common, 25, "-o", parts, "--checkpoint", tmp_path / "run.npz") == 0
-        assert run("--resume", tmp_path / "run.npz", "--duration", 0.6) == 0
-        assert not log_of(parts).exists()
-        assert same_frames(parts, whole) == 31
+@pytest.mark.parametrize(("order", "suffix"), [("color", ".usda"), ("sequential", ".usdz")])
+def test_longer_run_than_was_planned(order, tmp_path, suffix):
+    whole, parts = tmp_path / f"whole{suffix}", tmp_path / f"parts{suffix}"
+    common = ["annulus", "--order", order, "--fps", 50, "--steps"]
+    assert run(*common, 60, "-o", whole) == 0
+    assert run(*common, 25, "-o", parts, "--checkpoint", tmp_path / "run.npz") == 0
+    assert run("--resume", tmp_path / "run.npz", "--duration", 0.6) == 0
+    assert not log_of(parts).exists()
+    assert same_frames(parts, whole) == 31
 
 
 def same_frames(one, other):
@@ -93,7 +83,7 @@ class TestResumeOnce:
         assert inspect_recording(there / "run.usdc") == []
 
     def test_saved_state_goes_on_to_the_end_of_its_scene(self, tmp_path, capfd):
-        simulation = Simulation(scene_in("sequential").replace(duration=0.5))
+        simulation = Simulation("annulus", duration=0.5)
         simulation.run(steps=20)
         simulation.save(tmp_path / "saved.npz")
         before = (tmp_path / "saved.npz").read_bytes()
@@ -124,26 +114,14 @@ class TestResumeOnce:
         assert run("annulus", "--steps", 60, "--fps", 50, "-o", tmp_path / "whole.usdc") == 0
         assert same_frames(output, tmp_path / "whole.usdc") == 31
 
-
-class TestCommand:
-    @pytest.fixture
-    def kept(self, tmp_path):
-        """The checkpoint of a run of 30 steps that stopped after 20, with its recording."""
-        scene = scene_in("sequential").replace(duration=0.3)
-        simulation = Simulation(scene)
-        options = RunOptions(
-            steps=20, record=str(tmp_path / "run.usdc"), checkpoint=str(tmp_path / "run.npz")
-        )
-        simulation.run(20, record=options.record, checkpoint=options.checkpoint)
-        start = read_checkpoint(tmp_path / "run.npz")
-        write_checkpoint(tmp_path / "run.npz", replace(start, options=replace(start.options, steps=30)))
-        return tmp_path / "run.npz"
-
     @pytest.mark.parametrize("found", ["nothing", "something else"])
-    def test_recording_that_is_not_there(self, kept, capfd, found):
-        kept.with_name("run.usdc").unlink()
+    def test_recording_that_is_not_there(self, tmp_path, stop_at, capfd, found):
+        output, kept = tmp_path / "run.usdc", tmp_path / "run.npz"
+        stop_at(20)
+        assert run("annulus", "--steps", 30, "-o", output, "--checkpoint", kept, "--every", 10) == 130
+        log_of(output).unlink()
         if found == "something else":
-            assert run("column", "--steps", 19, "-o", kept.with_name("run.usdc")) == 0
-            capfd.readouterr()
+            assert run("column", "--steps", 19, "-o", output) == 0
+        capfd.readouterr()
         assert run("--resume", kept) == 2
         require_refusal(capfd, "run.usdc.frames" if found == "nothing" else "holds frames of another scene")

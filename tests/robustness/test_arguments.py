@@ -93,12 +93,11 @@ def test_states_of_a_batch_are_copies(simulation):
 
 
 class TestNames:
-    @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
-    def test_recordings_that_usd_cannot_name(self, tmp_path, monkeypatch, suffix, capfd):
+    def test_recordings_that_usd_cannot_name(self, tmp_path, monkeypatch, capfd):
         monkeypatch.chdir(tmp_path)
-        assert exit_code("run", "annulus", "--steps", 2, "-o", f"\udcff{suffix}") == 2
-        require_refusal(capfd, f"output '\\xff{suffix}' is not UTF-8")
-        assert exit_code("recover", f"\udcff{suffix}.frames") == 2
+        assert exit_code("run", "annulus", "--steps", 2, "-o", "\udcff.usdc") == 2
+        require_refusal(capfd, "output '\\xff.usdc' is not UTF-8")
+        assert exit_code("recover", "\udcff.usdc.frames") == 2
         require_refusal(capfd, "is not the log of a recording, such as run.usdc.frames")
         assert not list(tmp_path.iterdir())
 

@@ -67,9 +67,7 @@ def test_names_the_file_of_a_sweep(tmp_path, complaint, options):
     assert not list((tmp_path / "out").rglob(".draft*"))
 
 
-@pytest.mark.parametrize(
-    ("words", "buffered"), [("run annulus --steps 2", ""), ("scenes", "1"), ("batch sweep.toml -o out", "")]
-)
+@pytest.mark.parametrize(("words", "buffered"), [("scenes", "1"), ("batch sweep.toml -o out", "")])
 def test_names_standard_output(tmp_path, words, buffered):
     (tmp_path / "sweep.toml").write_text(SWEEP)
     how = {"cwd": tmp_path, "env": {**os.environ, "PYTHONUNBUFFERED": buffered}, "text": True}

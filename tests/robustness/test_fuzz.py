@@ -4,18 +4,20 @@ import json
 from argparse import Namespace
 from dataclasses import asdict
 from functools import cache
+from math import inf, nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 from changed_bytes import mutations, odd_texts, reworded_texts
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from recordings import make_frames, record
 from same_bits import contents
+from sample_scenes import SCENE_FILE
 from test_foreign_recordings import FOREIGN
-from trimmed import trimmed
+from trimmed import few_or_many
 
 from warpgrains import InputError, Scene, Simulation
 from warpgrains.analysis.plots import plot
@@ -24,35 +26,8 @@ from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.scene.reader import scene_fields
 from warpgrains.simulation.checkpoint import read_checkpoint
 
-TOML = """
-domain = {radius_in = 0.5, radius_out = 1.0}
-physics = {gravity = [0.0, -9.81], drag = 0.1}
-time = {dt = 0.01, duration = 0.1}
-solver = {tolerance = 1e-6, max_iterations = 10, order = "color"}
-[grains]
-position = [[0.7, 0.0], [0.0, 0.7]]
-velocity = [0.1, -0.2]
-radius = [0.1, 0.05]
-mass = 0.1
-"""
 CSV = "x,y,vx,vy,radius,mass\n0.7,0.0,0.1,0.0,0.1,0.1\n0.0,0.7,0.0,-0.2,0.05,0.2\n"
-ODD_JSON = (
-    None,
-    True,
-    -1,
-    0,
-    1.5,
-    float("nan"),
-    float("inf"),
-    10**30,
-    "",
-    "x",
-    "../x",
-    [],
-    [1],
-    {},
-    {"a": 1},
-)
+ODD_JSON = (None, True, -1, 0, 1.5, nan, inf, 10**30, "", "x", "../x", [], [1], {}, {"a": 1})
 
 
 def require_one_line(refusal):
@@ -60,17 +35,12 @@ def require_one_line(refusal):
 
 
 def fuzzed(check, examples, few=200):
-    """Return two tests of a check that takes one example: a short one, and a long one behind `slow`."""
+    """Return the tests of a check that takes one example."""
 
-    def test(count, many):
-        quiet = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
-        settings(max_examples=count, derandomize=not many, **quiet)(given(examples)(check))()
+    def test(how):
+        how(given(examples)(check))()
 
-    cases = [
-        pytest.param(few, False, id="few"),
-        pytest.param(trimmed(10_000), True, id="many", marks=pytest.mark.slow),
-    ]
-    return pytest.mark.parametrize(("count", "many"), cases)(test)
+    return few_or_many(few, 10_000)(test)
 
 
 def check_scene(content):
@@ -87,7 +57,7 @@ def check_scene(content):
         assert list(Path(folder).iterdir()) == [path]
 
 
-test_scene_files = fuzzed(check_scene, mutations(TOML.encode()) | odd_texts(TOML))
+test_scene_files = fuzzed(check_scene, mutations(SCENE_FILE.encode()) | odd_texts(SCENE_FILE))
 
 
 def check_grains(content):

@@ -1,7 +1,5 @@
 """Compiled kernels in Warp's cache: damaged files are replaced, and a full disk is named."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import warp as wp
@@ -19,15 +17,15 @@ DAMAGES = {
 
 
 @pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def cache(tmp_path, monkeypatch):
     start_warp()
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
     return tmp_path
 
 
-def new_kernel(factor: int) -> wp.Kernel:
+def new_kernel(factor):
     @wp.kernel(module="unique")
-    def scale(numbers: wp.array(dtype=wp.float64)):
+    def scale(numbers):
         numbers[0] = wp.float64(wp.static(factor)) * numbers[0]
 
     return scale

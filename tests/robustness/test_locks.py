@@ -3,11 +3,9 @@
 import errno
 import multiprocessing
 import os
-import shutil
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from command import exit_code, require_refusal
@@ -22,18 +20,14 @@ from warpgrains.usd.recorder import log_of, recover
 
 
 class TestLock:
-    def test_second_one_is_refused_with_the_name_of_the_first(self, tmp_path, held_elsewhere):
+    @pytest.mark.parametrize("end", [signal.SIGKILL, None])
+    def test_is_of_one_process_until_it_ends(self, tmp_path, held_elsewhere, end):
         holder = held_elsewhere(tmp_path / "run.npz")
         with pytest.raises(OutputError, match=f"run.npz' is being written by process {holder.pid} on "):
             Lock(tmp_path / "run.npz")
-
-    @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM, None])
-    def test_dies_with_its_process(self, tmp_path, held_elsewhere, end):
-        holder = held_elsewhere(tmp_path / "run.npz")
         holder.stdin.close() if end is None else holder.send_signal(end)
         holder.wait(timeout=60)
-        with Lock(tmp_path / "run.npz"):
-            pass
+        Lock(tmp_path / "run.npz").release()
         assert list(tmp_path.iterdir()) == []
 
     def test_binds_the_threads_of_its_own_process(self, tmp_path):
@@ -71,40 +65,25 @@ class TestLock:
         assert [taker.wait(timeout=120) for taker in takers] == [0, 0, 0, 0]
         assert list(tmp_path.iterdir()) == []
 
-    def test_file_system_without_locks(self, tmp_path, monkeypatch):
+    @pytest.mark.parametrize(
+        ("name", "lock"),
+        [("flock", lambda path: Lock(path).release()), ("lockf", lambda path: RunLocks(path).acquire([1]))],
+    )
+    def test_file_system_without_locks(self, tmp_path, monkeypatch, name, lock):
         def refuse(*arguments):
             raise OSError(errno.ENOLCK, "No locks available")
 
-        monkeypatch.setattr(locks, "flock", refuse)
-        with pytest.warns(UserWarning, match=r"run\.npz' does not support locks"):
-            Lock(tmp_path / "run.npz").release()
-
-    def test_place_that_cannot_be_locked(self):
-        with pytest.raises(OutputError, match=r"/proc/run\.npz' cannot be locked: "):
-            Lock(Path("/proc/run.npz"))
-
-
-@pytest.fixture(scope="module")
-def died(tmp_path_factory):
-    """A folder of a run with a recording that a process died of after 20 of 40 steps."""
-    folder = tmp_path_factory.mktemp("died")
-    options = ["--every", "10", "--checkpoint", folder / "run.npz", "-o", folder / "run.usdc"]
-    script = (
-        "import os, sys\nfrom warpgrains.cli.main import main\nfrom warpgrains import Simulation\n"
-        "advance = Simulation.advance\n"
-        "def die(self, *arguments):\n"
-        "    if self.steps == 20: os._exit(9)\n"
-        "    return advance(self, *arguments)\n"
-        "Simulation.advance = die\nmain(sys.argv[1:])"
-    )
-    arguments = ["run", "annulus", "--steps", "40", *map(str, options)]
-    assert subprocess.run([sys.executable, "-c", script, *arguments], timeout=100).returncode == 9
-    return folder
+        monkeypatch.setattr(locks, name, refuse)
+        with pytest.warns(UserWarning, match="does not support locks"):
+            assert lock(tmp_path / "run") in (None, [1])
 
 
 @pytest.fixture
-def kept(died, tmp_path):
-    shutil.copytree(died, tmp_path, dirs_exist_ok=True)
+def kept(tmp_path, stop_at):
+    """The checkpoint of a run of 40 steps, with a recording, that was interrupted after 20."""
+    stop_at(20)
+    options = ["--every", 10, "--checkpoint", tmp_path / "run.npz", "-o", tmp_path / "run.usdc"]
+    assert exit_code("run", "annulus", "--steps", 40, *options) == 130
     return tmp_path / "run.npz"
 
 
@@ -114,23 +93,15 @@ def contents_of(folder):
 
 
 class TestRun:
-    @pytest.mark.parametrize("locked", ["run.npz", "run.usdc"])
-    def test_second_resume_is_refused_and_changes_nothing(
-        self, kept, tmp_path, held_elsewhere, capfd, locked
-    ):
-        before = contents_of(tmp_path)
-        held_elsewhere(tmp_path / locked)
-        capfd.readouterr()
-        assert exit_code("run", "--resume", kept) == 2
-        require_refusal(capfd, f"{locked}' is being written by process")
-        assert contents_of(kept.parent) == before
-
     @pytest.mark.parametrize(
         ("words", "locked"),
         [
+            ("run --resume {home}/run.npz", "run.npz"),
+            ("run --resume {home}/run.npz", "run.usdc"),
             ("run annulus -o {}", "run.usdc"),
             ("run annulus -o {}", "run.mp4"),
             ("run annulus -o {}", "run.png"),
+            ("run annulus --measure stress --series {}", "run.csv"),
             ("plot {home}/done.usdc -o {}", "run.mp4"),
             ("plot {home}/done.usdc -o {}", "run.png"),
             ("run annulus --checkpoint {}", "run.npz"),
@@ -139,11 +110,13 @@ class TestRun:
             ("grade {home}/homework.c --html {home}", "index.html"),
         ],
     )
-    def test_second_writer_is_refused(self, tmp_path, held_elsewhere, capfd, words, locked):
+    def test_second_writer_is_refused(self, kept, tmp_path, held_elsewhere, capfd, words, locked):
+        """And changes nothing."""
         record(tmp_path / "done.usdc", make_frames(1))
         write_template(tmp_path)
         before = contents_of(tmp_path)
         held_elsewhere(tmp_path / locked)
+        capfd.readouterr()
         assert exit_code(*words.format(tmp_path / locked, home=tmp_path).split()) == 2
         require_refusal(capfd, f"{locked}' is being written by process")
         assert contents_of(tmp_path) == before
@@ -158,8 +131,9 @@ class TestRun:
             start = read_checkpoint(path)
             reads.append(start.state.steps)
             if len(reads) == 1:
-                other = [sys.executable, "-m", "warpgrains", "run", "--resume", str(kept)]
-                assert subprocess.run(other, timeout=100).returncode == 0
+                monkeypatch.setattr(command, "read_checkpoint", read_checkpoint)
+                assert exit_code("run", "--resume", kept) == 0
+                monkeypatch.setattr(command, "read_checkpoint", read_while_another_goes_on)
             return start
 
         monkeypatch.setattr(command, "read_checkpoint", read_while_another_goes_on)
@@ -197,24 +171,15 @@ sys.stdin.read()
 """
 
 
-class TestRunLocks:
-    def test_are_of_one_process_until_it_ends(self, tmp_path):
-        command = [sys.executable, "-c", CLAIM, str(tmp_path / "claims")]
-        holder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        assert holder.stdout.readline() == "[2, 3, 4, 5]\n"
-        claims = RunLocks(tmp_path / "claims")
-        while claims.acquire([5]) == []:  # it is about to give it back
-            pass
-        assert claims.acquire([0, 3, 4, 7]) == [0, 7]
-        holder.kill()
-        holder.wait(timeout=60)
-        assert claims.acquire([3, 4]) == [3, 4]
-        claims.close()
-
-    def test_without_locks_there_is_a_warning(self, tmp_path, monkeypatch):
-        def none(*_):
-            raise OSError(errno.ENOLCK, "no locks")
-
-        monkeypatch.setattr(locks, "lockf", none)
-        with pytest.warns(UserWarning, match="does not support locks"):
-            assert RunLocks(tmp_path / "claims").acquire([1]) == [1]
+def test_locks_of_runs_are_of_one_process_until_it_ends(tmp_path):
+    command = [sys.executable, "-c", CLAIM, str(tmp_path / "claims")]
+    holder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert holder.stdout.readline() == "[2, 3, 4, 5]\n"
+    claims = RunLocks(tmp_path / "claims")
+    while claims.acquire([5]) == []:  # it is about to give it back
+        pass
+    assert claims.acquire([0, 3, 4, 7]) == [0, 7]
+    holder.kill()
+    holder.wait(timeout=60)
+    assert claims.acquire([3, 4]) == [3, 4]
+    claims.close()

@@ -1,10 +1,12 @@
 """Bad input, in Python or as a command, is refused in one line, and changes nothing: refusals.toml."""
 
+import io
 import os
 import re
 import shlex
 import sys
 import tomllib
+import zipfile
 from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
@@ -34,7 +36,9 @@ from warpgrains import (
     separate,
 )
 from warpgrains.accuracy import certify
+from warpgrains.analysis.plots import plot_history
 from warpgrains.cli import main as command_line
+from warpgrains.locks import Lock
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.region import Region
@@ -114,6 +118,22 @@ def huge(path):
         file.truncate(2**41)
 
 
+def immense(path, entry):
+    """Write an archive whose array claims 1e13 numbers and has none."""
+    header = io.BytesIO()
+    claim = {"descr": "<f8", "fortran_order": False, "shape": (5 * 10**12, 2)}
+    np.lib.format.write_array_header_1_0(header, claim)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(f"{entry}.npy", header.getvalue())
+
+
+def packed(path):
+    """Write a checkpoint that unpacks to more than it is."""
+    Simulation("annulus").save(path)
+    with np.load(path) as entries:
+        np.savez_compressed(path, **dict(entries))
+
+
 def sweep_file(folder, text):
     (folder / "piped").mkdir()
     os.mkfifo(folder / "piped" / "scene.toml")  # to which nobody may ever write
@@ -124,6 +144,11 @@ def plot_table(folder, text):
     if text is not None:
         (folder / "results.csv").write_text(text)
     SweepPlot.parse("x=a,y=c").draw(folder / "results.csv")
+
+
+def history_file(folder, text):
+    (folder / "run.csv").write_text(text)
+    plot_history(folder / "run.csv", folder / "run.png")
 
 
 def with_row(array, row, value):
@@ -138,6 +163,8 @@ CALLABLE = (
     Batch,
     Disc,
     Line,
+    Lock,
+    Path,
     Polyline,
     Region,
     Row,
@@ -162,10 +189,13 @@ HERE = (
     grain_file,
     sweep_file,
     plot_table,
+    history_file,
     with_row,
     replace,
     made,
     huge,
+    immense,
+    packed,
 )
 NAMES = {
     **{one.__name__: one for one in (*CALLABLE, *HERE)},

@@ -15,11 +15,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 from command import dying_in_writing, exit_code
-from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 from same_bits import contents
-from trimmed import trimmed
+from trimmed import few_or_many, trimmed
 
 from warpgrains import Scene, Simulation
 from warpgrains.scene.fields import ORDERS
@@ -142,21 +141,24 @@ class Sequences(RuleBasedStateMachine):
             self.patch.undo()
 
 
-@pytest.mark.parametrize("count", [8, pytest.param(trimmed(1000), marks=pytest.mark.slow)])
-def test_sequences(count):
-    quiet = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
-    how = settings(max_examples=count, stateful_step_count=8, derandomize=count < 10, **quiet)
+@few_or_many(8, 1000, stateful_step_count=8)
+def test_sequences(how):
     run_state_machine_as_test(Sequences, settings=how)
 
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
-    """Runs of 800 steps in each order, with their recordings and checkpoints."""
+    """Return the recording and the checkpoint of a run of 800 steps in an order."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    for order in ORDERS:
-        outputs = ["-o", folder / f"{order}.usdc", "--checkpoint", folder / f"{order}.npz"]
-        assert exit_code("run", "annulus", "--order", order, "--forces", *outputs) == 0
-    return folder
+
+    @cache
+    def of(order):
+        outputs = [folder / f"{order}.usdc", folder / f"{order}.npz"]
+        options = ["--order", order, "--forces", "-o", outputs[0], "--checkpoint", outputs[1]]
+        assert exit_code("run", "annulus", *options) == 0
+        return outputs[0].read_bytes(), read_checkpoint(outputs[1])
+
+    return of
 
 
 def start(*arguments):
@@ -177,7 +179,7 @@ def test_processes(tmp_path, undisturbed, count):
         kept, output = folder / "run.npz", folder / "run.usdc"
         options = ["--order", order, "--forces", "-o", output, "--checkpoint", kept]
         processes = [start("annulus", *options, "--every", rng.integers(3, 40))]
-        for step in sorted(rng.integers(0, 800, rng.integers(1, 4))):
+        for step in sorted(rng.integers(0, 800, 1 + number % 3)):
             while None in [process.poll() for process in processes] and not (
                 kept.exists() and read_checkpoint(kept).statistics.steps >= step
             ):
@@ -186,12 +188,12 @@ def test_processes(tmp_path, undisturbed, count):
             for process in processes:
                 process.kill()
                 process.communicate(timeout=60)
-            processes = [start("--resume", kept) for _ in range(rng.integers(2, 4))]
+            processes = [start("--resume", kept) for _ in range(2 + number % 2)]
         ends = [(process.communicate(timeout=600)[1], process.returncode) for process in processes]
         assert 0 in [code for _, code in ends]
         assert all(code == 0 or (code == 2 and said.count("\n") == 1) for said, code in ends)
-        assert output.read_bytes() == (undisturbed / f"{order}.usdc").read_bytes()
-        expected, found = read_checkpoint(undisturbed / f"{order}.npz"), read_checkpoint(kept)
+        (recording, expected), found = undisturbed(order), read_checkpoint(kept)
+        assert output.read_bytes() == recording
         assert contents(found.state) == contents(expected.state)
         assert replace(found.statistics, seconds=0.0) == replace(expected.statistics, seconds=0.0)
         left = {path.name for path in folder.iterdir() if path.suffix != ".lock"}

@@ -2,8 +2,6 @@
 
 import gc
 import pickle
-import subprocess
-import sys
 import weakref
 from pathlib import Path
 
@@ -12,7 +10,7 @@ import numpy as np
 import pytest
 from recordings import GRAINS
 from same_bits import at_annulus, contents
-from sweeps import SMALL, batch, begin, parts, results, rows, table, write
+from sweeps import SMALL, batch, begin, parts, results, rows, scene_of, table, write
 
 from warpgrains import Scene, Simulation
 from warpgrains.batch import loaded_scenes
@@ -56,13 +54,8 @@ def test_files_of_a_run(done, kept):
 def test_run_is_as_if_done_alone(done, kept, number, is_common):
     """By its own scene file, or by that of the sweep and its row."""
     row, run = rows(done)[number], kept / "runs" / f"{number:05}"
-    overrides = [f"{key}={row[key]}" for key in ("physics.drag", "grains.count")]
-    scene = (
-        Scene.load(done / "scenes" / "annulus.toml", overrides)
-        if is_common
-        else Scene.load(run / "scene.toml")
-    )
-    simulation = Simulation(scene)
+    simulation = Simulation(scene_of(done, row) if is_common else Scene.load(run / "scene.toml"))
+    scene = simulation.scene
     reports = [simulation.step() for _ in range(40)]
     assert contents(read_checkpoint(run / "checkpoint.npz").state) == contents(simulation.state())
     force = at_annulus(simulation).force
@@ -251,16 +244,7 @@ def test_workers_need_no_source_of_the_grains(tmp_path, monkeypatch):
     content = pickle.dumps((folder, sweep.runs))
     (tmp_path / "a.npz").unlink()
     monkeypatch.chdir("/")
-    script = (
-        "import pickle, sys\n"
-        "from warpgrains.warp_start import start_warp\n"
-        "start_warp()\n"
-        "from warpgrains.sweep.execution import ExecutionOptions\n"
-        "from warpgrains.sweep.runner import finish_runs\n"
-        "folder, runs = pickle.load(sys.stdin.buffer)\n"
-        "assert finish_runs(folder, runs, ExecutionOptions(), lambda _: None) == {}\n"
-    )
-    subprocess.run([sys.executable, "-c", script], input=content, check=True, timeout=60)
+    assert finish_runs(*pickle.loads(content), ExecutionOptions(), lambda _: None) == {}
     assert folder.write_tables(sweep)["error"] == [""]
 
 

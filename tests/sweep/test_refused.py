@@ -11,12 +11,6 @@ from command import require_refusal
 from sweeps import SMALL, batch, results, write
 
 
-def test_output_that_is_a_file(tmp_path, capfd):
-    sweep = write(tmp_path)
-    assert batch(sweep, "-o", sweep) == 2
-    require_refusal(capfd, "sweep.toml")
-
-
 def test_slurm_leaves_interrupts_as_they_are(tmp_path, monkeypatch):
     """dask_jobqueue sets a handler where it is imported: Ctrl-C would then end in exit code 0."""
     for name in [name for name in sys.modules if name.startswith("dask_jobqueue")]:

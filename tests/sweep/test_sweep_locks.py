@@ -17,7 +17,7 @@ from warpgrains.sweep.sweep_folder import SweepFolder
 LONG = """
 scene = "annulus"
 [set]
-time.duration = 3.0
+time.duration = 1.0
 [axes]
 physics.drag = {range = [0.1, 0.9], count = 12}
 """
@@ -61,8 +61,6 @@ def test_twice_at_once(tmp_path, options):
     ("change", "options", "complaint"),
     [
         ("= 30|= 31", "", "annulus.toml' is of a sweep with another scene: choose another -o"),
-        ("[5, 15]|[5, 14]", "", "settings.json' is of a sweep with other runs: choose another -o"),
-        ("30|30", "--until rest", "settings.json' is of a sweep with --until rest: choose another -o"),
         ("30|30", "--folders --measure rattlers", "is of a sweep with --measure rattlers: choose another -o"),
     ],
 )

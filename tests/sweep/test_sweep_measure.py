@@ -3,7 +3,7 @@
 import pytest
 from command import exit_code
 from matplotlib.axes import Axes
-from sweeps import batch, results, table, write
+from sweeps import batch, results, scene_of, table, write
 
 from warpgrains import Scene, Simulation, analysis
 from warpgrains.sweep.plot import SweepPlot
@@ -35,8 +35,7 @@ def test_columns_are_the_ends(measured, done):
     assert [{name: row[name] for name in others[0]} for row in rows] == others
     for row in rows:
         if not row["error"]:
-            overrides = [f"{key}={row[key]}" for key in ("physics.drag", "grains.count")]
-            simulation = Simulation(Scene.load(measured / "scenes" / "annulus.toml", overrides))
+            simulation = Simulation(scene_of(measured, row))
             simulation.run()
             found = analysis.quantities(simulation, NEW)
             assert [row[name] for name in NEW] == list(map(repr, found.values()))

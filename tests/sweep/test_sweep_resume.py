@@ -11,7 +11,7 @@ from sweeps import LONG, SMALL, batch, results, rows, table, write
 
 from warpgrains import Scene
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.sweep import run_folder, sweep_folder
+from warpgrains.sweep import sweep_folder
 from warpgrains.sweep.run_folder import FolderRun
 from warpgrains.sweep.sweep_folder import SweepFolder
 
@@ -124,25 +124,6 @@ def test_a_folder_that_another_process_has_begun_is_left(tmp_path, brief, monkey
     assert "another process has begun it\n" in capfd.readouterr().out
 
 
-@pytest.mark.parametrize("options", [["--usd"], []])
-def test_frames_without_a_checkpoint_are_not_kept(tmp_path, done, monkeypatch, options):
-    """Those of a process that ended between the first frame and the first checkpoint."""
-    sweep, out = write(tmp_path), tmp_path / "out"
-
-    def fail(*_):
-        raise OSError("killed")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(run_folder, "write_checkpoint", fail)
-        batch(sweep, "-o", out, "--usd")
-    assert list(out.rglob("*.frames"))
-    assert not list(out.rglob("*.npz"))
-    assert batch(sweep, "-o", out, "--resume", *options) == 1
-    assert results(out) == results(done)
-    assert not list(out.rglob("*.frames"))
-    assert len(list(out.rglob("*.usdc"))) == (4 if options else 0)
-
-
 def test_warp_is_not_started_if_no_run_is_left(tmp_path):
     sweep, out = write(tmp_path, 'scene = "annulus"\nset.time.duration = 0.1'), tmp_path / "out"
     assert batch(sweep, "-o", out) == 0
@@ -165,13 +146,6 @@ def test_longer_sweep_goes_on(tmp_path, done):
     assert batch(longer, "-o", tmp_path / "out", "--resume") == 1
     assert results(tmp_path / "out").startswith(results(done))
     assert len(rows(tmp_path / "out")) == 8
-
-
-def test_shares_make_the_whole(tmp_path, done):
-    sweep, out = write(tmp_path), tmp_path / "out"
-    codes = [batch(sweep, "-o", out, "--index", index, "--count", 3) for index in (2, 0, 1)]
-    assert codes == [1, 1, 0]  # the failed runs are 2 and 3, of the shares 2 and 0
-    assert results(out) == results(done)
 
 
 def test_late_results_are_not_lost(tmp_path, done, monkeypatch):

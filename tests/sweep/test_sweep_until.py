@@ -4,9 +4,9 @@ import shutil
 import warnings
 
 import pytest
-from sweeps import batch, table, write
+from sweeps import batch, scene_of, table, write
 
-from warpgrains import Scene, Simulation
+from warpgrains import Simulation
 
 SWEEP = """
 scene = "annulus"
@@ -34,8 +34,7 @@ def test_columns_are_those_of_runs_alone(ended):
     assert {row["met"] for row in rows} == {"", "0", "1"}  # that of failed runs is empty
     for row in rows:
         if not row["error"]:
-            overrides = [f"{key}={row[key]}" for key in ("physics.drag", "grains.count")]
-            simulation = Simulation(Scene.load(ended / "scenes" / "annulus.toml", overrides))
+            simulation = Simulation(scene_of(ended, row))
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # that rest was not met
                 summary = simulation.run(until=UNTIL[1])
@@ -44,9 +43,8 @@ def test_columns_are_those_of_runs_alone(ended):
             assert float(row["time"]) == simulation.time
             assert float(row["iterations_mean"]) == summary.iterations_mean
             assert float(row["worst_overlap"]) == summary.overlap
-    assert (
-        len({row["steps"] for row in rows}) >= 3
-    )  # of the failed runs, of some at rest, of those that move still
+    # of the failed runs, of some at rest, of those that move still
+    assert len({row["steps"] for row in rows}) >= 3
 
 
 def test_summary_counts_runs_that_move_still(tmp_path, ended, capfd):
@@ -58,9 +56,8 @@ def test_summary_counts_runs_that_move_still(tmp_path, ended, capfd):
 
 
 def test_a_scene_that_the_criterion_does_not_fit_fails(tmp_path):
-    text = (
-        'scene = "annulus"\n[set]\ntime.duration = 0.2\n[axes]\nphysics.gravity = [[0.0, 0.0], [0.0, -9.81]]'
-    )
+    axis = "physics.gravity = [[0.0, 0.0], [0.0, -9.81]]"
+    text = f'scene = "annulus"\n[set]\ntime.duration = 0.2\n[axes]\n{axis}'
     assert batch(write(tmp_path, text), "-o", tmp_path / "out", "--until", "rest") == 1
     bad, good = table(tmp_path / "out" / "results.csv")
     assert "needs time, and speed or energy, in a scene without gravity" in bad["error"]

@@ -49,46 +49,51 @@ def test_pressure_is_force_over_circumference():
     assert np.array_equal(pressure(now), total / (2 * np.pi * RADIUS))
 
 
-def test_scales_come_from_the_scene():
-    scene = make_scene(gravity=(0, -10), drag=0.0)
-    assert speed_scale(scene) == pytest.approx(np.sqrt(2 * 10 * 2.0))
-    assert speed_scale(make_scene(gravity=(0, -10), drag=5.0)) == pytest.approx(10 * 1.0 / 5.0)
-    assert speed_scale(make_scene(gravity=(0, 0), velocity=np.full((5, 2), 3.0))) == pytest.approx(3 * 2**0.5)
-    assert pressure_scale(scene) == pytest.approx(5 * 10 / 1.0)
-    assert ChainScale.of(scene).force == pytest.approx(50 * 2 * RADIUS.mean())
-    thrown = make_scene(gravity=(0, 0), velocity=np.full((5, 2), 3.0))
-    assert pressure_scale(thrown) == pytest.approx(3 * 2**0.5 / 0.01 / (2 * np.pi * RADIUS.mean()))
-    assert pressure_scale(make_scene(gravity=(0, 0))) == pytest.approx(1 / 0.01**2 / (2 * np.pi))
+FALLS, AT_REST = {"gravity": (0, -10)}, {"gravity": (0, 0)}
+THROWN = AT_REST | {"velocity": np.full((5, 2), 3.0)}
+PISTON = Segment((-1.0, 1.6), (1.0, 1.6), velocity=(0.3, -0.4))
+BLADE = Segment((-1.5, 0.0), (-0.7, 0.0), angular_velocity=-2.0)
+ROLLER = Disc((0.0, 1.6), 0.1, angular_velocity=7.0)
+LID = Segment((-1.0, 1.6), (1.0, 1.6), force=-60.0, mass=3.0, friction=0.0)
+DRIVEN = AT_REST | {"friction": 0.3, "walls": [LID]}
+BOX = {"x": (-2.0, 2.0), "y": (-1.5, 1.5)}
+IN_BOX = FALLS | {"radius_out": None, "radius_in": 0.0, "domain": Box(**BOX)}
+TOP = {"pressure": 30.0, "mass": 3.0, "velocity": (0.5, 0.0)}
+PRESSED = IN_BOX | AT_REST | {"domain": Box(**BOX, top=TOP)}
 
 
-def test_scales_reach_what_walls_inside_give_to_grains_at_rest():
-    at_rest = {"gravity": (0, 0), "friction": 0.3}
-    piston = Segment((-1.0, 1.6), (1.0, 1.6), velocity=(0.3, -0.4))
-    blade = Segment((-1.5, 0.0), (-0.7, 0.0), angular_velocity=-2.0)
-    scene = make_scene(walls=[piston, blade], **at_rest)
-    assert speed_scale(scene) == pytest.approx(2.0 * 0.4)  # of the ends of the blade
-    assert spin_scale(scene) == pytest.approx(0.5 * 0.8 / 0.1)
-    roller = Disc((0.0, 1.6), 0.1, angular_velocity=7.0)
-    assert speed_scale(make_scene(walls=[piston, roller], **at_rest)) == pytest.approx(7.0 * 0.1)
-    smooth = make_scene(walls=[piston, roller], gravity=(0, 0))  # whose spin moves no grain
-    assert speed_scale(smooth) == pytest.approx(0.5)
-    lid = Segment((-1.0, 1.6), (1.0, 1.6), force=-60.0, mass=3.0, friction=0.0)
-    driven = make_scene(walls=[lid], **at_rest)
-    assert speed_scale(driven) == pytest.approx(np.sqrt(2 * 60.0 * 4.0 / (3.0 + 5.0)))
-    assert pressure_scale(driven) == pytest.approx(4 * 60.0 / 2.0)
-    assert ChainScale.of(driven).force == pytest.approx(120 * 2 * RADIUS.mean())
-    assert pressure_scale(driven.replace(gravity=(0, -1000))) == pytest.approx(5 * 1000 / 1.0)
+def force_scale(scene):
+    return ChainScale.of(scene).force
 
 
-def test_scales_of_a_box_come_from_its_longer_side():
-    top = {"pressure": 30.0, "mass": 3.0, "velocity": (0.5, 0.0)}
-    box, common = {"x": (-2.0, 2.0), "y": (-1.5, 1.5)}, {"radius_out": None, "radius_in": 0.0}
-    driven = make_scene(domain=Box(**box, top=top), gravity=(0, 0), **common)
-    assert speed_scale(driven) == pytest.approx(np.sqrt(2 * 30.0 * 4.0 * 4.0 / (3.0 + 5.0)))
-    assert pressure_scale(driven) == pytest.approx(4 * 30.0)
-    fallen = make_scene(domain=Box(**box), gravity=(0, -10), drag=0.0, **common)
-    assert speed_scale(fallen) == pytest.approx(np.sqrt(2 * 10 * 2.0))
-    assert pressure_scale(fallen) == pytest.approx(5 * 10 / 1.0)
+@pytest.mark.parametrize(
+    ("scale", "fields", "expected"),
+    [
+        (speed_scale, FALLS, np.sqrt(2 * 10 * 2.0)),
+        (speed_scale, FALLS | {"drag": 5.0}, 10 * 1.0 / 5.0),
+        (speed_scale, THROWN, 3 * 2**0.5),
+        (pressure_scale, FALLS, 5 * 10 / 1.0),
+        (pressure_scale, THROWN, 3 * 2**0.5 / 0.01 / (2 * np.pi * RADIUS.mean())),
+        (pressure_scale, AT_REST, 1 / 0.01**2 / (2 * np.pi)),
+        (force_scale, FALLS, 50 * 2 * RADIUS.mean()),
+        # what walls inside give to grains at rest: the ends of the blade, and a roller unless it is smooth
+        (speed_scale, AT_REST | {"friction": 0.3, "walls": [PISTON, BLADE]}, 2.0 * 0.4),
+        (spin_scale, AT_REST | {"friction": 0.3, "walls": [PISTON, BLADE]}, 0.5 * 0.8 / 0.1),
+        (speed_scale, AT_REST | {"friction": 0.3, "walls": [PISTON, ROLLER]}, 7.0 * 0.1),
+        (speed_scale, AT_REST | {"walls": [PISTON, ROLLER]}, 0.5),
+        (speed_scale, DRIVEN, np.sqrt(2 * 60.0 * 4.0 / (3.0 + 5.0))),
+        (pressure_scale, DRIVEN, 4 * 60.0 / 2.0),
+        (force_scale, DRIVEN, 120 * 2 * RADIUS.mean()),
+        (pressure_scale, DRIVEN | {"gravity": (0, -1000)}, 5 * 1000 / 1.0),
+        # the longer side of a box
+        (speed_scale, PRESSED, np.sqrt(2 * 30.0 * 4.0 * 4.0 / (3.0 + 5.0))),
+        (pressure_scale, PRESSED, 4 * 30.0),
+        (speed_scale, IN_BOX, np.sqrt(2 * 10 * 2.0)),
+        (pressure_scale, IN_BOX, 5 * 10 / 1.0),
+    ],
+)
+def test_scales_come_from_the_scene(scale, fields, expected):
+    assert scale(make_scene(**fields)) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("kind", BOXES)

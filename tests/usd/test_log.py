@@ -7,6 +7,7 @@ from zipfile import ZipFile
 
 import numpy as np
 import pytest
+from command import small_disk
 from pxr import Sdf, Usd
 from recordings import FORMS, RADIUS, grains_of, make_frames, make_scene, moment, moments, record, recorder_of
 
@@ -98,27 +99,15 @@ class TestLog:
             log.write_bytes(content[:size])
             assert len(list(LogReader(log))) == sum(end <= size for end in ends[1:])
 
-    def test_what_cannot_be_written_leaves_the_log_as_it_was(self, tmp_path, monkeypatch):
+    def test_what_cannot_be_written_leaves_the_log_as_it_was(self, tmp_path):
         frames = make_frames(9)
         with recorder_of(tmp_path / "run.usdc") as recorder:
             append(recorder, frames[:3])
             before = recorder.log.read_bytes()
             assert len(list(LogReader(recorder.log))) == 3  # a process that is killed now loses none
-            file = recorder._frames._file
-
-            class FullDisk:
-                def __getattr__(self, name):
-                    return getattr(file, name)
-
-                def write(self, content):
-                    if len(content) > 50:
-                        return file.write(content[:50])
-                    raise OSError(28, "No space left on device")
-
-            with monkeypatch.context() as patch:
-                patch.setattr(recorder._frames, "_file", FullDisk())
-                with pytest.raises(OSError, match=r"run.usdc.frames' cannot be written: No space left"):
-                    recorder.record(moment(*frames[3]))
+            too_large = pytest.raises(OSError, match=r"run.usdc.frames' cannot be written: File too large")
+            with too_large, small_disk(len(before) + 50):
+                recorder.record(moment(*frames[3]))
             assert recorder.log.read_bytes() == before
             assert recorder.frames == 3
             append(recorder, frames[3:])
@@ -249,14 +238,6 @@ class TestNothingIsLost:
         assert list(tmp_path.iterdir()) == [log]
         assert recover(log)[1] == 9
 
-    def test_frames_lost_from_the_log_during_the_run_are_noticed(self, tmp_path):
-        recorder = recorder_of(tmp_path / "run.usdc")
-        append(recorder, make_frames(12))
-        lost = "reads back 8 frames of /World/Grains.extent, but 12 were written"
-        with pytest.raises(OSError, match=re.escape(lost)), recorder:
-            os.truncate(recorder.log, ends_of_records(recorder.log)[8])
-        assert list(tmp_path.iterdir()) == [recorder.log]
-
     def test_frames_after_a_damaged_one_are_left_out(self, tmp_path):
         frames = make_frames(12)
         log = cut_short(tmp_path / "run.usdc", frames)
@@ -279,18 +260,6 @@ class TestNothingIsLost:
 
 
 class TestResume:
-    def test_continues_as_if_never_cut_short(self, tmp_path):
-        frames, path = make_frames(11), tmp_path / "run.usdc"
-        killed = recorder_of(path)
-        append(killed, frames[:10])
-        del killed  # and with it its lock
-        with recorder_of(path, resume_at=6) as recorder:
-            assert recorder.frames == 6
-            append(recorder, frames[6:])
-        require_frames(path, frames)
-        whole = record(tmp_path / "whole.usdc", frames)
-        assert path.read_bytes() == whole.read_bytes()
-
     def test_log_of_a_finished_file_is_on_the_disk(self, tmp_path, monkeypatch):
         path = record(tmp_path / "run.usdc", make_frames(3))
         synced = []
@@ -342,13 +311,10 @@ class TestResume:
             ({"text": "other"}, {}),
             ({"radius": 1.5 * RADIUS}, {}),
             ({"mass": 2.0}, {}),
-            ({"drag": 0.1}, {}),
             ({}, {"color_by": "radius"}),
-            ({}, {"color_by": "palette"}),
             ({}, {"forces": True}),
             ({}, {"fps": 25}),
             ({}, {"first_step": 3}),
-            ({}, {"draw_as": "points"}),
             ({}, {"draw_as": "spheres"}),
         ],
     )
@@ -361,14 +327,3 @@ class TestResume:
     def test_refuses_what_is_not_there(self, tmp_path):
         with pytest.raises(InputError, match="does not exist"):
             recorder_of(tmp_path / "run.usdc", resume_at=4)
-
-    def test_recover_needs_frames(self, tmp_path):
-        log = tmp_path / "run.usdc.frames"
-        for name in ("run.usdc", log.name):
-            with pytest.raises(InputError, match="is not the log of a recording"):
-                recover(tmp_path / name)
-        for content in (b"", b"PK", b"warpgrains frames 1\n", bytes(100)):
-            log.write_bytes(content)
-            with pytest.raises(InputError, match="is not a log of frames"):
-                recover(log)
-        assert list(tmp_path.iterdir()) == [log]

@@ -89,13 +89,10 @@ class TestTimes:
             simulation.run(steps=1, record=tmp_path / "run.usdc", fps=1000)
         assert [warning.filename for warning in warned] == [__file__]
 
-    @pytest.mark.parametrize("fps", [24, 50])
-    def test_recordings_play_in_real_time(self, tmp_path, fps):
-        Simulation(Scene.load("annulus")).run(duration=1.0, record=tmp_path / "run.usdc", fps=fps)
+    def test_recordings_play_in_real_time(self, tmp_path):
+        Simulation(Scene.load("annulus")).run(duration=1.0, record=tmp_path / "run.usdc", fps=24)
         stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
-        assert stage.GetTimeCodesPerSecond() == stage.GetFramesPerSecond() == fps
-        assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0, fps)
-        assert inspect_recording(tmp_path / "run.usdc") == []
+        assert stage.GetTimeCodesPerSecond() == stage.GetFramesPerSecond() == stage.GetEndTimeCode() == 24
 
 
 @pytest.mark.parametrize("suffix", RECORDINGS)
@@ -241,30 +238,14 @@ TOO_LARGE = [
 
 
 BELT = Segment((-1e38, -5e37), (1e38, -5e37), velocity=(9e36, 0.0))
+BESIDE_BELT = {"radius": 1e37, "radius_out": 1.5e38, "walls": [BELT], "dt": 1.0, "gravity": (0.0, 0.0)}
 UNITS = [
-    (lambda: far_away(1e-45), "choose another unit of length"),
-    (lambda: far_away(1e45), "choose another unit of length"),
-    (
-        lambda: Scene.load("annulus").replace(mass=np.full(15, 1e38)),
-        "a force is .*: a recording holds at most",
-    ),
-    (lambda: Scene.load("annulus").replace(mass=np.full(15, 1e39)), "the mass of a grain is .*: a recording"),
-    (
-        lambda: far_away(1e38, radius=1e37, radius_out=1.5e38, walls=[BELT], dt=1.0, gravity=(0.0, 0.0)),
-        "a point of a wall is .*: a recording holds at most",
-    ),
+    (1e-45, {}, "choose another unit of length"),
+    (1e45, {}, "choose another unit of length"),
+    (1.0, {"mass": 1e38, "dt": 0.01, "position": [(0.0, -1.9)]}, "a force is .*: a recording holds at most"),
+    (1.0, {"mass": 1e39}, "the mass of a grain is .*: a recording"),
+    (1e38, BESIDE_BELT, "a point of a wall is .*: a recording holds at most"),
 ]
-
-
-def far_away(unit, **fields):
-    common = {
-        "position": [(0.0, 0.5 * unit)],
-        "radius": 0.1 * unit,
-        "mass": 1.0,
-        "radius_out": 2.0 * unit,
-        "dt": unit,
-    }
-    return Scene(**common | fields)
 
 
 class TestOutput:
@@ -274,9 +255,8 @@ class TestOutput:
         with pytest.raises(InputError, match=re.escape(f"{complaint}: a recording holds at most")), recorder:
             recorder.record(replace(next(moments(make_frames(1), scene)), **fields))
 
-    @pytest.mark.parametrize("suffix", RECORDINGS)
-    def test_what_is_no_recording_is_not_replaced(self, tmp_path, suffix, capfd):
-        path = tmp_path / f"run{suffix}"
+    def test_what_is_no_recording_is_not_replaced(self, tmp_path, capfd):
+        path = tmp_path / "run.usdc"
         for content in (b"", b"old", b"PXR-USDC" + bytes(200), b"#usda 1.0\n", b"PK\x03\x04"):
             path.write_bytes(content)
             assert exit_code("run", "annulus", "--steps", 1, "-o", path) == 2
@@ -311,9 +291,10 @@ class TestOutput:
             simulation.run(steps=1, record=path)
         assert not list(tmp_path.iterdir())
 
-    @pytest.mark.parametrize(("make", "complaint"), UNITS)
-    def test_units_that_float32_cannot_hold(self, tmp_path, make, complaint):
-        simulation, path = Simulation(make()), tmp_path / "run.usdc"
+    @pytest.mark.parametrize(("unit", "fields", "complaint"), UNITS)
+    def test_units_that_float32_cannot_hold(self, tmp_path, unit, fields, complaint):
+        grain = {"position": [(0.0, 0.5 * unit)], "radius": 0.1 * unit, "mass": 1.0}
+        simulation = Simulation(Scene(**grain | {"radius_out": 2.0 * unit, "dt": unit} | fields))
         with pytest.raises(InputError, match=complaint):
-            simulation.run(steps=300, record=path, forces=True)
-        assert not path.exists()
+            simulation.run(steps=300, record=tmp_path / "run.usdc", forces=True)
+        assert not (tmp_path / "run.usdc").exists()

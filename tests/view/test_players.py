@@ -78,14 +78,14 @@ def test_a_step_that_fails_ends_it_and_is_told():
 RIGHT = (Path(__file__).parents[1] / "grade" / "right" / "plain.c").read_text()
 
 
-def make(folder):
-    folder.mkdir()
-    return folder
+@pytest.fixture(scope="module")
+def grader(tmp_path_factory):
+    return Grader(tmp_path_factory.mktemp("grader"))
 
 
 @pytest.fixture
-def play(tmp_path):
-    grader, source = Grader(make(tmp_path / "grader")), tmp_path / "homework.c"
+def play(tmp_path, grader):
+    source = tmp_path / "homework.c"
     players = []
 
     def played(text):

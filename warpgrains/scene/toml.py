@@ -97,19 +97,20 @@ def fields_of_sections(document: Table) -> dict[str, Any]:
 def overridden(document: Table, override: str) -> Table:
     """Return a document with the key of "section.key=value" set; a bare word is taken as a string."""
     target, equals, value = override.partition("=")
+    told = f"override {checks.shown(override)}"
     if not equals or not all(target.strip().partition(".")):
-        raise InputError(f"override {override!r}: it must be section.key=value, such as physics.drag=0.1")
+        raise InputError(f"{told}: it must be section.key=value, such as physics.drag=0.1")
     try:
         parsed = tomllib.loads(f"value = {value}")
         require_toml_numbers(parsed)
     except (ValueError, RecursionError):
         parsed = {"value": value.strip()} if value.strip().replace("-", "_").isidentifier() else {}
     if parsed.keys() != {"value"}:
-        raise InputError(f"override {override!r}: {value!r} is not a TOML value")
+        raise InputError(f"{told}: what follows = is not a TOML value")
     try:
         return with_key(document, target.strip(), parsed["value"])
     except InputError as error:
-        raise InputError(f"override {override!r}: {error}") from None
+        raise InputError(f"{told}: {error}") from None
 
 
 def with_key(document: Table, key: str, value: Any) -> Table:
