@@ -7,12 +7,12 @@ from warpgrains.reference.reference import SOURCE
 _START = "    double zeta = 0.0;\n"
 
 
-def contact_that(does: str, before: str = "") -> str:
+def contact_that(does, before=""):
     """Return a homework whose femGrainsContactIterate does something else first."""
     return PLAIN.replace(_START, f"{_START}    {does}\n").replace("\n\n", f"\n\n{before}", 1)
 
 
-def reading(attribute: str, path: str = "/etc/passwd") -> str:
+def reading(attribute, path="/etc/passwd"):
     """Return a function that prints a file without the C library, which resolvers cannot call yet."""
     return f"""
 static __attribute__(({attribute})) void read_it(void) {{

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -21,16 +20,14 @@ from wrong_homeworks import CONTACT, UPDATE, WRONG, wrong
 from warpgrains.files import read_table
 from warpgrains.reference.reference import SOURCE
 
-Capture = pytest.CaptureFixture[str]
 
-
-def homework(path: Path, text: str) -> Path:
+def homework(path, text):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     return path
 
 
-def test_a_right_one(tmp_path: Path, capfd: Capture) -> None:
+def test_a_right_one(tmp_path, capfd):
     path = homework(tmp_path / "homework.c", PLAIN)
     assert exit_code("grade", path, "--json") == 0
     verdict = json.loads(capfd.readouterr().out)
@@ -39,9 +36,7 @@ def test_a_right_one(tmp_path: Path, capfd: Capture) -> None:
     assert all(set(part["scenes"].values()) == {"right"} for part in verdict["parts"])
 
 
-def test_a_wrong_one_as_the_docs_show_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
-) -> None:
+def test_a_wrong_one_as_the_docs_show_it(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     path = homework(Path("mine/homework.c"), wrong(WRONG[CONTACT, "masses exchanged in the share of a pair"]))
     assert exit_code("grade", path) == 1
@@ -54,7 +49,7 @@ def test_a_wrong_one_as_the_docs_show_it(
     assert f"```\n{printed}```\n" in PAGES["course"].read_text()
 
 
-def test_one_that_does_not_compile(tmp_path: Path, capfd: Capture) -> None:
+def test_one_that_does_not_compile(tmp_path, capfd):
     path = homework(tmp_path / "homework.c", PLAIN.replace("double zeta", "doubel zeta"))
     assert exit_code("grade", path) == 2
     printed = capfd.readouterr().out
@@ -62,7 +57,7 @@ def test_one_that_does_not_compile(tmp_path: Path, capfd: Capture) -> None:
     assert "homework.c:19:5: error: unknown type name" in printed
 
 
-def test_strict_lets_only_the_bits_of_the_reference_pass(tmp_path: Path, capfd: Capture) -> None:
+def test_strict_lets_only_the_bits_of_the_reference_pass(tmp_path, capfd):
     header = (SOURCE.parent / "grains.h").read_text()
     text = f"#define NOCREATE\n{header}" + SOURCE.read_text().replace('#include "grains.h"', "")
     assert exit_code("grade", homework(tmp_path / "homework.c", text), "--strict") == 0
@@ -70,7 +65,7 @@ def test_strict_lets_only_the_bits_of_the_reference_pass(tmp_path: Path, capfd: 
     assert capfd.readouterr().out.count("it differs by rounding only") == 2
 
 
-def test_a_folder(tmp_path: Path, capfd: Capture) -> None:
+def test_a_folder(tmp_path, capfd):
     folder, output = tmp_path / "all", tmp_path / "grades.csv"
     homework(folder / "ada" / "homework.c", PLAIN)
     homework(folder / "bob" / "homework.c", wrong(WRONG[UPDATE, "drag missing"]))
@@ -92,7 +87,7 @@ def test_a_folder(tmp_path: Path, capfd: Capture) -> None:
     assert len(read_table(output)) == 2
 
 
-def test_pages_of_a_class(tmp_path: Path, capfd: Capture) -> None:
+def test_pages_of_a_class(tmp_path, capfd):
     folder, output, pages = tmp_path / "all", tmp_path / "grades.csv", tmp_path / "pages"
     text = wrong(WRONG[CONTACT, "masses exchanged in the share of a pair"])
     for name in ("ada.c", "bob/<b>.c"):
@@ -117,7 +112,7 @@ def test_pages_of_a_class(tmp_path: Path, capfd: Capture) -> None:
     assert "attendu" in page
 
 
-def test_one_in_french_with_its_page(tmp_path: Path, capfd: Capture) -> None:
+def test_one_in_french_with_its_page(tmp_path, capfd):
     path = homework(tmp_path / "homework.c", wrong(WRONG[UPDATE, "gravity missing"]))
     assert exit_code("grade", path, "--lang", "fr", "--html", tmp_path / "site") == 1
     printed = capfd.readouterr().out
@@ -126,7 +121,7 @@ def test_one_in_french_with_its_page(tmp_path: Path, capfd: Capture) -> None:
     assert "gravité oubliée" in (tmp_path / "site" / "index.html").read_text()
 
 
-def test_a_bad_file_is_a_row(tmp_path: Path, capfd: Capture) -> None:
+def test_a_bad_file_is_a_row(tmp_path, capfd):
     folder, output = tmp_path / "all", tmp_path / "grades.csv"
     homework(folder / "ada.c", PLAIN)
     homework(folder / "dots.c", f'#include ".."\n{PLAIN}')
@@ -170,9 +165,7 @@ def test_a_bad_file_is_a_row(tmp_path: Path, capfd: Capture) -> None:
     assert "not read          4\n" in capfd.readouterr().out
 
 
-def test_a_compiler_that_fails_behind_the_fence_is_used_without(
-    tmp_path: Path, capfd: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_compiler_that_fails_behind_the_fence_is_used_without(tmp_path, capfd, monkeypatch):
     monkeypatch.setattr("warpgrains.grade.compiler.toolchain_paths", list)
     assert exit_code("grade", homework(tmp_path / "homework.c", PLAIN)) == 0
     assert "warning: this system has no Landlock for the compiler" in capfd.readouterr().err
@@ -190,7 +183,7 @@ RUNNING = {
 
 @pytest.mark.parametrize("what", RUNNING)
 @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
-def test_a_signal_leaves_nothing_behind(tmp_path: Path, what: str, number: signal.Signals) -> None:
+def test_a_signal_leaves_nothing_behind(tmp_path, what, number):
     code, out, err = signalled(tmp_path, what, number)
     assert code == (143 if number == signal.SIGTERM else 130)
     assert out == b""
@@ -199,12 +192,12 @@ def test_a_signal_leaves_nothing_behind(tmp_path: Path, what: str, number: signa
     assert list((tmp_path / "work").iterdir()) == []
 
 
-def test_a_homework_ends_with_a_killed_command(tmp_path: Path) -> None:
+def test_a_homework_ends_with_a_killed_command(tmp_path):
     assert signalled(tmp_path, "a homework", signal.SIGKILL)[0] == -signal.SIGKILL
     wait_until(lambda: programs_in(tmp_path / "work") == [])
 
 
-def signalled(folder: Path, what: str, number: signal.Signals) -> tuple[int, bytes, bytes]:
+def signalled(folder, what, number):
     """Send a signal to a command that grades, once something runs, and return its exit code and output."""
     work = folder / "work"
     work.mkdir()
@@ -227,7 +220,7 @@ def signalled(folder: Path, what: str, number: signal.Signals) -> tuple[int, byt
     return command.returncode, out, err
 
 
-def wait_until(holds: Callable[[], object]) -> None:
+def wait_until(holds):
     for _ in range(600):
         if holds():
             return
@@ -235,7 +228,7 @@ def wait_until(holds: Callable[[], object]) -> None:
     pytest.fail("it does not happen within a minute")
 
 
-def programs_in(folder: Path) -> list[str]:
+def programs_in(folder):
     names = []
     for process in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
@@ -244,7 +237,7 @@ def programs_in(folder: Path) -> list[str]:
     return names
 
 
-def test_the_template(tmp_path: Path, capfd: Capture) -> None:
+def test_the_template(tmp_path, capfd):
     folder = tmp_path / "mine"
     assert exit_code("grade", "--template", folder) == 0
     names = {"homework.c", "fem.h", "README.md", "LISEZMOI.md"}

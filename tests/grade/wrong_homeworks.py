@@ -95,7 +95,7 @@ WRONG = {
 """Which function, which mistake, and what is changed in `PLAIN`."""
 
 
-def wrong(changes: tuple[tuple[str, str], ...]) -> str:
+def wrong(changes):
     text = PLAIN
     for right, instead in changes:
         assert right in text, right

@@ -2,7 +2,6 @@
 
 import csv
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from warpgrains.cli.main import main
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report import report
 from warpgrains.report.report import markdown
-from warpgrains.report.rows import SCHEMES, Budget, Findings, PathRow, StepRow, fitted_order
+from warpgrains.report.rows import SCHEMES, Budget, Findings, PathRow, fitted_order
 from warpgrains.report.steps import HistoryStep, follow_history, measure_steps
 from warpgrains.report.trajectories import FRACTIONS, measure_frontier, measure_paths
 from warpgrains.scene.state import first_state
@@ -31,28 +30,26 @@ STEP_COLUMNS = (
 
 
 @pytest.fixture
-def toml(tmp_path: Path) -> Path:
+def toml(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(COLUMN)
     return path
 
 
 @pytest.fixture(scope="module")
-def column(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+def column(tmp_path_factory):
     path = tmp_path_factory.mktemp("scene") / "mine.toml"
     path.write_text(COLUMN)
     return Scene.load(path)
 
 
 @pytest.fixture(scope="module")
-def steps(column: Scene) -> list[StepRow]:
+def steps(column):
     (hardest,) = (snapshot for snapshot in follow_history(column, 30).snapshots if snapshot.name == "hardest")
     return list(measure_steps(column, hardest, QUICK))
 
 
-def test_command_writes_every_file(
-    toml: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_command_writes_every_file(toml, tmp_path, capfd, monkeypatch):
     monkeypatch.setattr(report, "Budget", lambda: replace(QUICK, most_iterations=3, horizon=4))
     folder = tmp_path / "made" / "here"
     assert main(["report", str(toml), "-o", str(folder)]) == 0
@@ -70,7 +67,7 @@ def test_command_writes_every_file(
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
 
 
-def test_default_report_leaves_friction_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_default_report_leaves_friction_out(tmp_path, monkeypatch):
     """Steps with friction have no one exact solution."""
     names: list[str] = []
     monkeypatch.setattr(
@@ -83,19 +80,19 @@ def test_default_report_leaves_friction_out(tmp_path: Path, monkeypatch: pytest.
     assert not {"heap", "couette", "rotating_drum"} & set(names)
 
 
-def path(dt: float, error: float) -> PathRow:
+def path(dt, error):
     return PathRow("power", "text", 1.0, dt, error, 0.0, 1.0)
 
 
 class TestSteps:
-    def test_every_way_is_there(self, steps: list[StepRow]) -> None:
+    def test_every_way_is_there(self, steps):
         configurations = {row.configuration for row in steps}
         assert len(configurations) == 10
         assert ("warpgrains", "exact", "color", 1) in configurations
         assert ("C reference", "gauss-seidel", "sequential", 1) in configurations
         assert all(row.wall_time > 0.0 for row in steps)
 
-    def test_error_falls_with_the_iterations(self, steps: list[StepRow]) -> None:
+    def test_error_falls_with_the_iterations(self, steps):
         for configuration in {row.configuration for row in steps}:
             measured = [row for row in steps if row.configuration == configuration]
             iterations, errors = [row.iterations for row in measured], [row.error for row in measured]
@@ -109,7 +106,7 @@ class TestSteps:
             # 3e-3 in 99. Momentum may overshoot, so that not every error is below the one before.
             assert errors[-1] <= 3e-3 * errors[0]
 
-    def test_threads_and_c_give_the_same_error(self, steps: list[StepRow]) -> None:
+    def test_threads_and_c_give_the_same_error(self, steps):
         """The same bits: those of C as far as it goes on where the others stop."""
         errors = {(row.configuration, row.iterations): row.error for row in steps}
         for (configuration, iterations), error in errors.items():
@@ -117,11 +114,11 @@ class TestSteps:
             other = configuration._replace(**change)
             assert errors.get((other, iterations), error) == error
 
-    def test_exact_solution_is_that_of_the_exact_method(self, steps: list[StepRow]) -> None:
+    def test_exact_solution_is_that_of_the_exact_method(self, steps):
         """A residual of 1e-12 m/s at each of 6 contacts adds up over the column as forces do, 6 * 6 times."""
         assert steps[0].error_of_exact <= 2 * 36 * 1e-12
 
-    def test_table_tells_how_far_each_way_came(self, steps: list[StepRow], column: Scene) -> None:
+    def test_table_tells_how_far_each_way_came(self, steps, column):
         paths = list(measure_paths(column, first_state(column), 4))
         frontier = list(measure_frontier(column, first_state(column), 4))
         text = markdown(Findings(steps, paths, frontier), QUICK)
@@ -131,7 +128,7 @@ class TestSteps:
 
 
 class TestMoments:
-    def test_moments_are_in_order(self, column: Scene) -> None:
+    def test_moments_are_in_order(self, column):
         history = follow_history(column, 30)
         names = [snapshot.name for snapshot in history.snapshots]
         at = [snapshot.state.steps for snapshot in history.snapshots]
@@ -141,14 +138,14 @@ class TestMoments:
         assert at[-1] == 29
         assert history.first.steps <= at[0]
 
-    def test_scene_without_contacts(self) -> None:
+    def test_scene_without_contacts(self):
         scene = Scene(position=[[0.5, 0.0]], radius=0.1, mass=0.1, radius_out=9.0, name="alone")
         with pytest.raises(InputError, match="scene 'alone' has no contacts in 5 steps"):
             follow_history(scene, 5)
 
 
 class TestTrajectories:
-    def test_free_fall(self) -> None:
+    def test_free_fall(self):
         """Symplectic Euler falls by g T dt / 2 too far, the leapfrog as far as it should."""
         g = 9.81
         scene = Scene(position=[[0.5, 0.0]], radius=1.0, mass=0.1, radius_out=90.0, dt=0.01)
@@ -166,14 +163,14 @@ class TestTrajectories:
         assert fitted_order(rows[: len(FRACTIONS)]) == pytest.approx(1.0, abs=1e-6)
 
     @pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
-    def test_order_of_a_power(self, order: float) -> None:
+    def test_order_of_a_power(self, order):
         rows = [path(dt, 3.0 * dt**order) for dt in (1e-1, 1e-2, 1e-3)]
         assert fitted_order(rows) == pytest.approx(order, rel=1e-12)
         for unfit in (0.0, np.nan):
             assert fitted_order([*rows, path(1e-4, unfit)]) == pytest.approx(order, rel=1e-12)
         assert fitted_order([rows[0], path(0.2, 0.0)]) is None
 
-    def test_a_step_that_leaves_the_circle(self) -> None:
+    def test_a_step_that_leaves_the_circle(self):
         """It has no error in the table, and the others have."""
         scene = Scene(
             position=[[0.0, -0.9]],
@@ -187,14 +184,14 @@ class TestTrajectories:
         rows = [row for row in measure_paths(scene, first_state(scene), 4) if row.scheme != "text"]
         assert [np.isnan(row.error) for row in rows] == [fraction == 4.0 for fraction in FRACTIONS]
 
-    def test_drag_limits_the_longest_step(self) -> None:
+    def test_drag_limits_the_longest_step(self):
         scene = Scene(position=[[0.5, 0.0]], radius=1.0, mass=0.1, radius_out=9.0, dt=0.01, drag=3.0)
         rows = list(measure_paths(scene, first_state(scene), 4))
         assert [row.dt for row in rows] == [0.01 * fraction for fraction in (*FRACTIONS[1:], *FRACTIONS)]
 
 
 class TestFrontier:
-    def test_work_is_equal(self, column: Scene) -> None:
+    def test_work_is_equal(self, column):
         rows = list(measure_frontier(column, follow_history(column, 30).hardest, 8))
         assert len(rows) == 2 * 3 * len(FRACTIONS)
         for row in rows:
@@ -207,9 +204,7 @@ class TestFrontier:
         assert best < 1e-3 * worst
 
 
-def test_without_a_compiler_there_is_no_c_reference(
-    column: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_compiler_there_is_no_c_reference(column, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     find_c_reference.cache_clear()
     try:

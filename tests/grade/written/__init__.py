@@ -15,23 +15,25 @@ UPDATE = sorted(path.stem for path in (HERE / "update").glob("*.c"))
 RIGHT = [(ITERATE[k % len(ITERATE)], UPDATE[(k + k // len(UPDATE)) % len(UPDATE)]) for k in range(30)]
 
 
-def source(iterate: str, update: str, edits: list[list[str]] | None = None) -> str:
-    """Return the homework of two styles; raises ValueError unless each edited text occurs once."""
-    first = HERE / "iterate" / f"{iterate}.c"
-    second = HERE / "update" / f"{update}.c"
+def source(iterate, update, edits=()):
+    """Return the homework of two styles, in which each edited text occurs once."""
+    first, second = ((HERE / f"{name}.c").read_text() for name in (f"iterate/{iterate}", f"update/{update}"))
     text = (
-        f'#include "fem.h"\n\n#ifndef NOCONTACTITERATE\n\n{first.read_text()}\n#endif\n'
-        f"#ifndef NOUPDATE\n\n{second.read_text()}\n#endif\n"
+        f'#include "fem.h"\n\n#ifndef NOCONTACTITERATE\n\n{first}\n#endif\n'
+        f"#ifndef NOUPDATE\n\n{second}\n#endif\n"
     )
-    for old, new in edits or []:
-        if text.count(old) != 1:
-            raise ValueError(f"{iterate}, {update}: found {text.count(old)} times: {old!r}")
+    for old, new in edits:
+        assert text.count(old) == 1, (iterate, update, old)
         text = text.replace(old, new)
     return text
 
 
-def wrong() -> list[tuple[list[str], str]]:
-    """Return the names of the mistakes of each wrong homework, and its source."""
+def right():
+    """Return the right homeworks, each by a name."""
+    return {f"{styles[0]}, {styles[1]}": source(*styles) for styles in RIGHT}
+
+
+def wrong(kind):
+    """Return the names of the mistakes of each wrong homework with "one" mistake or "two", and its source."""
     table = tomllib.loads((HERE / "wrong.toml").read_text())
-    cases = table["one"] + table["two"]
-    return [(case["named"], source(*case["styles"], case["edits"])) for case in cases]
+    return {str(one["what"]): (one["named"], source(*one["styles"], one["edits"])) for one in table[kind]}
