@@ -3,6 +3,7 @@
 import csv
 from pathlib import Path
 
+from warpgrains import Scene
 from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.cli.main import main
 from warpgrains.sweep.execution import RunSettings
@@ -58,6 +59,12 @@ def rows(folder: Path) -> list[dict[str, str]]:
 def parts(folder: Path) -> list[list[dict[str, str]]]:
     """Read the tables of groups of runs."""
     return [table(part) for part in sorted(folder.glob("parts/[0-9]*.csv"))]
+
+
+def scene_of(folder: Path, row: dict[str, str]) -> Scene:
+    """Load the scene of a row of the small sweep by hand."""
+    overrides = [f"{key}={row[key]}" for key in ("physics.drag", "grains.count")]
+    return Scene.load(folder / "scenes" / "annulus.toml", overrides)
 
 
 def begin(folder: Path, text: str, out: Path | str = "out") -> tuple[SweepFolder, Sweep]:
