@@ -38,7 +38,7 @@ DECIDING = {
     "stopping": ("momentum", "accelerated_stages", "working_set", "monitoring", "missing_contacts"),
     "coloring": ("coloring",),
     "contacts": ("coloring", "accelerated_stages"),
-    "residual": ("accelerated_stages", "accelerated", "driven_walls", "friction", "reference"),
+    "residual": ("accelerated_stages", "accelerated", "driven_walls", "friction", "walls", "reference"),
     "rolling": ("friction", "reference"),
     "attempt": ("accelerated_stages", "missing_contacts", "driven_walls", "second_order", "exact"),
     "path": ("exact_friction",),

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from random_scenes import random_walls
 from trimmed import trimmed
-from walled_scenes import BLADE, PISTON, RING, ROUGH_MOVING, STIRRED_ROUGH, STONE, TURNING, stirred
+from walled_scenes import BLADE, PISTON, RING, ROUGH_MOVING, STIRRED_ROUGH, STONE, TURNING, alone, stirred
 
 from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulation, analysis
 from warpgrains.accuracy import certify
@@ -20,29 +21,22 @@ from warpgrains.reference.reference import Reference
 from warpgrains.scene.wall import Wall
 
 
-def alone(position: tuple[float, float], wall: Disc | Segment, **changes: object) -> Simulation:
-    """Return the simulation of a grain of radius 0.1 m at a wall."""
-    fields = {"dt": 1e-3, "scheme": "leapfrog", "tolerance": 1e-12, "radius_out": 3.0}
-    scene = Scene(position=[position], radius=0.1, mass=2.0, walls=[wall], **(fields | changes))  # type: ignore[arg-type]
-    return Simulation(scene)
-
-
 def test_a_lift_carries_a_grain() -> None:
     lift = Segment((-1.0, 0.0), (1.0, 0.0), velocity=(0.0, 0.5), from_time=0.1, to_time=0.6)
-    simulation = alone((0.0, 0.1), lift)
+    simulation = alone((0.0, 0.1), [lift], dt=1e-3)
     simulation.advance(600)
     assert simulation.position[0] == pytest.approx((0.0, 0.1 + 0.5 * 0.5), abs=1e-12)
     simulation.step()  # it is thrown off where the lift stops
     assert simulation.velocity[0, 1] == pytest.approx(0.5 - 9.81e-3)
     simulation.advance(400)
     assert simulation.position[0] == pytest.approx((0.0, 0.35), abs=1e-12)
-    assert simulation.wall_contacts().force == pytest.approx([2.0 * 9.81])
+    assert simulation.wall_contacts().force == pytest.approx([9.81])
 
 
 def test_a_turning_rod_drives_a_grain_outwards() -> None:
     """On a rod that turns about its end without friction or gravity, its way along the rod is s cosh(w t)."""
     rod = Segment((0.0, 0.0), (2.5, 0.0), angular_velocity=1.0, pivot=(0.0, 0.0))
-    simulation = alone((0.5, 0.1), rod, gravity=(0.0, 0.0), velocity=[(-0.1, 0.5)])
+    simulation = alone((0.5, 0.1), [rod], (-0.1, 0.5), gravity=(0.0, 0.0), dt=1e-3)
     simulation.advance(1000)
     along, up = np.array([cos(1.0), sin(1.0)]), np.array([-sin(1.0), cos(1.0)])
     assert simulation.position[0] @ up == pytest.approx(0.1, abs=1e-6)
@@ -52,7 +46,7 @@ def test_a_turning_rod_drives_a_grain_outwards() -> None:
 def test_a_belt_drives_a_grain_until_it_rolls() -> None:
     """A disc at rest on a belt of speed V ends at V / 3, with the speed of its rim 2 V / 3."""
     belt = Segment((-2.0, 0.0), (2.0, 0.0), velocity=(1.5, 0.0), friction=0.3)
-    simulation = alone((0.0, 0.1), belt)
+    simulation = alone((0.0, 0.1), [belt], dt=1e-3)
     simulation.advance(100)
     assert simulation.velocity[0, 0] == pytest.approx(0.3 * 9.81 * 0.1, rel=0.01)  # half a step behind
     simulation.advance(200)
@@ -87,37 +81,19 @@ def test_accelerated_friction_meets_the_tolerance() -> None:
     assert simulation.advance(100).unconverged == 0
 
 
-def random_walls(rng: np.random.Generator) -> list[Disc | Segment]:
-    """Draw walls that move through each other and through the annulus."""
-    walls: list[Disc | Segment] = []
-    for _ in range(rng.integers(1, 5)):
-        motion = {
-            "velocity": tuple(rng.uniform(-0.5, 0.5, 2)),
-            "angular_velocity": rng.uniform(-2.0, 2.0),
-            "pivot": tuple(rng.uniform(-0.5, 0.5, 2)),
-            "from_time": rng.uniform(0.0, 0.1),
-            "to_time": rng.uniform(0.1, 0.3),
-        }
-        center = rng.uniform(-0.6, 0.6, 2)
-        if rng.random() < 0.3:
-            walls.append(Disc(tuple(center), rng.uniform(0.02, 0.2), **motion))
-        else:
-            walls.append(Segment(tuple(center), tuple(center + rng.uniform(-0.5, 0.5, 2)), **motion))
-    return walls
-
-
 @pytest.mark.parametrize("count", [10, pytest.param(trimmed(1000), marks=pytest.mark.slow)])
 def test_no_overlap_exceeds_dt_eta(count: int) -> None:
-    """After each converged step of random scenes (12)."""
+    """After each converged step of random scenes (12); along a concave wall a grain leaves its tangent."""
     fields = {"radius_out": 2.0, "method": "accelerated", "tolerance": 1e-7, "max_iterations": 2000}
     for seed in range(count):
-        walls = tuple(random_walls(np.random.default_rng(seed)))
+        walls = random_walls(np.random.default_rng(seed), 0.5)
+        walls = [wall for wall in walls if not isinstance(wall, Arc) and not getattr(wall, "inside", False)]
         scene = stirred(30, seed, walls, **fields)
         simulation = Simulation(scene)
         for _ in range(60):
             report, x = simulation.step(), simulation.position
             gaps = [wall.side_at(simulation.time, x, scene.radius).gap.min() for wall in walls]
-            assert not report.converged or min(gaps) >= -scene.dt * report.residual - 1e-14, seed
+            assert not report.converged or min(gaps, default=0.0) >= -scene.dt * report.residual - 1e-14, seed
 
 
 def test_a_change_of_walls_needs_another_list(c_library: CDLL) -> None:
@@ -172,7 +148,7 @@ def test_a_scene_of_the_present_goes_on(tmp_path: Path) -> None:
         (-1.0, -0.5), (1.0, -0.5), velocity=(0.1, 0.5), angular_velocity=0.2, from_time=0.1, to_time=0.6
     )
     fields: dict[str, Any] = {"scheme": "text", "tolerance": 0.0, "max_iterations": 10}
-    whole = alone((0.0, -0.39), lift, gravity={"rotate": 0.3}, friction=0.3, **fields)
+    whole = alone((0.0, -0.39), [lift], dt=1e-3, gravity={"rotate": 0.3}, friction=0.3, **fields)
     whole.advance(300)
     scene = whole.present_scene
     assert (scene.time, scene.walls[0].from_time) == (whole.time, whole.time)

@@ -61,8 +61,9 @@ def test_unlike_discs_that_meet_obliquely(
     assert np.abs(radius * simulation.spin - (rim - 2.0 * reduced * dvt / mass)).max() <= rounding
 
 
+@pytest.mark.parametrize("method", METHODS[:2])
 @pytest.mark.parametrize("side", ["outer", "inner", "segment", "piston", "driven"])
-def test_walls(side: str) -> None:
+def test_walls(side: str, method: str) -> None:
     """A grain leaves a wall at e times the speed at which it came, relative to the wall."""
     e, v, own = 0.6, -2.0, {"friction": 0.0}
     changes: dict[str, Any] = {
@@ -73,7 +74,7 @@ def test_walls(side: str) -> None:
         "driven": {"walls": [Segment((-1.0, 0.5), (1.0, 0.5), force=0.0, mass=1.5, **own)]},
     }[side]
     fields = {"position": [(0.0, 0.6005)], "velocity": [(0.0, v)], "radius": 0.1, "mass": 0.5}
-    simulation = Simulation(Scene(**{**fields, "wall_restitution": e, **FREE, **changes}))
+    simulation = Simulation(Scene(**{**fields, "wall_restitution": e, "method": method, **FREE, **changes}))
     simulation.step()
     expected = {"segment": 0.25 * 2.0, "piston": 0.5 + e * 2.5, "driven": -2.0 + 1.6 * 2.0 * 0.75}
     rounding = 8.0 * EPS * 0.6 / FREE["dt"]  # of b, in which the piston's w counts
@@ -115,18 +116,18 @@ def test_grains_apart_hand_on_the_speed() -> None:
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_ball_that_loses_nothing_keeps_its_energy(scheme: dict[str, str]) -> None:
-    """m (v^2 / 2 - g . x + dt g . v / 2), for 200 bounces."""
+    """m (v^2 / 2 - g . x + dt g . v / 2), for 20 bounces and more."""
     g, dt, y = -9.81, 1.0 / 512.0, 0.30123
     scene = Scene(position=[(0.0, y)], radius=0.1, mass=1.0, walls=[FLOOR], restitution=1.0, **FREE)
     simulation = Simulation(scene.replace(gravity=(0.0, g), dt=dt, **scheme))
-    kept, bounces, steps = [], 0, 25_000
+    kept, bounces, steps = [], 0, 5000
     for _ in range(steps):
         before = simulation.velocity[0, 1]
         simulation.step()
         v, x = simulation.velocity[0, 1].item(), simulation.position[0, 1].item()
         bounces += before < 0.0 < v
         kept.append(0.5 * v * v - g * x + 0.5 * dt * g * v)
-    assert bounces > 100
+    assert bounces > 20
     # a step rounds the sum, at most 6 J, a few times; each bounce takes v to -v
     assert np.ptp(kept) <= steps * 4.0 * EPS * 6.0
 

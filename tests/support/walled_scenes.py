@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains import Arc, Box, Disc, Line, Row, Scene, Segment
+from warpgrains import Arc, Box, Disc, Line, Row, Scene, Segment, Simulation
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.layouts import random
 from warpgrains.scene.wall import Wall
@@ -57,6 +57,24 @@ RING = Disc((0.02, -0.05), 0.93, inside=True)
 ARC = Arc((0.5, -0.1), 0.3, -2.5, -0.3)
 OF_EVERY_KIND = (*DISCS, *SEGMENTS, RING, ARC)
 INFINITE = (Line((0.1, -0.6), (0.3, 1.0), 2.0), Row((0.0, -0.5), (0.2, 0.1), 0.1, 2.0))
+
+
+def alone(
+    position: tuple[float, float],
+    walls: Sequence[Any],
+    velocity: tuple[float, float] = (0.0, 0.0),
+    **changes: Any,
+) -> Simulation:
+    """Return the simulation of a grain of radius 0.1 m at walls, of second order, solved to rounding."""
+    fields = {
+        "radius": 0.1,
+        "mass": 1.0,
+        "radius_out": 6.0,
+        "dt": 0.01,
+        "scheme": "leapfrog",
+        "tolerance": 1e-12,
+    }
+    return Simulation(Scene(position=[position], velocity=[velocity], walls=walls, **fields | changes))
 
 
 def around(n: int = 140, walls: Sequence[Wall] = OF_EVERY_KIND, **changes: Any) -> Scene:
