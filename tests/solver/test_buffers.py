@@ -6,9 +6,6 @@ import warp as wp
 from stages import grains_apart
 
 from warpgrains.kernels.record import SceneRecord
-from warpgrains.kernels.types import DriveOf, MotionOf
-from warpgrains.scene.motion import Motion
-from warpgrains.scene.wall import Drive
 from warpgrains.solver.buffers import ALIGNMENT, BlockLayout, array_fields, bytes_needed
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.sizes import Sizes
@@ -72,27 +69,3 @@ def test_every_scene_has_a_history_of_its_own() -> None:
     assert [len(records.array(k, "history.zeta")) for k in (0, 1)] == [0, 7]
     records.keep_history(0, 7)
     assert [len(records.array(k, "history.zeta")) for k in (0, 1)] == [7, 7]
-
-
-def test_numbers_of_walls_are_in_the_order_of_the_host() -> None:
-    drive = np.hstack(Drive(inverse_mass=0.5, force=-20.0, pressure=3.0, direction=(0.6, 0.8), leader=3))
-    assert {number.name: drive[number] for number in DriveOf} == {
-        "INVERSE_MASS": 0.5,
-        "FORCE": -20.0,
-        "PRESSURE": 3.0,
-        "DIRECTION_X": 0.6,
-        "DIRECTION_Y": 0.8,
-        "LEADER": 3.0,
-    }
-    motion = np.hstack(
-        Motion(pivot=(1.0, 2.0), velocity=(3.0, 4.0), angular_velocity=5.0, from_time=6.0, to_time=7.0)
-    )
-    assert {number.name: motion[number] for number in MotionOf if number != MotionOf.SPEED} == {
-        "PIVOT_X": 1.0,
-        "PIVOT_Y": 2.0,
-        "VELOCITY_X": 3.0,
-        "VELOCITY_Y": 4.0,
-        "ANGULAR_VELOCITY": 5.0,
-        "FROM_TIME": 6.0,
-        "TO_TIME": 7.0,
-    }

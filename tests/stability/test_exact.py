@@ -231,24 +231,6 @@ def test_what_cannot_fit_is_named_and_keeps_the_sweeps_answer() -> None:
         Simulation(scene.replace(on_unconverged="raise")).step()
 
 
-def test_factors_solve_what_they_are_of() -> None:
-    """(I + A^T D A) x = r, against NumPy's dense solver, for another A of the same pattern."""
-    rng = np.random.default_rng(0)
-    columns = [[0, 1, 4, 5], [2, 3, 4, 5], [0, 1, 6, 7], [2, 3], [4, 5], [4, 5]]
-    start = np.concatenate([[0], np.cumsum([len(row) for row in columns])])
-    rows = sparse.csr_array((rng.normal(size=18), np.concatenate(columns), start), shape=(6, 10))
-    matrix = NormalMatrix()
-    matrix.take(rows)
-    other = rows.copy()
-    other.data = rng.normal(size=18)
-    matrix.take(other)
-    diagonal, right = rng.uniform(size=6), rng.normal(size=10)
-    matrix.factor(diagonal)
-    dense = other.toarray()
-    expected = np.linalg.solve(np.eye(10) + dense.T @ np.diag(diagonal) @ dense, right)
-    assert np.abs(matrix.solve(right) - expected).max() <= 100.0 * EPS * np.abs(right).max()
-
-
 @pytest.mark.parametrize(("method", "matrix"), [(active_set, BorderedMatrix), (interior_point, NormalMatrix)])
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
 def test_one_bound_in_closed_form(scale: float, method: ModuleType, matrix: Callable[[], object]) -> None:
