@@ -21,10 +21,6 @@ def grain(**changes: Any) -> Scene:
     return Scene(**{**fields, **changes})
 
 
-def gravity(time: float) -> complex:
-    return G * np.exp(1j * RATE * time)
-
-
 @pytest.mark.parametrize(("scheme", "order"), [("text", 1.0), ("leapfrog", 2.0)])
 @pytest.mark.parametrize(("turning", "rate"), [(RATE, 0.0), (RATE, 3.0), (0.0, 2.0), (0.0, 30.0)])
 def test_free_flight_has_the_order_of_the_scheme(
@@ -47,17 +43,6 @@ def test_free_flight_has_the_order_of_the_scheme(
 def integral(rate: complex, time: float) -> complex:
     """Return that of exp(rate t)."""
     return (np.exp(rate * time) - 1.0) / rate if rate else time
-
-
-@pytest.mark.parametrize(("scheme", "first"), [("text", 1.0), ("leapfrog", 0.5)])
-def test_a_step_has_the_gravity_of_its_start(scheme: str, first: float) -> None:
-    """v_k = dt (g_0 / 2 + g_1 + ... + g_{k-1}), of second order; with all of g_0 in the text's scheme."""
-    scene, steps = grain(scheme=scheme), 40
-    flight = Simulation(scene)
-    flight.advance(steps)
-    kicks = gravity(scene.dt * np.arange(steps))
-    kicks[0] *= first
-    assert complex(*flight.velocity[0]) == pytest.approx(scene.dt * kicks.sum(), rel=1e-13)
 
 
 @pytest.mark.parametrize("scheme", ["text", "leapfrog"])

@@ -82,7 +82,7 @@ def test_raising_names_the_grains_that_cannot_fit() -> None:
     assert contents(simulation.position) == contents(simulation.scene.position)
 
 
-def test_error_in_radii() -> None:
+def test_a_summary_is_that_of_its_steps() -> None:
     """The velocities solve a step whose gaps are changed by dt * residual, here in smallest radii."""
     scene = Scene.load("polydisperse").replace(max_iterations=20)
     simulation, reports = Simulation(scene), []
@@ -93,6 +93,10 @@ def test_error_in_radii() -> None:
     assert summary.residual == max(report.residual for report in reports) > 0.0
     assert summary.gap_error == max(report.gap_error for report in reports)
     assert summary.unconverged == sum(not report.converged for report in reports) > 0
+    for name in ("iterations", "rebuilds", "restarts"):
+        assert getattr(summary, name) == sum(getattr(report, name) for report in reports)
+    assert summary.iterations_max == max(report.iterations for report in reports)
+    assert summary.overlap == max(report.overlap for report in reports)
 
 
 @pytest.mark.parametrize("kept", ["", "kept.npz"])

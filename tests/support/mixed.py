@@ -27,23 +27,8 @@ class Alone(NamedTuple):
     report: StepReport
 
 
-def of_step(report: StepReport) -> Summary:
-    return Summary(
-        steps=1,
-        iterations=report.iterations,
-        iterations_max=report.iterations,
-        unconverged=int(not report.converged),
-        residual=report.residual,
-        gap_error=report.gap_error,
-        overlap=report.overlap,
-        rebuilds=report.rebuilds,
-        restarts=report.restarts,
-    )
-
-
 def alone(scene: Scene) -> Alone:
-    simulation, statistics = Simulation(scene, threads=1), Summary()
-    for _ in range(STEPS):
-        report = simulation.step()
-        statistics.add(of_step(report))
-    return Alone(simulation.state(), statistics, report)
+    simulation, stepped = (Simulation(scene, threads=1) for _ in range(2))
+    summary = simulation.advance(STEPS)
+    stepped.advance(STEPS - 1)
+    return Alone(simulation.state(), summary, stepped.step())

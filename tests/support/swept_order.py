@@ -3,7 +3,6 @@
 import ctypes
 from collections.abc import Callable
 from dataclasses import replace
-from operator import or_
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from graphs import complete
 from same_bits import assert_same_bits
 
 from warpgrains import Scene, Simulation, State, StepReport
-from warpgrains.arrays import IntArray
+from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.reference.reference import Reference, pair_index
 
 LAWS = {
@@ -50,10 +49,8 @@ class Followed(NamedTuple):
     reports: list[StepReport]
     touched: set[int]
     """Walls that carried a grain."""
-    bounced: bool
-    """Whether a pair bounced, and a grain off a wall."""
-    rolled: bool
-    """Whether some pairs and grains at walls rolled on, and some were held."""
+    position: FloatArray
+    """Of the grains in the end."""
 
 
 def contacts_of(reference: Reference) -> int:
@@ -66,31 +63,6 @@ def worst_overlap(simulation: Simulation) -> float:
     gaps = [now.side(wall, x, now.radius).gap for wall in now.wall_numbers]
     gaps.append(now.pair_frames(x, np.stack(np.triu_indices(now.n, 1), axis=1))[1])
     return max(0.0, -float(np.concatenate(gaps).min()))
-
-
-def bounces(simulation: Simulation) -> tuple[bool, bool]:
-    """Return whether some pair, and some grain at a wall, carried a correction and left a gap of 1 mm/s."""
-    pairs, walls, v = simulation.contacts(), simulation.wall_contacts(), simulation.velocity
-    closing = v[pairs.pair[:, 0]] - v[pairs.pair[:, 1]], v[walls.wall[:, 0]]
-    left = (
-        own.gap - simulation.scene.dt * (u * own.normal).sum(axis=1)
-        for own, u in zip((pairs, walls), closing, strict=True)
-    )
-    return tuple((gap > 1e-3 * simulation.scene.dt).any() for gap in left)
-
-
-def rolls(simulation: Simulation) -> tuple[bool, ...]:
-    """Return whether some pairs, and some grains at walls, rolled on, and whether some were held."""
-    kept, scene = simulation.state().corrections, simulation.scene
-    if kept.pair_rolling is None or kept.wall_rolling is None:
-        return (False,) * 4
-    at_walls = np.array(scene.wall_rolling_frictions)[kept.wall[:, 1]] * kept.wall_correction
-    bounds = scene.rolling_friction * kept.pair_correction, at_walls
-    bounded = [
-        np.abs(own) >= (1.0 - 1e-12) * most
-        for own, most in zip((kept.pair_rolling, kept.wall_rolling), bounds, strict=True)
-    ]
-    return tuple(own.any() for rolled in bounded for own in (rolled, ~rolled))
 
 
 def residual_in_c(library: ctypes.CDLL, simulation: Simulation, start: State) -> float:
@@ -131,7 +103,7 @@ def follow_reference(
     state: State | None = None,
 ) -> Followed:
     """Hold every step against the reference, in the order of the sweeps; both are restored half-way."""
-    reports, touched, bounced, rolled = [], set[int](), [False] * 2, [False] * 4
+    reports, touched = [], set[int]()
     for count in (steps // 2, steps - steps // 2):
         simulation, reference = simulate(scene), Reference(library, scene, state)
         if state is not None:
@@ -145,7 +117,5 @@ def follow_reference(
                 assert reports[-1].contacts == contacts_of(reference)
                 assert reports[-1].overlap == worst_overlap(simulation)
             touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
-            bounced = [*map(or_, bounced, bounces(simulation))]
-            rolled = [*map(or_, rolled, rolls(simulation))]
         state = simulation.state()
-    return Followed(scene, reports, touched, all(bounced), all(rolled))
+    return Followed(scene, reports, touched, simulation.position)
