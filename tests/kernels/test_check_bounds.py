@@ -21,15 +21,13 @@ for name, length, threads in {cases}:
     group, array = name.split(".")
     buffers.lengths = lambda size: (table := lengths(size)) | {{group: table[group] | {{array: length}}}}
     try:
-        wg.Simulation(
-            wg.Scene.load("polydisperse"), method="accelerated", order="color", threads=threads
-        ).advance(50)
+        wg.Simulation("polydisperse", order="color", threads=threads).advance(50)
     except wg.SimulationError as error:
         print(error)
 """
 CASES = [
     ("contacts.set_start", 3, 1),
-    ("momentum.last_velocity", 5, 1),
+    ("verlet.recent_deviation", 5, 1),
     ("grains.next_velocity", 40, 2),
 ]
 

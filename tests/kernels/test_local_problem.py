@@ -62,9 +62,11 @@ def by_de_saxce(scene: Scene, sweeps: int = 3000) -> FloatArray:
     mu, rho = scene.friction, 1.0 / np.trace(w, axis1=1, axis2=2)
     impulse = np.zeros((count, 2))
     for _ in range(sweeps):
-        u = free + np.einsum("pab,pb->pa", w, impulse)
+        u, before = free + np.einsum("pab,pb->pa", w, impulse), impulse
         shifted = u + np.stack([mu * np.abs(u[:, 1]), zero], axis=1)
         impulse = on_cone(impulse - rho[:, np.newaxis] * shifted, mu)
+        if np.abs(impulse - before).max() <= 1e-13:
+            break
     return impulse
 
 
