@@ -1,8 +1,5 @@
 """Pictures of recordings: radii, walls, colors and force chains, held against the state pixel by pixel."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from command import exit_code
@@ -169,14 +166,3 @@ class TestCommand:
         assert exit_code("plot", recording, *options) == 0
         assert capsys.readouterr().out == f"{tmp_path / 'a.svg'}: frame 1\n"
         assert "mean height" not in (tmp_path / "a.svg").read_text()
-
-    def test_needs_no_window_system(self, recording):
-        script = (
-            "import sys\nfrom warpgrains.cli.main import main\n"
-            f"main(['plot', {str(recording)!r}])\n"
-            "print({'matplotlib.pyplot', 'tkinter', 'warp'} & sys.modules.keys())"
-        )
-        done = subprocess.run(
-            [sys.executable, "-c", script], capture_output=True, text=True, check=True, env={}
-        )
-        assert done.stdout.splitlines()[-1] == "set()"

@@ -19,7 +19,7 @@ from warpgrains.grade.grader import Grader
 from warpgrains.grade.sandbox import Limits
 from warpgrains.grade.verdict import BOTH
 
-FAST = 3
+FAST = 2
 """Homeworks of a kind that every run of the tests grades; the others are slow."""
 
 
@@ -62,7 +62,7 @@ def statuses(verdict):
     return [parts(verdict)[name].status for name in (UPDATE, CONTACT, BOTH)]
 
 
-@pytest.mark.parametrize("text", some(RIGHT) + some(written.right(), 2))
+@pytest.mark.parametrize("text", some(RIGHT) + some(written.right(), 1))
 def test_right_ones_in_several_styles(grade, text):
     verdict = grade(text)
     assert verdict.status == "right", verdict.text(False)
@@ -88,15 +88,15 @@ CHANGED = {name: ([name], wrong(WRONG[of, name])) for of, name in sorted(WRONG, 
 
 
 @pytest.mark.parametrize(
-    ("mistakes", "text"), some(CHANGED) + some(written.wrong("one"), 2) + some(written.wrong("two"), 2)
+    ("mistakes", "text"), some(CHANGED) + some(written.wrong("one"), 1) + some(written.wrong("two"), 1)
 )
 def test_each_mistake_is_named(grade, mistakes, text):
     verdict = grade(text)
     assert [name for part in verdict.parts for name in names(part)] == mistakes, verdict.text(False)
     for part in verdict.parts[:2]:
         assert part.status == ("wrong" if part.mistakes else "right")
-        assert part.remark == ""
         assert part.first is None or part.first.startswith("scene ")
+    assert {part.remark for part in verdict.reported_parts()} == {""}
     assert parts(verdict)[BOTH].status == "wrong"
 
 
@@ -305,9 +305,7 @@ def test_only_rounding_passes(grader):
                 )
 
 
-@pytest.mark.parametrize(
-    "mistake", ["gravity missing", "tolerance ignored", "positions moved before the contacts"]
-)
+@pytest.mark.parametrize("mistake", ["gravity missing", "tolerance ignored"])
 def test_iteration_0_may_count_for_the_limit_beside_a_mistake(grade, mistake):
     text = wrong(WRONG[UPDATE, mistake])
     part = parts(grade(text.replace("iter <= iterMax", "iter < iterMax")))[UPDATE]

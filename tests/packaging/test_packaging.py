@@ -38,13 +38,6 @@ def test_the_version_is_one():
     assert f"## {warpgrains.__version__}\n" in (ROOT / "CHANGELOG.md").read_text()
 
 
-def test_what_is_said_of_the_package():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    versions = {line.rpartition(" ")[2] for line in project["classifiers"] if "Python :: 3." in line}
-    assert project["requires-python"] == ">=3.11"
-    assert versions == {"3.11", "3.12", "3.13"}
-
-
 @pytest.mark.parametrize("extra", ["report", "data", "film", "exact", "view", "cluster"])
 def test_a_missing_library_names_a_command_that_works(extra):
     """It names libraries, because no index has a package of extras."""

@@ -234,16 +234,12 @@ class TestStill:
         simulation.run(steps=600, record=tmp_path / "run.png", forces=True)
         simulation.plot(forces=True).save(tmp_path / "now.png")
         assert (tmp_path / "run.png").read_bytes() == (tmp_path / "now.png").read_bytes()
+        assert simulation.plot()._repr_png_().startswith(b"\x89PNG")  # in notebooks
         pixels = imread(tmp_path / "now.png")[:, :, :3]
         contacts, view = simulation.contacts(), View(pixels)
         widest = np.argmax(contacts.force)
         middle = simulation.position[contacts.pair[widest]].mean(axis=0, keepdims=True)
         assert np.allclose(view.at(pixels, middle), CHAIN_COLOR, atol=0.02)
-
-    def test_notebooks_show_it(self):
-        simulation = Simulation(Scene.load("annulus"))
-        png = simulation.plot(color_by="palette")._repr_png_()
-        assert png.startswith(b"\x89PNG")
 
     def test_from_the_command_line(self, tmp_path, capfd):
         path, looks = tmp_path / "run.png", ("--color-by", "radius", "--frame", FRAME)  # begins with a minus

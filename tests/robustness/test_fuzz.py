@@ -171,4 +171,4 @@ def check_recording(example):
         assert path.read_bytes() == content
 
 
-test_recordings = fuzzed(check_recording, st.deferred(usd_files), few=10)
+test_recordings = fuzzed(check_recording, st.deferred(usd_files), few=4)

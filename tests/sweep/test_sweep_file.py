@@ -19,6 +19,7 @@ mass = 0.1
 """
 
 AXES = 'scene = "annulus"\n[axes]\n'
+GRID = [(0.1, 5), (0.1, 7), (0.2, 5), (0.2, 7)]
 
 
 def load(folder, text):
@@ -55,21 +56,19 @@ class TestAxes:
 
 
 class TestRuns:
-    def test_grid(self, tmp_path):
-        sweep = load(
-            tmp_path, f"{AXES}physics.drag = [0.1, 0.2]\ngrains.count = {{range = [5, 15], count = 3}}"
-        )
-        assert sweep.axes == ("physics.drag", "grains.count")
-        assert values(sweep) == [(0.1, 5), (0.1, 10), (0.1, 15), (0.2, 5), (0.2, 10), (0.2, 15)]
-        assert [run.number for run in sweep.runs] == list(range(6))
-
-    def test_zip(self, tmp_path):
-        text = 'scene = "annulus"\ncombine = "zip"\n[axes]\nphysics.drag = [0.1, 0.1]\ngrains.count = [5, 7]'
-        assert values(load(tmp_path, text)) == [(0.1, 5), (0.1, 7)]
-
-    def test_no_axes_is_one_run(self, tmp_path):
-        for combine in ("grid", "zip"):
-            assert values(load(tmp_path, f'scene = "annulus"\ncombine = "{combine}"')) == [()]
+    @pytest.mark.parametrize(
+        ("text", "expected"),
+        [
+            ("physics.drag = [0.1, 0.2]\ngrains.count = {range = [5, 7], count = 2}", GRID),
+            ("physics.drag = [0.1, 0.1]\ngrains.count = [5, 7]\n", [(0.1, 5), (0.1, 7)]),
+            ("", [()]),
+        ],
+    )
+    def test_values_of_runs(self, tmp_path, text, expected):
+        combine = "grid" if expected is GRID else "zip"
+        sweep = load(tmp_path, f'combine = "{combine}"\n{AXES}{text}')
+        assert values(sweep) == expected
+        assert [run.number for run in sweep.runs] == list(range(len(expected)))
 
     def test_sides_of_a_box(self, tmp_path):
         axes = "domain.top.pressure = [1.0, 3.0]\ndomain.x = [[0.0, 1.6], [0.0, 2.0]]"
@@ -79,11 +78,8 @@ class TestRuns:
         found = Scene.load(tmp_path / "scene.toml")
         keys = ["domain.top.mass=2.0", "domain.top.pressure=3.0", "domain.x=[0.0, 2.0]"]
         assert found.walls == Scene.load("box", keys).walls
-        assert (found.walls[-1].force, found.walls[-1].mass, found.walls[0].velocity) == (
-            6.0,
-            2.0,
-            (0.4, 0.0),
-        )
+        lid, floor = found.walls[-1], found.walls[0]
+        assert (lid.force, lid.mass, floor.velocity) == (6.0, 2.0, (0.4, 0.0))
 
     def test_scene_of_a_run(self, tmp_path):
         """The file of a run gives the scene that the same overrides give on the command line."""
@@ -135,12 +131,8 @@ class TestRuns:
         (scenes / "notes.txt").write_text("not a scene")
         assert [run.base.name for run in Sweep.load(scenes).runs] == ["a", "b"]
         sweep = load(tmp_path, 'folder = "scenes"\n[axes]\nphysics.drag = [0.1, 0.2]')
-        assert [(run.base.name, *run.values.values()) for run in sweep.runs] == [
-            ("a", 0.1),
-            ("a", 0.2),
-            ("b", 0.1),
-            ("b", 0.2),
-        ]
+        names = [(run.base.name, *run.values.values()) for run in sweep.runs]
+        assert names == [("a", 0.1), ("a", 0.2), ("b", 0.1), ("b", 0.2)]
 
     def test_scene_beside_the_sweep_wins_over_a_shipped_one(self, tmp_path):
         (tmp_path / "annulus").write_text(SCENE)
