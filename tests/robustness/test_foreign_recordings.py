@@ -3,7 +3,7 @@
 import os
 
 import pytest
-from command import answer, exit_code, small_disk
+from command import exit_code, require_refusal, small_disk
 from recordings import make_frames, record
 
 from warpgrains import InputError
@@ -86,9 +86,8 @@ def test_file_that_ends_its_reader(tmp_path, capfd, monkeypatch, content, limit,
     os.mkfifo(tmp_path / "fifo.usda")
     path = tmp_path / "bad.usda"
     path.write_text(f"#usda 1.0\n{content}".replace("./fifo", f"{tmp_path}/fifo"))
-    code, _, said = answer(capfd, "check", path)
-    assert (code, said[: said.index(": it")]) == (2, f"warpgrains: error: recording '{path}' is damaged")
-    assert complaint in said
+    assert exit_code("check", path) == 2
+    require_refusal(capfd, f"recording '{path}' is damaged: {complaint}")
 
 
 def test_picture_that_cannot_be_written(tmp_path, capfd):

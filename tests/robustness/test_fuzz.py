@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from changed_bytes import mutations, odd_texts, reworded_texts
+from changed_bytes import mutations, reworded_texts
 from hypothesis import given
 from hypothesis import strategies as st
 from recordings import make_frames, record
@@ -57,7 +57,7 @@ def check_scene(content):
         assert list(Path(folder).iterdir()) == [path]
 
 
-test_scene_files = fuzzed(check_scene, mutations(SCENE_FILE.encode()) | odd_texts(SCENE_FILE))
+test_scene_files = fuzzed(check_scene, mutations(SCENE_FILE.encode()) | reworded_texts(SCENE_FILE))
 
 
 def check_grains(content):

@@ -53,18 +53,3 @@ def require_refusal(capfd: pytest.CaptureFixture[str], complaint: str = "") -> N
     assert printed.err.startswith("warpgrains: error: "), printed.err
     assert printed.err.count("\n") == 1, printed.err
     assert complaint in printed.err
-
-
-def answer(capfd: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
-    """Run a command; check that it said what is wrong in one line, or what it found; return all of it."""
-    code = exit_code(*arguments)
-    out, err = capfd.readouterr()
-    assert code in (0, 1, 2)
-    assert "Traceback" not in out + err
-    if code == 2:
-        assert out == ""
-        assert err.startswith("warpgrains: error: ")
-        assert err.count("\n") == 1, err
-    else:
-        assert out
-    return code, out, err
