@@ -156,6 +156,6 @@ class Sequences(RuleBasedStateMachine):
             self.written = sound
 
 
-@few_or_many(8, 200, stateful_step_count=6)
+@few_or_many(5, 200, stateful_step_count=6)
 def test_sequences(how):
     run_state_machine_as_test(Sequences, settings=how)
