@@ -1,17 +1,11 @@
 """The small sweep, carried out once for all tests that hold another one against it; and interruptions."""
 
 import pytest
-from sweeps import Interrupted, Slices, batch, write
+from sweeps import Interrupted, batch, write
 
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import group
 from warpgrains.sweep.group import Group
-
-
-@pytest.fixture
-def slices(monkeypatch):
-    """Slices of four steps, after each of which the runs are kept."""
-    return Slices(monkeypatch)
 
 
 @pytest.fixture
