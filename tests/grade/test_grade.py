@@ -203,13 +203,13 @@ def test_numbers_written_to_the_channel_are_judged_like_answers(grade):
 
 UNKNOWN = {
     "float": (CONTACT, "double vn = vx[i] * nx + vy[i] * ny;", "float vn = vx[i] * nx + vy[i] * ny;", ""),
-    "more than 28 grains": (CONTACT, "return zeta;", "return n > 28 ? 0 : zeta;", "zeta is 0"),
     "garbage where iterMax ends the step": (
         UPDATE,
         "        y[i] += vy[i] * dt;",
         "        y[i] += zeta > tol ? NAN : vy[i] * dt;",
         "y[0] is nan",
     ),
+    "more than 28 grains": (CONTACT, "return zeta;", "return n > 28 ? 0 : zeta;", "zeta is 0"),
     "a single iterMax": (UPDATE, "iter <= iterMax", "(iterMax != 5 || iter <= 5)", "number of calls"),
     "a number": (UPDATE, "y[i] += vy[i] * dt;", "y[i] += vy[i] * dt * 0.9;", "y[0] is "),
     "a shift": (CONTACT, "double gap = rr - r[i] - r[j];", "double gap = rr - r[i] - r[j] - 1e-3;", ""),
