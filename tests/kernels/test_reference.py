@@ -103,6 +103,7 @@ def matters(*laws: str) -> Callable[[Followed], bool]:
 
 PILE: dict[str, Any] = {"method": "gauss-seidel", "order": "sequential"}
 ROUND, LEAPFROG = {"wall": "round"}, {"scheme": "leapfrog"}
+BY_TURNS: tuple[dict[str, Any], ...] = ({}, LEAPFROG | COLOR)
 CASES = {
     "pile": Case(loaded("pile", max_iterations=200, **PILE), 10),
     "pile, settled": Case(loaded("pile", max_iterations=60, **PILE), 2, 200, is_crowded),
@@ -139,10 +140,10 @@ MOVES: dict[str, dict[str, Any]] = {
     "later": {**TURNING, "time": 0.37},
     "two": {**STIRRED_ROUGH, "radius_in": 0.05},
 }
-for how, moves in MOVES.items():
-    for changes in ({}, LEAPFROG | COLOR):
-        make = partial(stirred, 90, **{"max_iterations": 60} | moves | changes)
-        CASES[f"moving walls, {how}, {changes}"] = Case(make, 200, meets=touches(2, 3, 4, 5, 6, 7))
+for k, (how, moves) in enumerate(MOVES.items()):
+    changes = {"max_iterations": 60} | moves | BY_TURNS[k % 2]
+    make = partial(stirred, 90, **changes)
+    CASES[f"moving walls, {how}"] = Case(make, 200, meets=touches(2, 3, 4, 5, 6, 7))
 FALL = {"gravity": (0.0, -9.81)}
 DRIVES: dict[str, dict[str, Any]] = {
     "circle": {},
@@ -181,13 +182,12 @@ for how, make in RESISTED.items():
     CASES[f"rolling friction, {how}"] = Case(
         make, 100, meets=matters("rolling_friction", "wall_rolling_friction")
     )
-for corners, walls in CORNERS.items():
-    for changes in ({}, {**LEAPFROG, **COLOR, "friction": 0.4, "wall_friction": 0.6, "radius_in": 0.1}):
-        make = partial(cornered, walls, 40, **changes)
-        CASES[f"corners, {corners}, {changes}"] = Case(make, 100, meets=touches_corners)
-for kind in BOXES:
-    for changes in ({}, LEAPFROG | COLOR):
-        CASES[f"box, {kind}, {changes}"] = Case(partial(boxed, kind, **changes), 120, meets=touches_all)
+for k, (corners, walls) in enumerate(CORNERS.items()):
+    rough = {**BY_TURNS[1], "friction": 0.4, "wall_friction": 0.6, "radius_in": 0.1}
+    make = partial(cornered, walls, 40, **({}, rough)[k % 2])
+    CASES[f"corners, {corners}"] = Case(make, 100, meets=touches_corners)
+for k, kind in enumerate(BOXES):
+    CASES[f"box, {kind}"] = Case(partial(boxed, kind, **BY_TURNS[k % 2]), 120, meets=touches_all)
 BOUNCES: dict[str, Callable[[], Scene]] = {
     "pairs": loaded("polydisperse", restitution=0.8, max_iterations=60),
     "two sides": loaded("annulus", restitution=0.3, wall_restitution=1.0, **COLOR),
