@@ -71,7 +71,7 @@ def sweeping_pairs(
         set_numbers(dv, c, y + change)
         return change, step
 
-    @wp.func(inline=ahead)
+    @wp.func
     def sweep(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int):
         velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every pair
         rim = s.grains.next_rim
