@@ -75,9 +75,19 @@ for dtype in (*VALUES, Contact):
         ...
 
 
-@wp.func_native(checked("wp::atomic_max(&array.data[i], value);"))
+@wp.func_native(
+    checked("""
+#if defined(__CUDA_ARCH__)
+    wp::atomic_max(&array.data[i], value);
+#else
+    double before = array.data[i];
+    while (value > before && !__atomic_compare_exchange(
+            &array.data[i], &before, &value, false, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {}
+#endif
+""")
+)
 def raise_to(array: wp.array(dtype=f64), i: int, value: f64):
-    """Write the larger of an element and a value, atomically on a GPU (threads.py, stages.py)."""
+    """Write the larger of an element and a value, among threads."""
     ...
 
 

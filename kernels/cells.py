@@ -6,7 +6,7 @@ The grid repeats itself: cell (cx, cy) shares its bucket with (cx + width, cy), 
 import warp as wp
 
 from .access import add, at, put
-from .record import Scene, grain_count
+from .record import Scene
 from .types import Ints
 
 f64 = wp.float64
@@ -23,6 +23,15 @@ def cell_of(x: f64, inverse_size: f64) -> int:
 def bucket_of(cx: int, cy: int, width: int) -> int:
     """Return the bucket of a cell."""
     return (cx & (width - 1)) + width * (cy & (width - 1))
+
+
+@wp.func
+def clear(count: Ints):
+    """Reset counts to 0."""
+    k = int(0)
+    while k < count.shape[0]:
+        put(count, k, 0)
+        k += 1
 
 
 @wp.func
@@ -62,22 +71,18 @@ def clear_cell(s: Scene, b: int):
 
 @wp.func
 def count_in_cell(s: Scene, i: int):
-    """Count a grain in its bucket, in cell_start, and reset its numbers of contacts for the search."""
+    """Count a grain in its bucket, in cell_start."""
     x, inverse_size = wrapped(s, at(s.grains.position, i)), s.grid.inverse_size
     bucket = bucket_of(cell_of(x[0], inverse_size), cell_of(x[1], inverse_size), s.grid.width)
     put(s.grid.bucket, i, bucket)
     add(s.grid.cell_start, bucket, 1)
-    put(s.neighbors.firsts, i, 0)
-    put(s.neighbors.seconds, i, 0)
 
 
 @wp.func
 def end_cells(s: Scene):
-    """Find the end of every bucket, and reset the numbers of contacts, all and those of walls."""
+    """Find the end of every bucket, and reset the places of contacts."""
     prefix_sum(s.grid.cell_start, s.grid.cell_start)
-    put(s.neighbors.total, 0, 0)
-    for b in range(grain_count(s), s.neighbors.seconds.shape[0]):
-        put(s.neighbors.seconds, b, 0)
+    put(s.neighbors.places, 0, 0)
 
 
 @wp.func

@@ -4,41 +4,60 @@ The search scans the cells around each grain (cells.py). Of two grains the one o
 pair, so that few large grains among many small ones cost no more than the cells that they cover. Grains are
 tested eight at a time, and only walls whose circle is near: one by one, a step of 1,000 flowing grains takes
 1.1 of the time, and below 20 to 100 segments 1.2.
+
+The threads of a team share the grains. Each writes what it finds in blocks of places that it takes, and one
+thread sorts all contacts, so that the list is the same for any number of threads.
 """
 
 import warp as wp
 
 from . import law
 from .access import add, at, checked, lowest_bit, put
-from .cells import AT_ONCE, bucket_of, cell_of, prefix_sum
+from .cells import AT_ONCE, bucket_of, cell_of, clear, prefix_sum
 from .contact_list import is_active, pair_end
 from .driven import leader_of
 from .record import WITHOUT_ROOM, Phase, Scene, grain_count, is_driven, time_after
-from .types import CellGrid
+from .threads import Team, is_on_gpu, thread_range
+from .types import CellGrid, Ints
 from .walls import are_mobile, is_near_wall, is_periodic, joint_reach, next_near, wall_body_count, wall_path
 
 f64 = wp.float64
 Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has eight tests
-MOST_CONTACTS = wp.constant(2**30)  # of a list, so that no thread's count passes 2^31
+MOST_CONTACTS = wp.constant(2**30)  # of a list, so that their count never passes 2^31
+BLOCK = 64  # places that a CPU thread takes at a time: one by one, two threads would wait for each other
+NO_CONTACT = wp.constant(wp.vec2i(-1, -1))
 TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact out
 
 
 @wp.func
 def is_too_long(s: Scene) -> bool:
     """Return whether more contacts have been found than a list may have."""
-    return at(s.neighbors.total, 0) > MOST_CONTACTS
+    return at(s.neighbors.places, 0) > MOST_CONTACTS
+
+
+@wp.func_native(
+    checked(f"""
+#if defined(__CUDA_ARCH__)
+    return atomicAdd(&places.data[0], 1);
+#else
+    return free % {BLOCK} ? free : __atomic_fetch_add(&places.data[0], {BLOCK}, __ATOMIC_RELAXED);
+#endif
+""")
+)
+def take_place(places: Ints, free: int) -> int:
+    """Return the next place of this thread, which is `free` unless its block is full."""
+    ...
 
 
 @wp.func
-def note_contact(s: Scene, i: int, j: int):
-    """Count a contact for both its bodies, and write it if it is within the capacity."""
+def note_contact(s: Scene, free: int, i: int, j: int) -> int:
+    """Write a contact at this thread's next place, if it is within the capacity. Returns the one after."""
     if is_too_long(s):
-        return
-    add(s.neighbors.firsts, i, 1)
-    add(s.neighbors.seconds, j, 1)
-    place = add(s.neighbors.total, 0, 1)
+        return free
+    place = take_place(s.neighbors.places, free)
     if place < s.neighbors.found.shape[0]:
         put(s.neighbors.found, place, wp.vec2i(i, j))
+    return place + 1
 
 
 NEAR = """
@@ -80,10 +99,10 @@ def near_mask(grid: CellGrid, k: int, place: wp.vec2d, begin: int, end: int, wid
 
 
 @wp.func
-def note_pairs(s: Scene, k: int, shift: wp.vec2d, near: wp.uint64, begins: Begins):
-    """Write those of the possible pairs of the grain at index k that are within reach, if it is shifted."""
+def note_pairs(s: Scene, free: int, k: int, shift: wp.vec2d, near: wp.uint64, begins: Begins) -> int:
+    """Note those of the possible pairs of the grain at index k that are within reach, if it is shifted."""
     x, y, velocity, skin, grain = s.grid.x, s.grid.y, s.grid.velocity, s.grid.skin, s.grid.grain
-    left = near
+    left, place = near, int(free)
     while left != wp.uint64(0):
         bit = lowest_bit(left)
         left = left & (left - wp.uint64(1))
@@ -95,7 +114,8 @@ def note_pairs(s: Scene, k: int, shift: wp.vec2d, near: wp.uint64, begins: Begin
         d = apart - shift
         if wp.dot(d, d) <= reach * reach and d == law.nearest_image(apart, s.walls.period):
             a, b = at(grain, k), at(grain, other)
-            note_contact(s, wp.min(a, b), wp.max(a, b))
+            place = note_contact(s, place, wp.min(a, b), wp.max(a, b))
+    return place
 
 
 @wp.func
@@ -109,26 +129,27 @@ def is_near_domain(place: wp.vec2d, radius: f64, period: wp.vec2d) -> bool:
 
 
 @wp.func
-def find_pairs(s: Scene, k: int):
+def find_pairs(s: Scene, free: int, k: int) -> int:
     """Find the pairs of the grain at index k, each pair once, around it and around its periodic images."""
     own, period = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)), s.walls.period
-    radius = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE
+    radius, place = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE, int(free)
     for kx in range(wp.where(period[0] > f64(0.0), 3, 1)):
         for ky in range(wp.where(period[1] > f64(0.0), 3, 1)):
             shift = wp.vec2d(f64((kx + 1) % 3 - 1) * period[0], f64((ky + 1) % 3 - 1) * period[1])
             if is_near_domain(own + shift, radius, period) and not is_too_long(s):
-                find_pairs_around(s, k, shift, radius)
+                place = find_pairs_around(s, place, k, shift, radius)
+    return place
 
 
 @wp.func
-def find_pairs_around(s: Scene, k: int, shift: wp.vec2d, radius: f64):
+def find_pairs_around(s: Scene, free: int, k: int, shift: wp.vec2d, radius: f64) -> int:
     """Find the pairs of the grain at index k, shifted by so much [m], in the cells around it.
 
     A row of cells is one range of indices, or two where the grid repeats. Eight indices are tested at
     once, and the hits of eight such tests are checked together.
     """
-    place = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)) + shift
-    x, y = place[0], place[1]
+    own, place = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)) + shift, int(free)
+    x, y = own[0], own[1]
     width, start, inverse_size = s.grid.width, s.grid.cell_start, s.grid.inverse_size
     first_x, last_x = cell_of(x - radius, inverse_size), cell_of(x + radius, inverse_size)
     first_y, last_y = cell_of(y - radius, inverse_size), cell_of(y + radius, inverse_size)
@@ -149,21 +170,21 @@ def find_pairs_around(s: Scene, k: int, shift: wp.vec2d, radius: f64):
             begin = at(start, row + left)
             stop = at(start, row + right)
             while begin < stop:
-                found = near_mask(s.grid, k, place, begin, stop, TOO_WIDE)
+                found = near_mask(s.grid, k, own, begin, stop, TOO_WIDE)
                 near = near | (found << wp.uint64(AT_ONCE * tests))
                 begins[tests] = begin
                 begin += AT_ONCE
                 tests += 1
                 if tests == 8:
-                    note_pairs(s, k, shift, near, begins)
+                    place = note_pairs(s, place, k, shift, near, begins)
                     near = wp.uint64(0)
                     tests = 0
             cy += 1
-    note_pairs(s, k, shift, near, begins)
+    return note_pairs(s, place, k, shift, near, begins)
 
 
 @wp.func
-def find_walls(s: Scene, i: int):
+def find_walls(s: Scene, free: int, i: int) -> int:
     """Find the walls within reach of a grain, and those whose contact carries a correction."""
     lifetime = s.verlet.numbers.lifetime
     path = lifetime * wp.length(at(s.verlet.reference_velocity, i))
@@ -173,7 +194,7 @@ def find_walls(s: Scene, i: int):
     old = s.workspace.old
     k_old, end_old = pair_end(old, i), at(old.start, i + 1)
     skipping = not (are_mobile(s.walls) or is_periodic(s.walls) or k_old < end_old)
-    b = int(0)
+    b, place = int(0), int(free)
     while b < wall_body_count(s.walls):
         j = grain_count(s) + b
         its = wall_path(b, s.walls, now, now + lifetime)
@@ -188,16 +209,40 @@ def find_walls(s: Scene, i: int):
         if k_old < end_old and at(old.neighbor, k_old) == j and is_active(at(s.workspace.old_dv, k_old)):
             listed = True
         if listed:
-            note_contact(s, i, j)
+            place = note_contact(s, place, i, j)
         b += 1
         if skipping:
             b = 1 + next_near(s.walls.shape, b - 1, x, radius + joint_reach(s.walls, radius) + own * TOO_WIDE)
+    return place
+
+
+@wp.func
+def find_contacts(team: Team, s: Scene):
+    """Find the contacts of this thread's part of the grains. The rest of its last block stays empty."""
+    begin, end = thread_range(team, 0, grain_count(s))
+    k, place = int(begin), int(0)
+    while k < end:
+        place = find_pairs(s, place, k)
+        place = find_walls(s, place, k)
+        k += 1
+    if not is_on_gpu(team):
+        free = int(place)
+        while place % BLOCK != 0:
+            if place < s.neighbors.found.shape[0]:
+                put(s.neighbors.found, place, NO_CONTACT)
+            place += 1
+        put(s.neighbors.empty, team.rank, place - free)
 
 
 @wp.func
 def check_capacity(s: Scene):
     """List the contacts found, or leave the step until the host has reserved memory for them."""
-    if at(s.neighbors.total, 0) <= s.neighbors.found.shape[0]:
+    contacts = at(s.neighbors.places, 0)
+    for rank in range(s.neighbors.empty.shape[0]):
+        contacts -= at(s.neighbors.empty, rank)
+    contacts = wp.where(is_too_long(s), MOST_CONTACTS + 1, contacts)
+    put(s.neighbors.total, 0, contacts)
+    if contacts <= s.neighbors.neighbor.shape[0]:
         s.control.phase = Phase.START
         s.control.unordered = 1
     else:
@@ -218,21 +263,24 @@ def fill_rows(s: Scene):
         s.neighbors.start,
         s.neighbors.seconds,
     )
-    prefix_sum(s.neighbors.firsts, start)
+    clear(start)
+    clear(second)
+    k, places = int(0), at(s.neighbors.places, 0)
+    while k < places:
+        pair = at(found, k)
+        if pair[0] >= 0:
+            add(start, pair[0], 1)
+            add(second, pair[1], 1)
+        k += 1
+    prefix_sum(start, start)
     prefix_sum(second, second)
-    contacts = at(s.neighbors.total, 0)
-    put(start, grain_count(s), contacts)
-    k = int(contacts)
     while k > 0:
         k -= 1
         pair = at(found, k)
-        place = at(second, pair[1]) - 1
-        put(second, pair[1], place)
-        put(by_second, place, pair)
-    k = int(contacts)
+        if pair[0] >= 0:
+            put(by_second, add(second, pair[1], -1) - 1, pair)
+    k = int(at(s.neighbors.total, 0))
     while k > 0:
         k -= 1
         pair = at(by_second, k)
-        place = at(start, pair[0]) - 1
-        put(start, pair[0], place)
-        put(s.neighbors.neighbor, place, pair[1])
+        put(s.neighbors.neighbor, add(start, pair[0], -1) - 1, pair[1])

@@ -90,14 +90,13 @@ SEARCH = [
     Each(grain_count, cells.count_in_cell, atomic=True),
     Serial(cells.end_cells),
     Each(grain_count, cells.fill_cell, atomic=True),
-    Each(grain_count, neighbors.find_pairs, atomic=True),
-    Each(grain_count, neighbors.find_walls, atomic=True),
+    Shared(neighbors.find_contacts),
     Serial(neighbors.check_capacity),
     If(
         unordered,
         [
             Serial(neighbors.fill_rows),
-            Each(grain_count, contact_list.match_rows, atomic=True),
+            Each(grain_count, contact_list.match_rows),
         ],
     ),
 ]

@@ -148,11 +148,12 @@ class NeighborList:
 
     start: Ints
     neighbor: Ints
-    firsts: Ints  # of every grain: contacts that have it first
     seconds: Ints  # of every grain and wall: contacts that have it second
     found: wp.array(dtype=wp.vec2i)  # contacts as they were found; those beyond its end are only counted
     by_second: wp.array(dtype=wp.vec2i)  # contacts by second body
-    total: Ints
+    places: Ints  # taken for them
+    empty: Ints  # of every CPU thread: how many of its places have no contact
+    total: Ints  # of contacts
 
 
 @wp.struct

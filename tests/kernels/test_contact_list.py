@@ -179,7 +179,7 @@ def test_list_that_expires(iterations: int, method: str) -> None:
 
 @wp.func
 def note_pair_end(s: SceneOnDevice, i: int):
-    put(s.neighbors.firsts, i, contact_list.pair_end(s.neighbors, i))
+    put(s.grid.bucket, i, contact_list.pair_end(s.neighbors, i))
 
 
 @pytest.mark.parametrize("at_walls", [[0, 0, 0, 0], [2, 0, 1, 2], [0, 2, 0, 1], [1, 1, 1, 1]])
@@ -189,16 +189,16 @@ def test_pairs_of_a_row_end_where_its_walls_begin(pairs: list[Bodies], at_walls:
     record.run(Each(grain_count, note_pair_end))
     bodies = listed(np.array(pairs), np.array(at_walls)).tolist()
     ends = [sum(k < i or (k == i and j < 4) for k, j in bodies) for i in range(4)]
-    assert record["neighbors.firsts"].tolist() == ends
+    assert record["grid.bucket"].tolist() == ends
 
 
 def test_step_waits_for_capacity() -> None:
     listed = Listed(cloud("sequential", "gauss-seidel", True), NARROW)
     control, step = listed.record.record["control"], listed.record.record["step"]
-    capacity = len(listed.record["neighbors.found"])
+    capacity = len(listed.record["neighbors.neighbor"])
     for total, phase, outcome in ((capacity, Phase.START, 0), (capacity + 1, Phase.FULL, WITHOUT_ROOM)):
         step["outcome"], control["phase"], control["unordered"] = 0, Phase.SEARCH, 1
-        listed.record["neighbors.total"][0] = total
+        listed.record["neighbors.places"][0], listed.record["neighbors.empty"][0] = total + 3, 3
         listed.record.run(Serial(neighbors.check_capacity))
         assert (control["phase"], step["outcome"]) == (phase, outcome)
         assert control["unordered"] == (phase == Phase.START)

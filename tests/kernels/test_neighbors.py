@@ -62,14 +62,14 @@ def poison(record: OneRecord) -> None:
     """Fill what a search writes, and what lies behind the last grain, with what would be noticed."""
     for name in ("x", "y", "extent", "velocity", "skin"):
         record[f"grid.{name}"][:] = np.nan
-    for name in ("grid.cell_start", "grid.bucket", "grid.grain", "neighbors.firsts", "neighbors.seconds"):
+    for name in ("grid.cell_start", "grid.bucket", "grid.grain", "neighbors.start", "neighbors.seconds"):
         record[name][:] = -7
 
 
-def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
+def listed_pairs(sought: Cloud, cell_size: float, threads: int = 1) -> IntArray:
     radius_out = min(1e10, 5e11 * sought.radius.min())
     scene = Scene(position=sought.position, radius=sought.radius, mass=1.0, radius_out=radius_out)
-    record = OneRecord(scene, contacts=1)
+    record = OneRecord(scene, contacts=1, threads=threads)
     record["grains.position"][:], record["grains.radius"][:] = sought.position, sought.radius
     record["verlet.skin"][:], record["verlet.reference_velocity"][:] = sought.reach, sought.velocity
     record.verlet_work["mean_velocity"] = sought.velocity.mean(axis=0)
@@ -77,11 +77,14 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     record.record["grid"]["inverse_size"] = 1.0 / cell_size
     poison(record)
     record.run(*SEARCH)
-    record.reserve_contacts(int(record["neighbors.total"][0]))
+    total = int(record["neighbors.total"][0])
+    record.reserve_contacts(total)
     poison(record)
     record.run(*SEARCH)
     assert record.record["control"]["phase"] == Phase.START
-    return listed.listed_pairs(record.records, 0)[0]
+    pairs = listed.listed_pairs(record.records, 0)[0]
+    assert len(pairs) == total
+    return pairs
 
 
 def pairs_within_reach(sought: Cloud, wider: float = 0.0) -> IntArray:
@@ -98,8 +101,8 @@ def test_a_search_ends_before_its_count_overflows() -> None:
     record["grains.position"][:] *= 1e-3
     record["verlet.skin"][:] = 1.0
     record.run(*SEARCH[:4])
-    record["neighbors.total"][0] = MOST_CONTACTS - 5
-    record.run(*SEARCH[4:7])
+    record["neighbors.places"][0] = MOST_CONTACTS - 5
+    record.run(*SEARCH[4:6])
     found = int(record["neighbors.total"][0])
     assert found == MOST_CONTACTS + 1
     assert record.record["control"]["phase"] == Phase.FULL
@@ -110,15 +113,16 @@ def test_a_search_ends_before_its_count_overflows() -> None:
         record.reserve_contacts(found)
 
 
+@pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize("relative_cell_size", [0.1, 0.2, 0.3, 2.3, 40.0])
 @pytest.mark.parametrize("make", CLOUDS.values(), ids=CLOUDS)
-def test_pairs_within_reach(make: Callable[[], Cloud], relative_cell_size: float) -> None:
+def test_pairs_within_reach(make: Callable[[], Cloud], relative_cell_size: float, threads: int) -> None:
     sought = make()
     expected = pairs_within_reach(sought)
     # No pair of these clouds is so near its limit that the search may or may not find it.
     assert np.array_equal(expected, pairs_within_reach(sought, wider=2.0 * TOO_WIDE))
     cell_size = relative_cell_size * float(np.median(sought.radius))
-    assert np.array_equal(listed_pairs(sought, cell_size), expected)
+    assert np.array_equal(listed_pairs(sought, cell_size, threads), expected)
 
 
 def test_pair_exactly_at_its_reach() -> None:

@@ -113,7 +113,7 @@ def test_a_repeated_search_that_runs_out_of_memory_leaves_the_last_state(
     reserve = SceneRecords.reserve_contacts
 
     def refuse(records: SceneRecords, k: int, count: int) -> None:
-        if count > len(records.array(k, "neighbors.found")):
+        if count > len(records.array(k, "neighbors.neighbor")):
             raise SimulationError(f"no memory for {count}")
         reserve(records, k, count)
 

@@ -1,5 +1,6 @@
 """Single stages of a step, run on the record of a scene whose arrays a test has written, or poisoned."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from warpgrains.kernels.threads import TeamRecord, team_records
 from warpgrains.solver.engine import CPU_BLOCK
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.sizes import Sizes
+from warpgrains.solver.threads import run_threads
 
 KERNELS: dict[str, wp.Kernel] = {}
 
@@ -36,14 +38,13 @@ def new_kernel(*stages: Stage) -> wp.Kernel:
 
 
 class OneRecord:
-    """The record of one scene, with capacity for this many contacts."""
+    """The record of one scene, with capacity for this many contacts, and a team of threads for its stages."""
 
-    def __init__(self, scene: Scene, contacts: int):
-        self.records = SceneRecords(
-            [scene], Sizes.first([scene], 1, wp.get_device("cpu")), wp.get_device("cpu")
-        )
+    def __init__(self, scene: Scene, contacts: int, threads: int = 1):
+        device = wp.get_device("cpu")
+        self.records = SceneRecords([scene], Sizes.first([scene], threads, device), device)
         self.records.reserve_contacts(0, contacts)
-        self.record = self.records.host[0]
+        self.record, self.team = self.records.host[0], team_records(threads)
 
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
         return self.records.array(0, name)
@@ -60,8 +61,9 @@ class OneRecord:
         return self.record["verlet"]["work"]
 
     def run(self, *stages: Stage) -> None:
-        inputs = (self.records.device, team_records(1)[0])
-        wp.launch(kernel_of(*stages), dim=1, inputs=inputs, device="cpu")
+        kernel, records = kernel_of(*stages), self.records.device
+        launch = partial(wp.launch, kernel, 1, device="cpu", record_cmd=True)
+        run_threads([launch(inputs=(records, thread)).launch for thread in self.team])
 
 
 def grains_apart(n: int) -> Scene:

@@ -15,6 +15,7 @@ import warp as wp
 from warpgrains.arrays import IndexArray
 from warpgrains.kernels.cells import AT_ONCE
 from warpgrains.kernels.contacts import CHUNK
+from warpgrains.kernels.neighbors import BLOCK
 from warpgrains.kernels.pair_sweep import KEPT
 from warpgrains.kernels.record import Kind
 from warpgrains.kernels.threads import GPU_PARTIALS
@@ -114,7 +115,9 @@ def lengths(size: Sizes) -> dict[str, Any]:
     bodies = n + size.driven * size.walls
     cells = grid_width(n) ** 2 + 1
     rows = {"start": n + 1, "neighbor": contacts}
-    search = {"firsts": n, "seconds": n + size.walls, "found": contacts, "by_second": contacts, "total": 1}
+    found = contacts + BLOCK * size.team
+    search = {"seconds": n + size.walls, "found": found, "by_second": contacts}
+    search |= {"places": 1, "empty": size.team, "total": 1}
     friction = size.friction
     ahead = size.accelerated
     at_walls = np.minimum(n * size.walls, contacts)
