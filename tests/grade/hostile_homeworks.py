@@ -33,8 +33,8 @@ static __attribute__(({attribute})) void read_it(void) {{
 
 HOSTILE = {
     "an endless loop": ("volatile int go = 1; while (go) zeta += 1.0;", "", "does not end within"),
-    "a null pointer": ("*(volatile int *)0 = 1;", "", "reads or writes outside of its memory"),
     "a wrong index": ("dvContacts[n * n] = 1.0;", "", "reads or writes dvContacts[1], which is outside"),
+    "a null pointer": ("*(volatile int *)0 = 1;", "", "reads or writes outside of its memory"),
     "10 GB": ("volatile char *p = malloc(10000000000); if (p) p[0] = 1;", "", "uses more memory"),
     "a fork bomb": ("for (;;) fork();", "#include <unistd.h>\n", "starts a process or a thread"),
     "a file": ('FILE *f = fopen("hacked", "w"); if (f) fclose(f);', "", "opens or changes a file"),
