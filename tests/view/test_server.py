@@ -78,7 +78,7 @@ def sliders(page):
     found = set()
     for _ in range(40):
         try:
-            raw = page.recv(timeout=1.0)
+            raw = page.recv(timeout=2.0)
         except TimeoutError:
             break
         size = int.from_bytes(raw[8:16], "little")
