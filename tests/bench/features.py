@@ -3,9 +3,10 @@
     python -m tests.bench.features -o tests/bench/results/features.csv
 
 A feature is switched on so that it does nothing: an inner wall that no grain reaches, a drag and a gravity
-that no velocity feels, a radius and a mass that differ in their last digit. How far the grains of both scenes
-are apart at the end is said: last digits grow where grains collide. Acceleration, half steps, a round wall
-and friction cannot do nothing: here they have as many sweeps a step as the plain method in the text's scheme.
+that no velocity feels, a radius and a mass that differ in their last digit, a restitution that no impact is
+fast enough for. How far the grains of both scenes are apart at the end is said: last digits grow where grains
+collide. Acceleration, half steps, a round wall, friction and rolling friction cannot do nothing: here they
+have as many sweeps a step as the plain method in the text's scheme.
 """
 
 from collections.abc import Callable, Iterator
@@ -99,6 +100,7 @@ FEATURES = {
     "distinct radii": Feature(lambda _: {}, lambda scene: {"radius": _next(scene.radius)}),
     "distinct masses": Feature(lambda _: {}, lambda scene: {"mass": _next(scene.mass)}),
     "periodic box": Feature(_in_a_ring, lambda scene: {"domain": _box(scene, "x")}),
+    "restitution": Feature(lambda _: {}, lambda _: {"restitution": 0.5, "restitution_speed": 1e9}),
     f"acceleration, {ITERATIONS} sweeps": Feature(
         lambda _: _swept_by("gauss-seidel"), lambda _: _swept_by("accelerated")
     ),
@@ -113,6 +115,9 @@ FEATURES = {
     ),
     f"friction, {ITERATIONS} accelerated sweeps": Feature(
         lambda _: _swept_by("accelerated"), lambda _: {"friction": 0.5}
+    ),
+    f"rolling friction beside friction, {ITERATIONS} sweeps": Feature(
+        lambda _: _swept_by("gauss-seidel") | {"friction": 0.5}, lambda _: {"rolling_friction": 0.1}
     ),
 }
 
