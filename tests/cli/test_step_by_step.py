@@ -14,17 +14,7 @@ from warpgrains import Scene, Simulation
 from warpgrains.cli import step_by_step
 from warpgrains.files import read_table
 
-COMMAND = [
-    "timeout",
-    "--foreground",
-    "100",
-    sys.executable,
-    "-m",
-    "warpgrains",
-    "run",
-    "annulus",
-    "--step-by-step",
-]
+RUN = [sys.executable, "-m", "warpgrains", "run", "annulus", "--step-by-step"]
 
 
 def steps_of(printed):
@@ -68,7 +58,7 @@ def test_an_unknown_key_is_answered_with_those_that_there_are(press, keys):
 def test_a_terminal_gives_keys_at_once_and_a_run_is_in_real_time():
     ours, theirs = pty.openpty()
     before = termios.tcgetattr(theirs)
-    command = [*COMMAND, "annulus", "--step-by-step", "--set", "time.dt=0.05", "--steps", "1000"]
+    command = ["timeout", "--foreground", "100", *RUN, "--set", "time.dt=0.05", "--steps", "1000"]
     process = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, text=True)
     assert "N: next step" in process.stdout.readline()
     process.stdout.readline()

@@ -25,7 +25,7 @@ def cache(tmp_path, monkeypatch):
 
 def new_kernel(factor):
     @wp.kernel(module="unique")
-    def scale(numbers):
+    def scale(numbers: wp.array(dtype=wp.float64)):
         numbers[0] = wp.float64(wp.static(factor)) * numbers[0]
 
     return scale
