@@ -84,7 +84,7 @@ def _against_one_thread(name: str, n: int, make: Make, repeats: int) -> Iterator
 
 def _ms_a_step(simulation: Simulation) -> float:
     simulation.advance(IDLE)
-    steps = min(max(5, 100_000 // simulation.scene.n), 100)
+    steps = min(max(5, 300_000 // simulation.scene.n), 100)
     return seconds(partial(simulation.advance, steps)) / steps * 1e3
 
 
