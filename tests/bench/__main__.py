@@ -3,7 +3,7 @@
     python -m tests.bench all -o tests/bench/results --box2d3 FOLDER
     python -m tests.bench threads peers -o DIR
 
-They need Linux, gcc, the extra `[bench]`, and two cores with nothing else to do for half an hour. A file
+They need Linux, gcc, the extra `[bench]`, and two cores with nothing else to do for an hour. A file
 appears when it is complete.
 """
 
