@@ -1,9 +1,10 @@
-"""A new list of contacts: the old one is saved, and its corrections transferred (warm start)."""
+"""A new list of contacts: found ones sorted, the old list saved, its corrections transferred (warm start)."""
 
 import warp as wp
 
 from . import law
-from .access import at, put, raise_to
+from .access import add, at, put, raise_to
+from .cells import clear, prefix_sum
 from .contacts import value_at
 from .record import (
     Phase,
@@ -74,6 +75,41 @@ def expire(s: Scene):
         else:
             s.step.restarts = s.step.restarts + 1
     s.control.phase = Phase.SEARCH
+
+
+@wp.func
+def fill_rows(s: Scene):
+    """Sort the contacts found into rows, by first and then by second body (two counting sorts).
+
+    The end of each bucket is counted down to its start.
+    """
+    found, by_second, start, second = (
+        s.neighbors.found,
+        s.neighbors.by_second,
+        s.neighbors.start,
+        s.neighbors.seconds,
+    )
+    clear(start)
+    clear(second)
+    k, places = int(0), at(s.neighbors.places, 0)
+    while k < places:
+        pair = at(found, k)
+        if pair[0] >= 0:
+            add(start, pair[0], 1)
+            add(second, pair[1], 1)
+        k += 1
+    prefix_sum(start, start)
+    prefix_sum(second, second)
+    while k > 0:
+        k -= 1
+        pair = at(found, k)
+        if pair[0] >= 0:
+            put(by_second, add(second, pair[1], -1) - 1, pair)
+    k = int(at(s.neighbors.total, 0))
+    while k > 0:
+        k -= 1
+        pair = at(by_second, k)
+        put(s.neighbors.neighbor, add(start, pair[0], -1) - 1, pair[1])
 
 
 @wp.func

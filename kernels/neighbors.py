@@ -5,15 +5,15 @@ pair, so that few large grains among many small ones cost no more than the cells
 tested eight at a time, and only walls whose circle is near: one by one, a step of 1,000 flowing grains takes
 1.1 of the time, and below 20 to 100 segments 1.2.
 
-The threads of a team share the grains. Each writes what it finds in blocks of places that it takes, and one
-thread sorts all contacts, so that the list is the same for any number of threads.
+The threads of a team share the grains. Each takes places a number at once for the contacts that it finds, and
+one thread sorts them all (contact_list.py), so that the list is the same for any number of threads.
 """
 
 import warp as wp
 
 from . import law
-from .access import add, at, checked, lowest_bit, put
-from .cells import AT_ONCE, bucket_of, cell_of, clear, prefix_sum
+from .access import at, checked, lowest_bit, put
+from .cells import AT_ONCE, bucket_of, cell_of
 from .contact_list import is_active, pair_end
 from .driven import leader_of
 from .record import WITHOUT_ROOM, Phase, Scene, grain_count, is_driven, time_after
@@ -24,7 +24,7 @@ from .walls import are_mobile, is_near_wall, is_periodic, joint_reach, next_near
 f64 = wp.float64
 Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has eight tests
 MOST_CONTACTS = wp.constant(2**30)  # of a list, so that their count never passes 2^31
-BLOCK = 64  # places that a CPU thread takes at a time: one by one, two threads would wait for each other
+TAKEN = 64  # places that a CPU thread takes at once: one by one, two threads would wait for each other
 NO_CONTACT = wp.constant(wp.vec2i(-1, -1))
 TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact out
 
@@ -40,12 +40,12 @@ def is_too_long(s: Scene) -> bool:
 #if defined(__CUDA_ARCH__)
     return atomicAdd(&places.data[0], 1);
 #else
-    return free % {BLOCK} ? free : __atomic_fetch_add(&places.data[0], {BLOCK}, __ATOMIC_RELAXED);
+    return free % {TAKEN} ? free : __atomic_fetch_add(&places.data[0], {TAKEN}, __ATOMIC_RELAXED);
 #endif
 """)
 )
 def take_place(places: Ints, free: int) -> int:
-    """Return the next place of this thread, which is `free` unless its block is full."""
+    """Return the next place of this thread, which is `free` unless all that it took are full."""
     ...
 
 
@@ -218,7 +218,7 @@ def find_walls(s: Scene, free: int, i: int) -> int:
 
 @wp.func
 def find_contacts(team: Team, s: Scene):
-    """Find the contacts of this thread's part of the grains. The rest of its last block stays empty."""
+    """Find the contacts of this thread's part of the grains. Places left of those it took stay empty."""
     begin, end = thread_range(team, 0, grain_count(s))
     k, place = int(begin), int(0)
     while k < end:
@@ -227,7 +227,7 @@ def find_contacts(team: Team, s: Scene):
         k += 1
     if not is_on_gpu(team):
         free = int(place)
-        while place % BLOCK != 0:
+        while place % TAKEN != 0:
             if place < s.neighbors.found.shape[0]:
                 put(s.neighbors.found, place, NO_CONTACT)
             place += 1
@@ -249,38 +249,3 @@ def check_capacity(s: Scene):
         s.control.phase = Phase.FULL
         s.control.unordered = 0
         s.step.outcome = WITHOUT_ROOM
-
-
-@wp.func
-def fill_rows(s: Scene):
-    """Sort the contacts found into rows, by first and then by second body (two counting sorts).
-
-    The end of each bucket is counted down to its start.
-    """
-    found, by_second, start, second = (
-        s.neighbors.found,
-        s.neighbors.by_second,
-        s.neighbors.start,
-        s.neighbors.seconds,
-    )
-    clear(start)
-    clear(second)
-    k, places = int(0), at(s.neighbors.places, 0)
-    while k < places:
-        pair = at(found, k)
-        if pair[0] >= 0:
-            add(start, pair[0], 1)
-            add(second, pair[1], 1)
-        k += 1
-    prefix_sum(start, start)
-    prefix_sum(second, second)
-    while k > 0:
-        k -= 1
-        pair = at(found, k)
-        if pair[0] >= 0:
-            put(by_second, add(second, pair[1], -1) - 1, pair)
-    k = int(at(s.neighbors.total, 0))
-    while k > 0:
-        k -= 1
-        pair = at(by_second, k)
-        put(s.neighbors.neighbor, add(start, pair[0], -1) - 1, pair[1])

@@ -95,7 +95,7 @@ SEARCH = [
     If(
         unordered,
         [
-            Serial(neighbors.fill_rows),
+            Serial(contact_list.fill_rows),
             Each(grain_count, contact_list.match_rows),
         ],
     ),

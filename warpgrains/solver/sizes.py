@@ -15,7 +15,7 @@ import warp as wp
 from warpgrains.arrays import IndexArray
 from warpgrains.kernels.cells import AT_ONCE
 from warpgrains.kernels.contacts import CHUNK
-from warpgrains.kernels.neighbors import BLOCK
+from warpgrains.kernels.neighbors import TAKEN
 from warpgrains.kernels.pair_sweep import KEPT
 from warpgrains.kernels.record import Kind
 from warpgrains.kernels.threads import GPU_PARTIALS
@@ -115,7 +115,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
     bodies = n + size.driven * size.walls
     cells = grid_width(n) ** 2 + 1
     rows = {"start": n + 1, "neighbor": contacts}
-    found = contacts + BLOCK * size.team
+    found = contacts + TAKEN * size.team
     search = {"seconds": n + size.walls, "found": found, "by_second": contacts}
     search |= {"places": 1, "empty": size.team, "total": 1}
     friction = size.friction
