@@ -28,14 +28,14 @@ TABLE = Path(__file__).with_suffix(".toml")
 COLUMNS = ("file", "line", "old", "new", "effect", "detected by", "seconds")
 TIME_LIMIT = 300.0  # seconds a mutant: one that never ends is detected as well
 DECIDING = {
-    "verlet": ("verlet", "monitoring", "missing_contacts", "driven_walls", "restitution"),
+    "verlet": ("verlet", "monitoring", "missing_contacts", "driven_walls"),
     "skins": ("verlet", "missing_contacts"),
     "neighbors": ("contact_list", "driven_walls"),
     "wall_sweep": ("driven_walls", "reference"),
     "contact_list": ("contact_list", "missing_contacts"),
-    "working_set": ("accelerated_stages", "working_set", "friction"),
-    "momentum": ("momentum", "accelerated_stages", "working_set"),
-    "stopping": ("momentum", "accelerated_stages", "working_set", "monitoring", "missing_contacts"),
+    "working_set": ("accelerated_stages", "accelerated", "friction"),
+    "momentum": ("momentum", "accelerated_stages", "accelerated"),
+    "stopping": ("momentum", "accelerated_stages", "accelerated", "monitoring", "missing_contacts"),
     "coloring": ("coloring",),
     "contacts": ("coloring", "accelerated_stages"),
     "residual": ("accelerated_stages", "accelerated", "driven_walls", "friction", "walls", "reference"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from stages import OneRecord, grains_apart
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels import attempt, momentum, stopping, working_set
 from warpgrains.kernels.contacts import chunk_count
 from warpgrains.kernels.record import CANCELLED, SOLVED, Asking, Phase, grain_count
@@ -66,7 +66,10 @@ class Accelerated:
                 eighths(rng, -8, 9, N)[:, None] * walls["n"]
                 + rng.choice([0.0, 3.0], N)[:, None] * walls["n"][:, ::-1]
             )
-        self._carry(rng)
+        which, sign = rng.integers(0, 12, CONTACTS), rng.choice([-1.0, 1.0], CONTACTS)
+        for name, times in ((NOW, (0, 1)), (LAST, (1, 2))):
+            carries = np.isin(which, times) * np.where(self.is_wall, sign, 1.0)
+            record[name][:CONTACTS] = carries * eighths(rng, 1, 9, CONTACTS)
         record["contacts.set_start"][:5] = STARTS
         whole = record.record
         whole["contacts"]["count"] = PAIRS, 3, N
@@ -77,28 +80,19 @@ class Accelerated:
             record[f"working.{name}"][:] = -7
         record["partial.zeta"][:] = 0.0
 
-    def _carry(self, rng: np.random.Generator) -> None:
-        which = rng.integers(0, 12, CONTACTS)
-        sign = np.where(self.is_wall, rng.choice([-1.0, 1.0], CONTACTS), 1.0)
-        for name, times in ((NOW, (0, 1)), (LAST, (1, 2))):
-            carries = np.isin(which, times)
-            self.record[name][:CONTACTS] = sign * np.where(carries, eighths(rng, 1, 9, CONTACTS), 0.0)
-
-    def select(self) -> None:
+    def select(self) -> IntArray:
+        """Select; return where the working set is, each chunk from where its contacts begin."""
         self.record.run(Sets(working_set.select_set))
-
-    def indices(self) -> list[int]:
-        """Return where the working set is, and check that each chunk begins where its contacts do."""
-        ranges, indices = self.record["working.range"], []
+        places: list[int] = []
         for chunk, (begin, end) in CHUNKS.items():
-            first, last = ranges[chunk].tolist()
+            first, last = self.record["working.range"][chunk].tolist()
             assert first == begin
             assert last <= end
-            indices += range(first, last)
-        return indices
+            places += range(first, last)
+        return np.array(places, int)
 
-    def chosen(self) -> list[int]:
-        return self.record["working.index"][self.indices()].tolist()
+    def selected(self) -> list[int]:
+        return self.record["working.index"][self.select()].tolist()
 
 
 NEAR = [(0, 9.0, 0.125, 0.0), (1, 9.0, 0.125, 0.125), (5, 1.0, 9.0, 0.25)]
@@ -112,7 +106,7 @@ def test_selection(iterations: int, zeta: float, nearest: float, h: float, inner
     ahead = Accelerated(inner=inner, slides=slides)
     record, whole, contact, is_wall = ahead.record, ahead.record.record, ahead.contact, ahead.is_wall
     whole["step"]["iterations"], whole["step"]["zeta"], whole["tuning"]["nearest"] = iterations, zeta, nearest
-    contact["gap_rate"][[0, PAIRS]], record[NOW][[0, PAIRS]] = (-50.0, -40.0), 1.0  # what is swept anyway
+    contact["gap_rate"][[0, PAIRS]], record[NOW][[0, PAIRS]] = (-50.0, -40.0), 1.0  # swept anyway
     v, n = record["grains.next_velocity"], contact["n"]
     own, other = v[contact["i"] // 2], v[np.where(is_wall, 0, contact["j"] // 2)]
     vn = ((own - np.where(is_wall[:, None], 0.0, other)) * n).sum(axis=1)
@@ -125,8 +119,7 @@ def test_selection(iterations: int, zeta: float, nearest: float, h: float, inner
         return np.maximum(0.0, vn - gap + near) - np.maximum(0.0, near - vn - back)
 
     selected = carries | (pushed(np.where(is_wall, h, 2.0 * h)) != 0.0)
-    ahead.select()
-    assert ahead.chosen() == np.flatnonzero(selected).tolist()
+    assert ahead.selected() == np.flatnonzero(selected).tolist()
     for kind in (is_wall, ~is_wall):
         assert 0 < (selected & ~carries)[kind].sum() < (~carries)[kind].sum()
     assert record["partial.zeta"][0] == np.abs(pushed(0.0))[~carries].max()
@@ -143,18 +136,16 @@ def test_largest_violation_is_found_wherever_it_is(side: str) -> None:
             ahead.contact["gap_rate"][c] = -3.0
         elif c >= PAIRS:
             ahead.limits[c - PAIRS, 0] = -3.0
-        ahead.select()
         found = side == "front" or c >= PAIRS
+        assert ahead.selected() == ([c] if found else [])
         assert ahead.record["partial.zeta"][0] == (3.0 if found else 0.0)
-        assert ahead.chosen() == ([c] if found else [])
 
 
 @pytest.mark.parametrize("equal", [True, False], ids=["equal masses", "masses"])
 def test_working_contacts_are_copies_that_are_put_back(equal: bool) -> None:
     ahead = Accelerated(equal)
-    record = ahead.record
-    ahead.select()
-    k, at = np.array(ahead.chosen()), np.array(ahead.indices())
+    record, at = ahead.record, ahead.select()
+    k = record["working.index"][at]
     for name in ("contact", "dv", "last_dv"):
         assert np.array_equal(record[f"working.contacts.{name}"][at], record[f"contacts.{name}"][k])
     wall = k >= PAIRS
@@ -175,9 +166,8 @@ def test_working_contacts_are_copies_that_are_put_back(equal: bool) -> None:
 
 def test_rejected_sweep_is_taken_back() -> None:
     ahead = Accelerated()
-    record = ahead.record
-    ahead.select()
-    expected, at = record["working.contacts.dv"].copy(), ahead.indices()
+    record, at = ahead.record, ahead.select()
+    expected = record["working.contacts.dv"].copy()
     expected[at] = record["working.contacts.last_dv"][at]
     record["momentum.last_velocity"][:] = np.arange(2 * N).reshape(N, 2)
     record.run(Each(chunk_count, momentum.roll_back), Each(grain_count, momentum.roll_back_velocity))

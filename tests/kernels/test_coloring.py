@@ -1,11 +1,14 @@
-"""Independent sets: no two pairs that share a grain, every contact once, levels in the sequential order."""
+"""Independent sets: no two pairs that share a grain, every contact once, and what is swept."""
 
-import graphs
+from collections import defaultdict
+
 import numpy as np
 import pytest
 import warp as wp
-from stages import OneRecord, grain_total, record_of_graph
+from stages import OneRecord, grain_total, listed, path, random_graph, record_of_graph
+from swept_order import swept_pairs
 
+from warpgrains import Scene, Simulation
 from warpgrains.arrays import IntArray
 from warpgrains.kernels.access import at, put
 from warpgrains.kernels.coloring import choose_sets, place_contacts
@@ -14,108 +17,73 @@ from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import OPTIONS, Serial
 from warpgrains.kernels.threads import TeamRecord
 
+MASK_COLORS = 64
+SPARSE = random_graph(500, 700, seed=1)
 GRAPHS = {
-    "empty": graphs.empty(),
-    "one pair": graphs.path(2),
-    "path": graphs.path(300),
-    "star": graphs.star(800),
-    "star around the last grain": graphs.hub_last(800),
-    "complete": graphs.complete(80),
-    "sparse": graphs.random_graph(500, 700, seed=1),
-    "dense": graphs.random_graph(100, 3700, seed=2),
+    "empty": np.zeros((0, 2), int),
+    "one pair": path(2),
+    "path": path(300),
+    "star": np.stack([np.zeros(800, int), np.arange(1, 801)], axis=1),
+    "star around the last grain": np.stack([np.arange(800), np.full(800, 800)], axis=1),
+    "complete": random_graph(80, 80 * 79 // 2, seed=0),
+    "sparse": SPARSE,
+    "dense": random_graph(100, 3700, seed=2),
 }
 
 
-@pytest.fixture(params=GRAPHS)
-def pairs(request: pytest.FixtureRequest) -> IntArray:
-    return GRAPHS[request.param]
+def levels(pairs: IntArray) -> list[int]:
+    """Return one above the highest level among earlier pairs that share a grain."""
+    top: dict[int, int] = defaultdict(int)
+    found = []
+    for i, j in pairs.tolist():
+        found.append(max(top[i], top[j]))
+        top[i] = top[j] = found[-1] + 1
+    return found
 
 
-@pytest.fixture(params=[False, True], ids=["levels", "colors"])
-def by_color(request: pytest.FixtureRequest) -> bool:
-    return request.param
+def first_fit_colors(pairs: IntArray) -> list[int]:
+    """Return the lowest color that neither grain has yet; beyond 64, a color of its own."""
+    used: dict[int, set[int]] = defaultdict(set)
+    found, next_extra = [], MASK_COLORS
+    for i, j in pairs.tolist():
+        color = min(set(range(MASK_COLORS)) - used[i] - used[j], default=next_extra)
+        next_extra += color == next_extra
+        used[i].add(color)
+        used[j].add(color)
+        found.append(color)
+    return found
 
 
-@pytest.fixture(params=[0, 2], ids=["no walls", "walls"])
-def at_walls(request: pytest.FixtureRequest, pairs: IntArray) -> IntArray:
-    """Return at how many walls each grain is."""
-    return np.random.default_rng(3).integers(0, request.param + 1, grain_total(pairs))
-
-
-def grouped(
-    pairs: IntArray, at_walls: IntArray, by_color: bool, merge: bool = False
-) -> tuple[OneRecord, IntArray]:
-    """Return the record with every pair at its index, and the set of every pair."""
+def grouped(pairs: IntArray, at_walls: IntArray, by_color: bool, merge: bool = False) -> OneRecord:
+    """Return the record with every contact at its index."""
     record = record_of_graph(pairs, at_walls)
     record.record["by_color"], record.record["merge"] = by_color, merge
     record.run(Serial(choose_sets), Serial(place_contacts))
-    assert record.record["contacts"]["count"]["pairs"] == len(pairs)
-    group = of_pairs(record, "set_of")
-    assert (record["workspace.set_of"][of_walls(record)] == -1).all()
-    return record, group
+    return record
 
 
-def of_walls(record: OneRecord) -> IntArray:
-    """Return the places of contacts with walls in the list."""
-    rows = record["neighbors.start"]
-    return np.flatnonzero(record["neighbors.neighbor"][: rows[-1]] >= len(rows) - 1)
-
-
-def of_pairs(record: OneRecord, name: str) -> IntArray:
-    """Return an array of the workspace for the pairs alone, in the order of the list."""
-    return np.delete(record[f"workspace.{name}"][: record["neighbors.start"][-1]], of_walls(record))
-
-
-def assert_no_shared_grain(pairs: IntArray, group: IntArray) -> None:
+@pytest.mark.parametrize("merge", [False, True], ids=["apart", "merged"])
+@pytest.mark.parametrize("most", [0, 1, 2], ids=["no walls", "a wall", "two walls"])
+@pytest.mark.parametrize("by_color", [False, True], ids=["levels", "colors"])
+@pytest.mark.parametrize("name", GRAPHS)
+def test_sets(name: str, by_color: bool, most: int, merge: bool) -> None:
+    """Pairs by set and, last, contacts with walls, each set in the order of the list."""
+    pairs = GRAPHS[name]
+    at_walls = np.random.default_rng(4).integers(0, most + 1, grain_total(pairs))
+    at_wall, walls = listed(pairs, at_walls)[:, 1] >= len(at_walls), at_walls.sum()
+    record = grouped(pairs, at_walls, by_color, merge)
+    group, index = (record[f"workspace.{own}"][: len(at_wall)] for own in ("set_of", "sweep_index"))
+    assert (group[at_wall] == -1).all()
+    group = group[~at_wall]
+    assert group.tolist() == (first_fit_colors if by_color else levels)(pairs)
     touched = np.concatenate([np.stack([group, grain], axis=1) for grain in pairs.T])
     assert len(np.unique(touched, axis=0)) == 2 * len(pairs)
-
-
-def assert_sequential_order(pairs: IntArray, group: IntArray) -> None:
-    """Of two pairs that share a grain, the earlier one has the lower set."""
-    for grain in range(grain_total(pairs)):
-        assert (np.diff(group[(pairs == grain).any(axis=1)]) > 0).all()
-
-
-def test_levels_are_the_lowest_possible(pairs: IntArray, at_walls: IntArray) -> None:
-    _, level = grouped(pairs, at_walls, by_color=False)
-    assert level.tolist() == graphs.levels(pairs)
-    assert_no_shared_grain(pairs, level)
-    assert_sequential_order(pairs, level)
-
-
-def test_colors_are_first_fit(pairs: IntArray, at_walls: IntArray) -> None:
-    _, color = grouped(pairs, at_walls, by_color=True)
-    assert color.tolist() == graphs.first_fit_colors(pairs)
-    assert_no_shared_grain(pairs, color)
-
-
-def test_every_pair_has_its_index(pairs: IntArray, at_walls: IntArray, by_color: bool) -> None:
-    record, group = grouped(pairs, at_walls, by_color)
-    index = of_pairs(record, "sweep_index")
-    start = record["contacts.set_start"][: record.record["contacts"]["count"]["sets"] + 1]
-    assert np.array_equal(np.argsort(index), np.argsort(group, kind="stable"))
-    assert np.array_equal(np.sort(index), np.arange(len(pairs)))
-    assert np.array_equal(np.diff(start), np.bincount(group))
-    assert start[0] == 0
-    merged, _ = grouped(pairs, at_walls, by_color, merge=True)
-    assert np.array_equal(of_pairs(merged, "sweep_index"), index)
-    assert merged["contacts.set_start"][:2].tolist() == [0, len(pairs)]
-    assert merged.record["contacts"]["count"]["sets"] == 1
-
-
-@pytest.mark.parametrize("merge", [False, True])
-@pytest.mark.parametrize("most", [0, 1, 2])
-def test_walls_come_last(pairs: IntArray, by_color: bool, merge: bool, most: int) -> None:
-    """Contacts with walls are one set, in the order of the list."""
-    at_walls = np.random.default_rng(4).integers(0, most + 1, grain_total(pairs))
-    record, _ = grouped(pairs, at_walls, by_color, merge)
-    count, walls = record.record["contacts"]["count"], at_walls.sum()
-    assert count.tolist()[0] == len(pairs)
-    assert count.tolist()[2] == walls
-    index = record["workspace.sweep_index"][of_walls(record)]
-    assert np.array_equal(index, len(pairs) + np.arange(walls))
-    assert record["contacts.set_start"][count["sets"] :][:2].tolist() == [len(pairs), len(pairs) + walls]
+    assert np.array_equal(index[~at_wall][np.argsort(group, kind="stable")], np.arange(len(pairs)))
+    assert np.array_equal(index[at_wall], len(pairs) + np.arange(walls))
+    sizes = [len(pairs)] if merge else np.bincount(group).tolist()
+    assert record.record["contacts"]["count"].tolist() == (len(pairs), len(sizes), walls)
+    ends = record["contacts.set_start"][: len(sizes) + 2]
+    assert ends.tolist() == [0, *np.cumsum([*sizes, walls])]
 
 
 @wp.kernel(module="unique", module_options=OPTIONS)
@@ -137,20 +105,29 @@ def note_threads(records: wp.array(dtype=SceneRecord), size: int) -> None:
 @pytest.mark.parametrize("size", [1, 2, 3])
 def test_every_contact_has_one_thread(size: int, driven: bool) -> None:
     """Contacts of one grain with walls are not divided, and none with walls where a force drives one."""
-    pairs, rng = GRAPHS["sparse"], np.random.default_rng(6)
-    record, _ = grouped(pairs, rng.integers(0, 6, grain_total(pairs)), by_color=True)
-    rows, index = record["neighbors.start"], record["workspace.sweep_index"][: record["neighbors.start"][-1]]
-    grain = np.empty(len(index), int)
-    grain[index] = np.repeat(np.arange(len(rows) - 1), np.diff(rows))
-    grain[len(pairs) - 1] = grain[len(pairs)]  # the last pair is of the first grain with a wall
-    record["contacts.contact"]["i"][: len(index)] = 2 * grain
+    at_walls = np.random.default_rng(6).integers(0, 6, grain_total(SPARSE))
+    record, contacts, pairs = grouped(SPARSE, at_walls, by_color=True), listed(SPARSE, at_walls), len(SPARSE)
+    grain, total = np.empty(len(contacts), int), len(contacts)
+    grain[record["workspace.sweep_index"][:total]] = contacts[:, 0]
+    grain[pairs - 1] = grain[pairs]  # the last pair is of the first grain with a wall
+    record["contacts.contact"]["i"][:total] = 2 * grain
     record["workspace.old_place"][:] = 0
     record.record["walls"]["drive"]["shape"][0] = int(driven)
     wp.launch(note_threads, dim=1, inputs=(record.records.device, size), device="cpu")
-    thread = record["workspace.old_place"][: len(index)]
-    at_wall = np.arange(len(index)) >= len(pairs)
-    assert np.isin(thread, np.arange(size) + 1).all()
-    assert set(thread[~at_wall]) == set(range(1, size + 1))
-    assert set(thread[at_wall]) == ({1} if driven else set(range(1, size + 1)))
-    alike = at_wall[1:] & at_wall[:-1] & (grain[1:] == grain[:-1])
-    assert (thread[1:] == thread[:-1])[alike].all()
+    thread = record["workspace.old_place"][:total]
+    everyone = set(range(1, size + 1))
+    assert set(thread[:pairs]) == everyone
+    assert set(thread[pairs:]) == ({1} if driven else everyone)
+    alike = grain[pairs + 1 :] == grain[pairs:-1]
+    assert (thread[pairs + 1 :] == thread[pairs:-1])[alike].all()
+
+
+def test_pairs_are_swept_by_first_fit_colors() -> None:
+    """Those of a new list, and those of a list that is used again."""
+    simulation, rebuilds = Simulation(Scene.load("polydisperse"), order="color"), []
+    for _ in range(60):
+        rebuilds.append(simulation.step().rebuilds)
+        swept = swept_pairs(simulation)
+        in_order = swept[np.lexsort(swept.T[::-1])]
+        assert np.array_equal(swept, in_order[np.argsort(first_fit_colors(in_order), kind="stable")])
+    assert 5 <= rebuilds.count(0) < 50

@@ -1,26 +1,21 @@
 """Grains are monitored after every large correction, whatever another contact does to them right after it."""
 
-import graphs
 import numpy as np
 import pytest
-from stages import OneRecord, grain_total, record_of_graph
+from stages import OneRecord, grain_total, path, random_graph, record_of_graph
 
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.stages import Sets
 from warpgrains.kernels.sweep import sweeping
 
 GRAPHS = {
-    "one pair": graphs.path(2),
-    "a block and a pair": graphs.path(66),
-    "sparse": graphs.random_graph(100, 300, seed=1),
-    "dense": graphs.random_graph(30, 400, seed=2),
+    "one pair": path(2),
+    "a block and a pair": path(66),
+    "sparse": random_graph(100, 300, seed=1),
+    "dense": random_graph(30, 400, seed=2),
 }
 LARGE = 0.25  # m/s
-
-
-@pytest.fixture(params=GRAPHS)
-def pairs(request: pytest.FixtureRequest) -> IntArray:
-    return GRAPHS[request.param]
+SWEEP = Sets(sweeping(False, False, ahead=False))
 
 
 def swept(pairs: IntArray) -> OneRecord:
@@ -69,19 +64,17 @@ def peaks(record: OneRecord) -> FloatArray:
     return peak
 
 
-def test_every_moment_after_a_large_correction_is_seen(pairs: IntArray) -> None:
-    record = swept(pairs)
+@pytest.mark.parametrize("name", GRAPHS)
+def test_every_moment_after_a_large_correction_is_seen(name: str) -> None:
+    """So is a skin that is too narrow for one."""
+    record = swept(GRAPHS[name])
     expected = peaks(record)
-    record.run(Sets(sweeping(False, False, ahead=False)))
+    record.run(SWEEP)
     assert np.array_equal(record["verlet.peak_square"], expected)
     assert record.record["verlet"]["flags"]["list_expired"] == 0
-
-
-def test_a_skin_that_is_too_narrow_is_found_out(pairs: IntArray) -> None:
-    expected = peaks(swept(pairs))
     highest = int(expected.argmax())
     for factor, expired in ((1.01, 0), (0.99, 1)):
-        record = swept(pairs)
+        record = swept(GRAPHS[name])
         record["verlet.peak_limit"][highest] = factor * np.sqrt(expected[highest])
-        record.run(Sets(sweeping(False, False, ahead=False)))
-        assert record.record["verlet"]["flags"]["list_expired"] == (expired if expected[highest] > 0.0 else 0)
+        record.run(SWEEP)
+        assert record.record["verlet"]["flags"]["list_expired"] == (expired and expected[highest] > 0.0)

@@ -4,16 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from checked_list import U, W, flag, record_with
 from schemes import SCHEMES
 
 from warpgrains import Scene, Segment, Simulation
 from warpgrains.accuracy import certify
 from warpgrains.analysis import energy_balance, kinetic_energy
-from warpgrains.arrays import FloatArray
-from warpgrains.kernels import skins, verlet
-from warpgrains.kernels.record import grain_count
-from warpgrains.kernels.stages import Each
 from warpgrains.scene.fields import METHODS
 
 EPS = np.finfo(float).eps
@@ -226,25 +221,3 @@ def test_contacts_are_listed_that_only_the_velocity_before_the_step_closes(
     simulation = Simulation(scene, restitution=0.5)
     simulation.step()
     assert simulation.velocity[:, 0] == pytest.approx(-6.0 * np.sign(scene.velocity[:, 0]), abs=1e-8)
-
-
-@pytest.mark.parametrize("grain", [0, 1])
-def test_the_velocity_before_the_step_counts_in_the_proof(grain: int) -> None:
-    """A peak of 10 m/s, twice that of the velocity now, and what a skin allows of it."""
-    for limit, expired in ((10.0, 0), (np.nextafter(10.0, 0.0), 1)):
-        record = record_with()
-        record["grains.velocity"][:] = W + U
-        record["grains.velocity"][grain] += (6.0, 8.0)
-        record["verlet.peak_limit"][:] = limit
-        record.run(Each(grain_count, verlet.monitor_start))
-        assert record["verlet.peak_square"][grain] == 100.0
-        assert flag(record, "list_expired") == expired
-
-
-def test_a_new_skin_covers_the_velocity_before_the_step() -> None:
-    record = record_with(base_skin=2.0)
-    record["grains.velocity"][:] = W + np.array([3.0, 4.0])
-    record["verlet.skin"][:] = 2.5, 9.0
-    record.run(Each(grain_count, skins.widen_for_start))
-    widened: FloatArray = record["verlet.skin"]
-    assert widened.tolist() == [2.0 + 1.2 * 0.25 * 5.0, 9.0]

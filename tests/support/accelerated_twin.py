@@ -4,8 +4,9 @@ It has no list. Every product and sum of a velocity, a correction or the residua
 order; the sums of (14), which only decide, are added in another. Vectors are complex numbers.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 from schemes import contact_mass
@@ -26,94 +27,60 @@ def normal(d: complex) -> tuple[complex, float]:
 
 
 @dataclass
-class Pair:
-    """Two grains that may touch."""
+class Contact:
+    """Two grains that may touch, or one and the walls, tangent or round."""
 
     i: int
-    j: int
+    j: int | None
     n: complex
-    gap: float  # gap / dt [m/s]
-    share: tuple[float, float]
+    tangent: float  # gap / dt, and at the walls that of the outer one [m/s]
     mu: float
     dv: float
     last: float
+    share: tuple[float, float] = (1.0, 0.0)
+    inner: float = inf  # gap / dt of the inner wall [m/s]
+    reach: float = inf  # A / dt of (18), where the wall is round [m/s]
 
     def vn(self, v: Velocities) -> float:
-        return dot(v[self.i] - v[self.j], self.n)
+        return dot(v[self.i] if self.j is None else v[self.i] - v[self.j], self.n)
 
     def apply(self, v: Velocities, dv: float) -> None:
         v[self.i] -= dv * self.n * self.share[0]
-        v[self.j] += dv * self.n * self.share[1]
+        if self.j is not None:
+            v[self.j] += dv * self.n * self.share[1]
 
-    def corrected(self, v: Velocities, y: float, omega: float) -> tuple[float, float]:
-        dv = max(0.0, y + omega * (self.vn(v) - self.gap)) - y
-        return y + dv, dv
-
-    def violation(self, v: Velocities) -> float:
-        return max(0.0, self.vn(v) - self.gap)
-
-    def is_near(self, v: Velocities, near: float) -> bool:
-        return self.vn(v) - self.gap + 2.0 * near > 0.0
-
-    def cost(self, dv: float, v: Velocities) -> float:
-        return dv * self.gap
-
-    def residual(self, v: Velocities) -> float:
-        return abs(max(0.0, self.vn(v) + self.dv - self.gap) - self.dv)
-
-
-@dataclass
-class Wall:
-    """A grain that may touch the walls, tangent or round."""
-
-    i: int
-    n: complex
-    tangent: float  # gap / dt of the outer wall, and of the inner one if there is one [m/s]
-    inner: float | None
-    reach: float | None  # A / dt of (18), where the wall is round [m/s]
-    mu: float
-    dv: float
-    last: float
-
-    def vn(self, v: Velocities) -> float:
-        return dot(v[self.i], self.n)
-
-    def apply(self, v: Velocities, dv: float) -> None:
-        v[self.i] -= dv * self.n
-
-    def outer(self, v: Velocities) -> float:
-        if self.reach is None:
+    def gap(self, v: Velocities) -> float:
+        if self.reach == inf:
             return self.tangent
         along = self.n.real * v[self.i].imag - self.n.imag * v[self.i].real
         return self.tangent - (self.reach - sqrt(max(0.0, self.reach * self.reach - along * along)))
 
-    def corrected(self, v: Velocities, y: float, omega: float) -> tuple[float, float]:
-        vn = omega * self.vn(v)
-        projected = max(0.0, vn + y - omega * self.outer(v))
-        if self.inner is not None:
-            projected -= max(0.0, -vn - y - omega * self.inner)
-        dv = projected - y
-        return y + dv, dv
+    def change(self, v: Velocities, y: float, omega: float) -> float:
+        vn, gap = self.vn(v), self.gap(v)
+        if self.j is not None:
+            return max(0.0, y + omega * (vn - gap)) - y
+        return projection(omega * vn + y, omega * gap, omega * self.inner) - y
 
     def violation(self, v: Velocities) -> float:
-        return abs(self.corrected(v, 0.0, 1.0)[1])
+        return abs(projection(self.vn(v), self.gap(v), self.inner))
 
     def is_near(self, v: Velocities, near: float) -> bool:
-        vn = self.vn(v)
-        projected = max(0.0, vn - (self.outer(v) - near))
-        if self.inner is not None:
-            projected -= max(0.0, -vn - (self.inner - near))
-        return projected != 0.0
+        vn, gap = self.vn(v), self.gap(v)
+        if self.j is not None:
+            return vn - gap + 2.0 * near > 0.0
+        return projection(vn, gap - near, self.inner - near) != 0.0
 
     def cost(self, dv: float, v: Velocities) -> float:
-        return dv * self.outer(v) if dv >= 0.0 or self.inner is None else -dv * self.inner
+        return dv * self.gap(v) if dv >= 0.0 or self.inner == inf else -dv * self.inner
 
     def residual(self, v: Velocities) -> float:
         vn, outer, inner = self.vn(v), max(0.0, self.dv), max(0.0, -self.dv)
-        worst = abs(max(0.0, vn + outer - self.outer(v)) - outer)
-        if self.inner is None:
-            return worst
+        worst = abs(max(0.0, vn + outer - self.gap(v)) - outer)
         return max(worst, abs(max(0.0, -vn + inner - self.inner) - inner))
+
+
+def projection(pushed: float, outer: float, inner: float) -> float:
+    return max(0.0, pushed - outer) - max(0.0, -pushed - inner)
 
 
 class AcceleratedTwin:
@@ -131,7 +98,7 @@ class AcceleratedTwin:
         scene = self.scene
         free = free_velocity(scene, self.velocity, self.staggered)
         self._free: Velocities = [complex(*v) for v in free]
-        self._contacts = [*self._pairs(), *self._walls()]
+        self._contacts = [*self._listed()]
         self._v = self._made_by_corrections()
         self._iterate()
         self.velocity = np.array([[v.real, v.imag] for v in self._v])
@@ -140,27 +107,20 @@ class AcceleratedTwin:
         dv = np.array([c.dv for c in self._contacts])
         self.pair_correction, self.wall_correction = dv[: -scene.n], dv[-scene.n :]
 
-    def _pairs(self) -> list[Pair]:
-        scene, x, pairs = self.scene, [complex(*x) for x in self.position], []
+    def _listed(self) -> Iterator[Contact]:
+        """Yield the contacts of all pairs, and then those of all grains with the walls."""
+        scene, x, dt = self.scene, [complex(*x) for x in self.position], self.scene.dt
         m, r = contact_mass(scene).tolist(), scene.radius.tolist()
-        places = zip(*np.triu_indices(scene.n, 1), self.pair_correction.tolist(), strict=True)
-        for i, j, dv in places:
+        for i, j, dv in zip(*np.triu_indices(scene.n, 1), self.pair_correction.tolist(), strict=True):
             n, distance = normal(x[j] - x[i])
             share = m[j] / (m[i] + m[j]), m[i] / (m[i] + m[j])
-            gap = (distance - (r[i] + r[j])) / scene.dt
-            pairs.append(Pair(i, j, n, gap, share, m[i] * share[0], dv, dv))
-        return pairs
-
-    def _walls(self) -> list[Wall]:
-        scene, walls = self.scene, []
-        m, r = contact_mass(scene).tolist(), scene.radius.tolist()
+            yield Contact(i, j, n, (distance - (r[i] + r[j])) / dt, m[i] * share[0], dv, dv, share)
         for i, dv in enumerate(self.wall_correction.tolist()):
-            n, distance = normal(complex(*self.position[i]))
-            gap = (scene.radius_out - distance - r[i]) / scene.dt
-            inner = (distance - scene.radius_in - r[i]) / scene.dt if scene.radius_in > 0.0 else None
-            reach = (scene.radius_out - r[i]) / scene.dt if scene.wall == "round" else None
-            walls.append(Wall(i, n, gap, inner, reach, m[i], dv, dv))
-        return walls
+            n, distance = normal(x[i])
+            inner = (distance - scene.radius_in - r[i]) / dt if scene.radius_in > 0.0 else inf
+            reach = (scene.radius_out - r[i]) / dt if scene.wall == "round" else inf
+            outer = (scene.radius_out - distance - r[i]) / dt
+            yield Contact(i, None, n, outer, m[i], dv, dv, inner=inner, reach=reach)
 
     def _made_by_corrections(self) -> Velocities:
         v = self._free.copy()
@@ -216,7 +176,8 @@ class AcceleratedTwin:
         climb, gains, uphill, self.zeta = kinetic, 0.0, 0.0, 0.0
         for c in self._working:
             y = c.dv + beta * (c.dv - c.last)
-            vn, (new, dv) = c.vn(self._v), c.corrected(self._v, y, omega)
+            vn, dv = c.vn(self._v), c.change(self._v, y, omega)
+            new = y + dv
             climb += c.mu * (c.cost(y, self._v) - c.cost(c.dv, self._v))
             gains += c.mu * (dv * (vn - dv / 2.0) - (c.cost(new, self._v) - c.cost(y, self._v)))
             uphill += c.mu * (y - new) * (new - c.dv)

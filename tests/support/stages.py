@@ -21,20 +21,17 @@ KERNELS: dict[str, wp.Kernel] = {}
 
 def kernel_of(*stages: Stage) -> wp.Kernel:
     """Return the kernel that runs stages for the first record."""
-    if repr(stages) not in KERNELS:
-        KERNELS[repr(stages)] = new_kernel(*stages)
-        KERNELS[repr(stages)].module.load(wp.get_device("cpu"), CPU_BLOCK)
-    return KERNELS[repr(stages)]
+    name = repr(stages)
+    if name not in KERNELS:
+        run = fuse(stages)
 
+        @wp.kernel(module="unique", module_options=OPTIONS)
+        def run_stages(records: wp.array(dtype=SceneRecord), team: TeamRecord):
+            run(team, records[0])
 
-def new_kernel(*stages: Stage) -> wp.Kernel:
-    run = fuse(stages)
-
-    @wp.kernel(module="unique", module_options=OPTIONS)
-    def run_stages(records: wp.array(dtype=SceneRecord), team: TeamRecord):
-        run(team, records[0])
-
-    return run_stages
+        run_stages.module.load(wp.get_device("cpu"), CPU_BLOCK)
+        KERNELS[name] = run_stages
+    return KERNELS[name]
 
 
 class OneRecord:
@@ -45,20 +42,11 @@ class OneRecord:
         self.records = SceneRecords([scene], Sizes.first([scene], threads, device), device)
         self.records.reserve_contacts(0, contacts)
         self.record, self.team = self.records.host[0], team_records(threads)
+        self.verlet_numbers = self.record["verlet"]["numbers"]
+        self.verlet_work = self.record["verlet"]["work"]
 
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
         return self.records.array(0, name)
-
-    def reserve_contacts(self, contacts: int) -> None:
-        self.records.reserve_contacts(0, contacts)
-
-    @property
-    def verlet_numbers(self) -> np.ndarray[Any, Any]:
-        return self.record["verlet"]["numbers"]
-
-    @property
-    def verlet_work(self) -> np.ndarray[Any, Any]:
-        return self.record["verlet"]["work"]
 
     def run(self, *stages: Stage) -> None:
         kernel, records = kernel_of(*stages), self.records.device
@@ -70,6 +58,18 @@ def grains_apart(n: int) -> Scene:
     """So many grains that do not touch, for a graph of contacts that has nothing to do with them."""
     x, y = np.divmod(np.arange(n), 100)
     return Scene(position=np.stack([x, y], axis=1) + 0.5, radius=0.1, mass=1.0, radius_out=200.0 + n)
+
+
+def path(n: int) -> IntArray:
+    """Return the pairs of a graph, each grain with the next."""
+    return np.arange(n - 1)[:, np.newaxis] + np.arange(2)
+
+
+def random_graph(n: int, pairs: int, seed: int) -> IntArray:
+    """Return so many pairs among n grains, in lexicographic order."""
+    everything = np.stack(np.triu_indices(n, 1), axis=1)
+    chosen = np.random.default_rng(seed).choice(len(everything), pairs, replace=False)
+    return everything[np.sort(chosen)]
 
 
 def grain_total(pairs: IntArray) -> int:
@@ -86,19 +86,12 @@ def listed(pairs: IntArray, at_walls: IntArray) -> IntArray:
     return contacts[np.lexsort(contacts.T[::-1])]
 
 
-def write_rows(record: OneRecord, contacts: IntArray) -> None:
-    """Make contacts, in lexicographic order, those of the list."""
-    starts = np.arange(len(record["neighbors.start"]))
-    record["neighbors.start"][:] = np.searchsorted(contacts[:, 0], starts)
-    record["neighbors.neighbor"][: len(contacts)] = contacts[:, 1]
-
-
-def record_of_graph(pairs: IntArray, at_walls: IntArray | None = None) -> OneRecord:
+def record_of_graph(pairs: IntArray, at_walls: IntArray) -> OneRecord:
     """List a graph's pairs, and the walls that each grain is at, with everything to be found poisoned."""
-    n = grain_total(pairs)
-    contacts = listed(pairs, np.zeros(n, int) if at_walls is None else at_walls)
-    record = OneRecord(grains_apart(n).replace(wall="round"), len(contacts) + 1)  # whose walls have limits
-    write_rows(record, contacts)
+    contacts, scene = listed(pairs, at_walls), grains_apart(len(at_walls))
+    record = OneRecord(scene.replace(wall="round"), len(contacts) + 1)  # whose walls have limits
+    record["neighbors.start"][:] = np.searchsorted(contacts[:, 0], np.arange(scene.n + 1))
+    record["neighbors.neighbor"][: len(contacts)] = contacts[:, 1]
     for name in ("set_of", "sweep_index"):
         record[f"workspace.{name}"][:] = -7
     record["workspace.taken"][:] = 2**64 - 1
