@@ -8,74 +8,104 @@ appears when it is complete.
 """
 
 import argparse
-import subprocess
 import sys
+import tempfile
+from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from .rows import publish, say
 
 
 class Bench(NamedTuple):
-    """A module, its arguments, those of a long run if they differ, and what it measures."""
+    """What it measures, the functions that yield its rows, and options where the command has none."""
 
-    module: str
-    arguments: str
-    long: str | None
     measures: str
+    functions: str
+    options: dict[str, Any]
+    long: dict[str, Any]
 
 
 BENCHES = {
-    "threads": Bench("step", "--only threads --repeats 3", "--only threads", "two threads, quiet and busy"),
-    "moving": Bench("step", "--only moving --repeats 3", "--only moving", "whole runs of grains that flow"),
+    "threads": Bench("two threads, quiet and busy", "step.threads", {"repeats": 3}, {"repeats": 5}),
+    "moving": Bench("whole runs of grains that flow", "step.moving", {"repeats": 3}, {"repeats": 5}),
     "peers": Bench(
-        "peers", "--longest 60", "--longest 1000", "time against overlap of this and other programs"
+        "time against overlap of this and other programs", "peers.rows", {"longest": 60.0}, {"longest": 1e3}
     ),
-    "step": Bench("step", "--only sweeps steps course start", None, "steps, compared with C"),
-    "batch": Bench("batch", "", "--scenes 1000", "batches of scenes, compared with C"),
-    "features": Bench("features", "--repeats 7", "", "the cost of each feature"),
-    "exact": Bench("exact", "--grains 1000 3000 --steps 500 --repeats 3", "", "the exact method"),
-    "gpu": Bench("gpu", "", None, "a GPU, compared with the cores of its machine"),
+    "step": Bench(
+        "steps, compared with C",
+        "against_c.sweeps against_c.steps against_c.course step.first_run",
+        {"repeats": 5},
+        {},
+    ),
+    "batch": Bench(
+        "batches of scenes, compared with C",
+        "batch.courses batch.piles",
+        {"repeats": 5, "scenes": [300]},
+        {"scenes": [1_000]},
+    ),
+    "features": Bench("the cost of each feature", "features.costs", {"repeats": 7}, {"repeats": 15}),
+    "exact": Bench(
+        "the exact method",
+        "exact.piles exact.shipped exact.with_friction",
+        {"repeats": 3, "grains": [1_000, 3_000], "steps": 500},
+        {"repeats": 5, "grains": [1_000, 3_000, 10_000], "steps": None},
+    ),
+    "gpu": Bench("a GPU, compared with the cores of its machine", "batch.on_gpu", {"repeats": 5}, {}),
 }
 
 
-def run(name: str, options: argparse.Namespace) -> bool:
-    """Run a bench, and return whether it ended well."""
-    bench, file = BENCHES[name], options.output / f"{name}.csv"
-    part = file.with_suffix(".part")
-    is_long = options.long and bench.long is not None
-    arguments = (bench.long if is_long else bench.arguments).split()
-    if name == "peers" and options.box2d3:
-        arguments += ["--box2d3", str(options.box2d3)]
-    if options.repeats:
-        arguments += ["--repeats", str(options.repeats)]
-    begun = perf_counter()
-    done = subprocess.run([sys.executable, "-m", f"tests.bench.{bench.module}", *arguments, "-o", str(part)])
-    taken = f"{perf_counter() - begun:.0f} s"
-    if done.returncode:
-        print(f"{name}: failed after {taken}; its rows so far are in {part}", file=sys.stderr)
-        return False
-    part.replace(file)
-    print(f"{name}: {taken}, {file}", file=sys.stderr)
-    return True
+def options_of(bench: Bench, given: argparse.Namespace) -> argparse.Namespace:
+    """Return what is given to the command, and else what the bench has."""
+    own = bench.options | (bench.long if given.long else {})
+    chosen = {key: value for key, value in vars(given).items() if value is not None}
+    return argparse.Namespace(**{**vars(given), **own, **chosen})
 
 
-def main(arguments: list[str] | None = None) -> None:
+def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m tests.bench", description=(__doc__ or "").partition("\n")[0]
     )
     parser.add_argument("benches", nargs="+", choices=["all", *BENCHES], help="all: all but gpu")
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the CSV files")
     parser.add_argument("--long", action="store_true", help="everything, which takes hours")
-    parser.add_argument("--repeats", type=int, help="of a median, instead of those of each bench")
-    parser.add_argument(
-        "--box2d3", type=Path, metavar="FOLDER", help="source of Box2D 3.1 or newer, for peers"
-    )
+    cache = Path(tempfile.gettempdir()) / "warpgrains-bench"
+    parser.add_argument("--cache", type=Path, default=cache, help=f"states that are kept (default: {cache})")
+    of_each = parser.add_argument_group("instead of what each bench has")
+    of_each.add_argument("--repeats", type=int, help="times of a median")
+    of_each.add_argument("--grains", type=int, nargs="+", metavar="N", help="of a scene")
+    of_each.add_argument("--scenes", type=int, nargs="+", metavar="N", help="of a batch")
+    of_each.add_argument("--steps", type=int, help="of a run, at most")
+    peers = parser.add_argument_group("peers")
+    peers.add_argument("--box2d3", type=Path, metavar="FOLDER", help="source of Box2D 3.1 or newer")
+    peers.add_argument("--programs", nargs="+", help="that are measured (default: all)")
+    peers.add_argument("--longest", type=float, help="limit of a measurement [s]")
+    parser.add_argument("--device", default="cuda:0", help="of gpu (default: cuda:0)")
     options = parser.parse_args(arguments)
-    options.output.mkdir(parents=True, exist_ok=True)
-    chosen = options.benches if "all" not in options.benches else [name for name in BENCHES if name != "gpu"]
-    failed = [name for name in chosen if not run(name, options)]
+    source = options.box2d3
+    if source and not (source / "src" / "physics_world.c").is_file():
+        parser.error(f"--box2d3: {source} holds no source of Box2D 3.1 or newer (src/physics_world.c)")
+    return options
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Measure one bench after the other, each in a process of its own."""
+    given, failed = parse(arguments), []
+    given.output.mkdir(parents=True, exist_ok=True)
+    chosen = given.benches if "all" not in given.benches else [name for name in BENCHES if name != "gpu"]
+    for name in chosen:
+        begun, bench, file = perf_counter(), BENCHES[name], given.output / f"{name}.csv"
+        process = get_context("spawn").Process(
+            target=publish, args=(bench.functions, options_of(bench, given), file)
+        )
+        process.start()
+        process.join()
+        if process.exitcode:
+            failed.append(name)
+        say(f"{name}: {perf_counter() - begun:.0f} s, {'failed' if process.exitcode else file}")
     if failed:
-        sys.exit(f"failed: {', '.join(failed)}")
+        sys.exit(f"failed: {', '.join(failed)}; rows so far are in files .part")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import argparse
 import ctypes
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path
 
@@ -20,28 +20,34 @@ from warpgrains.solver.sizes import kind_of
 
 from ..support.same_bits import assert_same_bits
 from ..support.stages import kernel_of
-from .flow import flowing, splashed
-from .piles import ITERATIONS, advance, settled_pile
-from .rows import SPEEDUP, Subject, in_turn, row, seconds
+from .flow import SPLASHING, continued, flowing
+from .piles import ITERATIONS, settled_pile
+from .rows import SPEEDUP, Row, Subject, in_turn, row, seconds
 
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off")
 COMPILER = "gcc -O3"
 SWEPT, SWEEPS = 10_000, 200  # grains, and how often they are swept in one go
-FASTER_THAN_ALL_PAIRS = {100: ">= 25", 1_000: ">= 250", 5_000: ">= 1000"}
+FASTER_AT_REST = {100: ">= 25", 1_000: ">= 250", 5_000: ">= 1000"}
+FASTER_IN_FLOW = {1_000: ">= 400"}
 COURSE_STEPS = 800
 VEC = ("<f8", (2,))
 CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<u4"), ("j", "<u4")], align=True)
 """The record that in_c.c sweeps."""
 
 
+def compiled(compiler: str, flags: Sequence[str], sources: Sequence[Path]) -> ctypes.CDLL:
+    """Compile for this machine, and load the library."""
+    with tempfile.TemporaryDirectory() as folder:
+        built = f"{folder}/built.so"
+        subprocess.run(
+            [compiler, *FLAGS, *flags, "-shared", "-fPIC", *sources, "-o", built, "-lm"], check=True
+        )
+        return ctypes.CDLL(built)
+
+
 @cache
 def library() -> ctypes.CDLL:
-    with tempfile.TemporaryDirectory() as folder:
-        built = Path(folder) / "bench.so"
-        sources = [str(SOURCE), str(Path(__file__).with_name("in_c.c"))]
-        line = ["gcc", *FLAGS, f"-I{SOURCE.parent}", "-shared", "-fPIC", *sources, "-o", str(built), "-lm"]
-        subprocess.run(line, check=True)
-        loaded = ctypes.CDLL(str(built))
+    loaded = compiled("gcc", [f"-I{SOURCE.parent}"], [SOURCE, Path(__file__).with_name("in_c.c")])
     whole, number, array = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
     loaded.run.restype = None
     loaded.run.argtypes = [ctypes.POINTER(Grains), whole, number, number, number]
@@ -102,52 +108,57 @@ class Sweeps:
         assert all(map(np.array_equal, self.contents(), expected))
 
 
-def sweeps(options: argparse.Namespace) -> Iterator[dict[str, str]]:
+def sweeps(options: argparse.Namespace) -> Iterator[Row]:
     """One sweep in either order, on the same arrays."""
-    n = min(SWEPT, options.largest)
-    pile = settled_pile(n, options.cache)
-    for order in ("sequential", "color"):
-        arrays = Sweeps(pile.simulation(order=order, max_iterations=SWEEPS))
-        arrays.compare()
+    for n in options.grains or [SWEPT]:
+        kind, *pile = settled_pile(n, options.cache)
+        for order, target in (("sequential", "<= 1.1"), ("color", "")):
+            arrays = Sweeps(continued(*pile, order=order, max_iterations=SWEEPS))
+            arrays.compare()
 
-        def us_a_sweep(run: Callable[[], object], arrays: Sweeps = arrays) -> float:
-            arrays.reset()
-            return seconds(run) / SWEEPS * 1e6
+            def us_a_sweep(run: Callable[[], object], arrays: Sweeps = arrays) -> float:
+                arrays.reset()
+                return seconds(run) / SWEEPS * 1e6
 
-        ours, in_c = in_turn(
-            options.repeats, partial(us_a_sweep, arrays.run), partial(us_a_sweep, arrays.run_in_c)
-        )
-        subject = Subject(f"one sweep, {pile.kind}", n, order)
-        target = "<= 1.1" if (n, order) == (SWEPT, "sequential") else ""
-        yield row(subject, ours, "us", f"same arrays, {COMPILER}", in_c, target=target)
+            ways = partial(us_a_sweep, arrays.run), partial(us_a_sweep, arrays.run_in_c)
+            ours, in_c = in_turn(options.repeats, *ways)
+            subject = Subject(f"one sweep, {kind}", n, order)
+            yield row(subject, ours, "us", f"same arrays, {COMPILER}", in_c, target=target)
 
 
-def steps(options: argparse.Namespace) -> Iterator[dict[str, str]]:
+def steps(options: argparse.Namespace) -> Iterator[Row]:
     """Whole steps against all pairs in C, at rest and flowing."""
-    for n, target in FASTER_THAN_ALL_PAIRS.items():
-        pile = settled_pile(min(n, options.largest), options.cache)
-        subject = Subject(f"one step of {ITERATIONS} iterations, {pile.kind}", pile.scene.n)
-        yield _against_all_pairs(subject, pile.simulation(), max(2, 4_000 // n), options.repeats, target)
-    n = min(1_000, options.largest)
-    flow = splashed(flowing(n, tolerance=1e-12, max_iterations=ITERATIONS), threads=1)
-    subject = Subject(f"one step of {ITERATIONS} iterations, flowing", n)
-    yield _against_all_pairs(subject, flow, 5, options.repeats, ">= 400")
+    for n in options.grains or FASTER_AT_REST:
+        kind, *pile = settled_pile(n, options.cache)
+        count, target = max(2, 4_000 // n), FASTER_AT_REST.get(n, "")
+        yield _against_all_pairs(kind, continued(*pile), count, target, options)
+    for n in options.grains or FASTER_IN_FLOW:
+        scene = flowing(n, tolerance=1e-12, max_iterations=ITERATIONS)
+        flow = Simulation(scene, threads=1)
+        flow.advance(round(SPLASHING / scene.dt))
+        yield _against_all_pairs("flowing", flow, 5, FASTER_IN_FLOW.get(n, ""), options)
 
 
 def _against_all_pairs(
-    subject: Subject, simulation: Simulation, count: int, repeats: int, target: str
-) -> dict[str, str]:
+    kind: str, simulation: Simulation, count: int, target: str, options: argparse.Namespace
+) -> Row:
     reference = CReference(simulation.scene, simulation.state())
-    ours, in_c = in_turn(
-        repeats,
-        lambda: seconds(partial(advance, simulation, count)) / count * 1e3,
+
+    def ours() -> None:
+        for _ in range(count):
+            simulation.step()
+
+    times = in_turn(
+        options.repeats,
+        lambda: seconds(ours) / count * 1e3,
         lambda: seconds(partial(reference.run, count)) / count * 1e3,
     )
     assert_same_bits(simulation, reference)
-    return row(subject, ours, "ms", f"all pairs, {COMPILER}", in_c, SPEEDUP, target)
+    subject = Subject(f"one step of {ITERATIONS} iterations, {kind}", simulation.scene.n)
+    return row(subject, times[0], "ms", f"all pairs, {COMPILER}", times[1], SPEEDUP, target)
 
 
-def course(options: argparse.Namespace) -> Iterator[dict[str, str]]:
+def course(options: argparse.Namespace) -> Iterator[Row]:
     scene = Scene.load("annulus")
     simulation = Simulation(scene)
     start = simulation.state()

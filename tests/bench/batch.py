@@ -1,23 +1,28 @@
-"""Measure how fast a batch is, beside the C reference in a loop, and how its cost is made up, as CSV.
+"""Batches on one core beside the C reference in a loop, on two cores, and on a GPU, to the same bits."""
 
-python -m tests.bench.batch -o tests/bench/results/batch.csv
-"""
-
-from collections.abc import Iterator
+import argparse
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
 
-from warpgrains import Batch, Scene
+from warpgrains import Batch, Scene, Simulation
+from warpgrains.solver.threads import cores
+from warpgrains.warp_start import find_device
 
 from .against_c import COMPILER, CReference
 from .piles import pile
-from .rows import SPEEDUP, Subject, command_line, in_turn, publish, row, seconds
+from .rows import SPEEDUP, Row, Subject, in_turn, row, seconds
 
-SCENES = 300
 IN_C = 5  # scenes that are run in C, too
-PILE_STEPS = 25
+SETTLING_STEPS = 25
+COURSES = (1, 60, 1_000, 10_000)  # scenes of a batch on a GPU
+FALL, COURSE_STEPS = 80, 40  # steps of the course before they are measured, and that each time is of
+PILES = ((1_000, 100), (10_000, 100), (200, 1_000), (1_000, 1_000), (1, 1_000), (1, 10_000), (1, 100_000))
+"""Scenes of a batch on a GPU, and grains of each."""
+SETTLED, PILE_STEPS = 200, 10  # steps before, and that each time is of
+ALONE = 25_000  # grains of a batch up to which one thread is measured, too
 
 
 def course(count: int, grains: int = 15, columns: int = 5) -> list[Scene]:
@@ -26,38 +31,51 @@ def course(count: int, grains: int = 15, columns: int = 5) -> list[Scene]:
     return [_moved(scene, seed, 0.01 * scene.radius[0]).replace(duration=8.0) for seed in range(count)]
 
 
-def piles(count: int) -> list[Scene]:
-    """Piles of 100 grains that settle from a lattice, to the tolerance of the course's scene."""
-    scene = pile(100)
-    scene = scene.replace(
-        tolerance=1e-6,
-        max_iterations=10_000,
-        drag=0.05 * scene.drag,
-        dt=3.0 * scene.dt,
-        duration=3.0 * scene.dt * PILE_STEPS,
-    )
-    return [_moved(scene, seed, 1e-3 * scene.radius[0]) for seed in range(count)]
-
-
 def _moved(scene: Scene, seed: int, way: float) -> Scene:
     shift = np.random.default_rng(seed).uniform(-way, way, scene.position.shape)
     return scene.replace(position=scene.position + shift)
 
 
-def against_c(name: str, scenes: list[Scene], target: str, repeats: int) -> Iterator[dict[str, str]]:
+def piles(options: argparse.Namespace) -> Iterator[Row]:
+    """Piles of 100 grains that settle from a lattice, to the tolerance of the course's scene, against C."""
+    scene = pile(100)
+    dt = 3.0 * scene.dt
+    duration = dt * (options.steps or SETTLING_STEPS)
+    scene = scene.replace(
+        tolerance=1e-6, max_iterations=10_000, drag=0.05 * scene.drag, dt=dt, duration=duration
+    )
+    for count in options.scenes:
+        scenes = [_moved(scene, seed, 1e-3 * scene.radius[0]) for seed in range(count)]
+        yield _against_c("piles that settle", scenes, ">= 30", options.repeats)
+
+
+def courses(options: argparse.Namespace) -> Iterator[Row]:
+    """Scenes of the course against C, on two cores, and what making them adds."""
+    for count in options.scenes:
+        scenes = course(count)
+        yield _against_c("scenes of the course", scenes, ">= 6", options.repeats)
+        yield from _on_two_cores(scenes, options.repeats)
+        yield _overhead(scenes, options.repeats)
+
+
+def _against_c(name: str, scenes: list[Scene], target: str, repeats: int) -> Row:
     """A batch on one core against C, where some of its scenes run one after the other, to the same bits."""
     chosen = range(0, len(scenes), max(1, len(scenes) // IN_C))
+    steps_in_c = sum(scenes[k].steps for k in chosen)
     batches: list[Batch] = []
     references: list[CReference] = []
 
     def ours() -> float:
         batches.append(Batch(scenes, threads=1))
-        return seconds(batches[-1].run) / _steps(scenes) * 1e6
+        return seconds(batches[-1].run) / sum(scene.steps for scene in scenes) * 1e6
+
+    def run_all() -> None:
+        for k, reference in zip(chosen, references, strict=True):
+            reference.run(scenes[k].steps)
 
     def in_c() -> float:
         references[:] = [CReference(scenes[k]) for k in chosen]
-        loop = partial(_run_all, references, [scenes[k].steps for k in chosen])
-        return seconds(loop) / _steps([scenes[k] for k in chosen]) * 1e6
+        return seconds(run_all) / steps_in_c * 1e6
 
     Batch(scenes[:1], threads=1).step()  # once, so that the kernels are loaded
     times = in_turn(repeats, ours, in_c)
@@ -65,19 +83,10 @@ def against_c(name: str, scenes: list[Scene], target: str, repeats: int) -> Iter
         assert np.array_equal(batches[-1].position(k), reference.position)
         assert np.array_equal(batches[-1].velocity(k), reference.velocity)
     subject = Subject(f"a step of {len(scenes)} {name}", scenes[0].n)
-    yield row(subject, times[0], "us", f"all pairs in a loop, {COMPILER}", times[1], SPEEDUP, target)
+    return row(subject, times[0], "us", f"all pairs in a loop, {COMPILER}", times[1], SPEEDUP, target)
 
 
-def _run_all(references: list[CReference], steps: list[int]) -> None:
-    for reference, count in zip(references, steps, strict=True):
-        reference.run(count)
-
-
-def _steps(scenes: list[Scene]) -> int:
-    return sum(scene.steps for scene in scenes)
-
-
-def cores(scenes: list[Scene], repeats: int) -> Iterator[dict[str, str]]:
+def _on_two_cores(scenes: list[Scene], repeats: int) -> Iterator[Row]:
     """The same batch on two threads, and on one; beside it two that share nothing, at once."""
 
     def run(threads: int) -> float:
@@ -90,14 +99,13 @@ def cores(scenes: list[Scene], repeats: int) -> Iterator[dict[str, str]]:
             return seconds(lambda: list(pool.map(Batch.run, halves))) * 1e3
 
     two, one, apart = in_turn(repeats, partial(run, 2), partial(run, 1), run_halves)
-    subject = f"a run of {len(scenes)} scenes of the course"
-    n = scenes[0].n
-    yield row(Subject(subject, n, threads="2"), two, "ms", "1 thread", one, SPEEDUP, ">= 1.85")
-    halves = Subject(f"{subject}, as two batches at once", n, threads="1 + 1")
+    subject = Subject(f"a run of {len(scenes)} scenes of the course", scenes[0].n, threads="2")
+    yield row(subject, two, "ms", "1 thread", one, SPEEDUP, ">= 1.85")
+    halves = Subject(f"{subject.name}, as two batches at once", subject.n, threads="1 + 1")
     yield row(halves, apart, "ms", "1 thread", one, SPEEDUP)
 
 
-def overhead(scenes: list[Scene], repeats: int) -> Iterator[dict[str, str]]:
+def _overhead(scenes: list[Scene], repeats: int) -> Row:
     """Making a batch and running it, against what the kernels take of it."""
     whole, kernels = [], []
 
@@ -108,23 +116,36 @@ def overhead(scenes: list[Scene], repeats: int) -> Iterator[dict[str, str]]:
     for _ in range(repeats):
         whole.append(seconds(measure) * 1e3)
     subject = Subject(f"making and running {len(scenes)} scenes of the course", scenes[0].n)
-    yield row(subject, whole, "ms", "kernels alone", kernels, target="<= 1.05")
+    return row(subject, whole, "ms", "kernels alone", kernels, target="<= 1.05")
 
 
-def figures(count: int, repeats: int) -> Iterator[dict[str, str]]:
-    scenes = course(count)
-    yield from against_c("scenes of the course", scenes, ">= 6", repeats)
-    yield from against_c("piles that settle", piles(count), ">= 30", repeats)
-    yield from cores(scenes, repeats)
-    yield from overhead(scenes, repeats)
+def on_gpu(options: argparse.Namespace) -> Iterator[Row]:
+    """Batches of the course and of piles that have fallen a while, and single piles."""
+    for count in options.scenes or COURSES:
+        yield from _on_gpu("course", course(count, 24, 6), FALL, COURSE_STEPS, options)
+    for count, n in PILES:
+        if n in (options.grains or [n]):
+            simulation = Simulation(pile(n), order="color")
+            simulation.advance(SETTLED)
+            scenes = [simulation.present_scene] * count
+            yield from _on_gpu("pile", scenes, PILE_STEPS, PILE_STEPS, options)
 
 
-def main(arguments: list[str] | None = None) -> None:
-    parser = command_line("batch", __doc__)
-    parser.add_argument("--scenes", type=int, default=SCENES, help=f"in a batch (default: {SCENES:,})")
-    chosen = parser.parse_args(arguments)
-    publish(figures(chosen.scenes, chosen.repeats), chosen.output)
-
-
-if __name__ == "__main__":
-    main()
+def _on_gpu(
+    what: str, scenes: Sequence[Scene], before: int, steps: int, options: argparse.Namespace
+) -> Iterator[Row]:
+    """A step of all scenes, on the GPU, by all threads and, if there are few grains, by one thread."""
+    n, count = scenes[0].n, len(scenes)
+    threads = [cores(), *([1] if count * n <= ALONE or count == 1 else [])]
+    own = Batch(scenes, device=options.device)
+    others = [Batch(scenes, threads=k) for k in threads]
+    for batch in (own, *others):
+        batch.run(before)
+    ways = [lambda batch=batch: 1e3 * seconds(partial(batch.run, steps)) / steps for batch in (own, *others)]
+    times, *its = in_turn(options.repeats, *ways)
+    assert all(np.array_equal(own.position(k), batch.position(k)) for batch in others for k in range(count))
+    many = f"{count:,} {what}s" if count > 1 else f"one {what}"
+    name = getattr(find_device(options.device), "name", options.device)
+    for k, values in zip(threads, its, strict=True):
+        subject = Subject(f"a step of {many}, {name}", n, scenes[0].order, "GPU")
+        yield row(subject, times, "ms", f"{k} CPU threads" if k > 1 else "one CPU thread", values, SPEEDUP)

@@ -1,9 +1,11 @@
 """The common flowing scene in YADE, LIGGGHTS and Siconos, run by the Python that Debian packages them for.
 
 It reads one line of JSON, the name of the program, its setting and the scene, and then numbers of frames to
-advance. It answers each with the CPU time so far [s] and the centers [m]. Soft spheres are kept in the plane;
-linear springs are damped critically, a contact lasts 20 steps at least, and `overlap` [radii] is the one that
-springs are stiff enough for where grains meet at 5 m/s. LIGGGHTS has the inertia of spheres.
+advance. It answers each with the CPU time so far [s] and the centers [m].
+
+Soft spheres, also those of LAMMPS, are kept in the plane. Their linear springs are damped critically, a
+contact lasts 20 steps at least, and `overlap` [radii] is the one that springs are stiff enough for where
+grains meet at 5 m/s. LIGGGHTS has the inertia of spheres.
 """
 
 import ctypes
@@ -22,10 +24,14 @@ REACH = 0.1  # radii between grains whose contact Siconos gets, in addition to t
 
 
 def springs(scene, overlap):
-    """Return the stiffness and damping of two grains, and steps of a frame."""
+    """Return the stiffness of two grains, and steps of a frame."""
     m = scene["mass"]
     k = 0.5 * m * (FASTEST / (overlap * scene["radius"])) ** 2
-    return k, math.sqrt(2.0 * k * m), math.ceil(FRAME / (math.pi * math.sqrt(0.5 * m / k) / 20.0))
+    return k, math.ceil(FRAME / (math.pi * math.sqrt(0.5 * m / k) / 20.0))
+
+
+def density(scene):
+    return scene["mass"] / (4.0 / 3.0 * math.pi * scene["radius"] ** 3)
 
 
 class Yade:
@@ -37,16 +43,14 @@ class Yade:
 
         self._omega, friction = yade.O, math.atan(scene["friction"])
         r, m = scene["radius"], scene["mass"]
-        k, c, self._steps = springs(scene, overlap)
+        k, self._steps = springs(scene, overlap)
+        c = math.sqrt(2.0 * k * m)
         with_wall = math.sqrt(2.0) * c
-        materials = yade.O.materials
-        density = m / (4.0 / 3.0 * math.pi * r**3)
 
         def material(c):  # contacts have the values of both bodies in series
-            return materials.append(
-                yade.ViscElMat(
-                    kn=2 * k, ks=4 / 7 * k, cn=2 * c, cs=c, frictionAngle=friction, density=density
-                )
+            values = {"kn": 2 * k, "ks": 4 / 7 * k, "cn": 2 * c, "cs": c}
+            return yade.O.materials.append(
+                yade.ViscElMat(**values, frictionAngle=friction, density=density(scene))
             )
 
         grain, wall = material(c), material(0.5 / (1.0 / with_wall - 0.5 / c))
@@ -85,8 +89,45 @@ class Yade:
         return [[*self._omega.bodies[i].state.pos][:2] for i in range(self._n)]
 
 
-class Liggghts:
+class OfLammps:
+    """What the scripts of LAMMPS and LIGGGHTS have in common.
+
+    A subclass has the half of a cell's `height` [radii], and `units`, that LIGGGHTS asks for.
+    """
+
+    height, units = 1, ""
+
+    def script(self, scene, steps, begin, contacts, grain, moves):
+        """Return its lines: what a box, contacts, grains and moves are in the program."""
+        x, z = 1.1 * scene["radius_out"], self.height * scene["radius"]
+        return [
+            "units si",
+            *begin,
+            "newton off",
+            f"region box block {-x} {x} {-x} {x} {-z} {z}{self.units}",
+            "create_box 1 box",
+            f"neighbor {0.2 * scene['radius']} bin",
+            *contacts,
+            "pair_coeff * *",
+            f"timestep {FRAME / steps}",
+            *(f"create_atoms 1 single {x} {y} 0{self.units}" for x, y in scene["position"]),
+            f"set group all diameter {2 * scene['radius']} {grain}",
+            *(f"set atom {i} vx {u} vy {v}" for i, (u, v) in enumerate(scene["velocity"], 1) if u or v),
+            f"fix fall all gravity {-scene['gravity'][1]} vector 0 -1 0",
+            f"fix drag all viscous {scene['drag']}",
+            *moves,
+            "thermo 1000000000",
+            "run 0",
+        ]
+
+    def advance(self, frames):
+        self.command(f"run {frames * self.steps} pre no post no")
+
+
+class Liggghts(OfLammps):
     """Soft spheres between cylinders (hooke/stiffness)."""
+
+    height, units = 2, " units box"
 
     def __init__(self, scene, overlap):
         os.environ |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
@@ -95,54 +136,39 @@ class Liggghts:
         library.lammps_extract_atom.restype = ctypes.POINTER(ctypes.POINTER(ctypes.c_double))
         options = [b"liggghts", b"-log", b"none", b"-screen", b"none", b"-nocite"]
         self._run, self._n = ctypes.c_void_p(), len(scene["position"])
-        library.lammps_open_no_mpi(
-            len(options), (ctypes.c_char_p * len(options))(*options), ctypes.byref(self._run)
-        )
-        r, m, mu, size = scene["radius"], scene["mass"], scene["friction"], 1.1 * scene["radius_out"]
-        k, _, self._steps = springs(scene, overlap)
-        gamma = 2.0 * math.sqrt(2.0 * k / m)
+        given = (ctypes.c_char_p * len(options))(*options)
+        library.lammps_open_no_mpi(len(options), given, ctypes.byref(self._run))
+        mu = scene["friction"]
+        k, self.steps = springs(scene, overlap)
+        gamma = 2.0 * math.sqrt(2.0 * k / scene["mass"])
         model = f"gran model hooke/stiffness tangential {'history' if mu else 'off'}"
         numbers = {"kn": k, "kt": 2 / 7 * k, "gamman": gamma, "gammat": 0.5 * gamma}
         numbers |= {"coefficientFriction": mu} if mu else {}
         wall = f"wall/{model} primitive type 1 zcylinder"
-        density = m / (4.0 / 3.0 * math.pi * r**3)
-        lines = [
-            "units si",
+        begin = [
             "atom_style granular",
             "atom_modify map array",
             "boundary f f f",
-            "newton off",
             "communicate single vel yes",
             "processors 1 1 1",
-            f"region box block {-size} {size} {-size} {size} {-2 * r} {2 * r} units box",
-            "create_box 1 box",
-            f"neighbor {0.2 * r} bin",
+        ]
+        contacts = [
             "neigh_modify delay 0",
             "hard_particles yes",
             *(f"fix {name} all property/global {name} peratomtypepair 1 {v}" for name, v in numbers.items()),
             f"pair_style {model}",
-            "pair_coeff * *",
-            f"timestep {FRAME / self._steps}",
-            *(f"create_atoms 1 single {x} {y} 0 units box" for x, y in scene["position"]),
-            f"set group all diameter {2 * r} density {density}",
-            *(f"set atom {i} vx {u} vy {v}" for i, (u, v) in enumerate(scene["velocity"], 1) if u or v),
+        ]
+        moves = [
             f"fix out all {wall} {scene['radius_out']} 0. 0.",
             f"fix in all {wall} {scene['radius_in']} 0. 0.",
-            f"fix fall all gravity {-scene['gravity'][1]} vector 0 -1 0",
-            f"fix drag all viscous {scene['drag']}",
             "fix move all nve/sphere",
-            "thermo 1000000000",
             "thermo_modify lost ignore norm no",
-            "run 0",
         ]
-        for line in lines:
-            self._command(line)
+        for line in self.script(scene, self.steps, begin, contacts, f"density {density(scene)}", moves):
+            self.command(line)
 
-    def _command(self, line):
+    def command(self, line):
         self._library.lammps_command(self._run, line.encode())
-
-    def advance(self, frames):
-        self._command(f"run {frames * self._steps} pre no post no")
 
     def position(self):
         x = self._library.lammps_extract_atom(self._run, b"x")
@@ -246,11 +272,8 @@ def main():
         start = process_time()
         program.advance(int(line))
         taken += process_time() - start
-        print(
-            json.dumps([taken - getattr(program, "left_out", 0.0), program.position()]),
-            file=answers,
-            flush=True,
-        )
+        answer = taken - getattr(program, "left_out", 0.0), program.position()
+        print(json.dumps(answer), file=answers, flush=True)
     os._exit(0)
 
 

@@ -1,6 +1,4 @@
-"""The exact method against accelerated sweeps on single steps, and to the end of every shipped scene: CSV.
-
-    python -m tests.bench.exact -o tests/bench/results/exact.csv
+"""The exact method against accelerated sweeps on single steps, and to the end of every shipped scene.
 
 Times are those of the processor, of one thread, so that the machine may be busy. Piles are the shipped one
 on other scales, of radii 1:1.5, after 4 s with 300 sweeps a step at most; they take minutes and are kept. A
@@ -9,7 +7,7 @@ velocities, where v_exact is what the method leaves with no tolerance.
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import product
 from math import ceil
 from time import process_time
@@ -22,13 +20,14 @@ from warpgrains.accuracy.exact_step import StepProblem
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.toml import shipped_scenes
 
-from .flow import flowing, kept_state
-from .rows import SPEEDUP, Subject, command_line, publish, row
+from .flow import continued, flowing, kept_state
+from .rows import SPEEDUP, Row, Subject, row
 
 AT_REST = 4.0  # s
 SWEEPS = 300  # of a step until then
 EXACT_ERROR, SWEPT_ERROR = 1e-9, 1e-6
 MOST = 50_000  # sweeps
+EXACT: dict[str, Any] = {"method": "exact", "order": "color", "max_iterations": MOST}
 
 
 class Step(NamedTuple):
@@ -55,16 +54,8 @@ def pile(n: int) -> Scene:
 def steps_of(n: int, options: argparse.Namespace) -> Iterator[Step]:
     """Yield steps in a row, after three exact ones."""
     scene = pile(n)
-
-    def reach() -> Simulation:
-        simulation = Simulation(scene, threads=1)
-        simulation.run(steps=ceil(AT_REST / scene.dt))
-        return simulation
-
-    start = kept_state(options.cache / f"poly-{n}-resting.npz", reach)
-    simulation = Simulation(scene.replace(**EXACT, tolerance=1e-10), threads=1)
-    simulation.restore(start)
-    simulation.advance(3)
+    start = kept_state(options.cache / f"poly-{n}-resting.npz", scene, ceil(AT_REST / scene.dt))
+    simulation = continued(scene, start, **EXACT, tolerance=1e-10)
     witness = Simulation(scene.replace(**EXACT, tolerance=1e-14), threads=1)
     for _ in range(options.repeats):
         before = simulation.state()
@@ -74,9 +65,6 @@ def steps_of(n: int, options: argparse.Namespace) -> Iterator[Step]:
         nothing = float(np.abs(problem.free_velocity - witness.velocity).max())
         yield Step(scene, before, witness.velocity, nothing)
         simulation.step()
-
-
-EXACT: dict[str, Any] = {"method": "exact", "order": "color", "max_iterations": MOST}
 
 
 def exactly(step: Step) -> tuple[float, int]:
@@ -108,37 +96,38 @@ def _take(simulation: Simulation, step: Step) -> tuple[float, int]:
     return 1e3 * (process_time() - begun), report.factorizations
 
 
-def against_sweeps(n: int, options: argparse.Namespace) -> Iterator[dict[str, str]]:
+def piles(options: argparse.Namespace) -> Iterator[Row]:
     """Time of a step by both methods, each to its error, and how they solve it."""
-    steps = list(steps_of(n, options))
-    ours, theirs = [exactly(step) for step in steps], [by_sweeps(step) for step in steps]
-    subject = Subject(f"resting pile, exact to {EXACT_ERROR:g}", n, "color")
-    other = f"accelerated to {SWEPT_ERROR:g}"
-    times, counts = ([[float(one[k]) for one in part] for part in (ours, theirs)] for k in (0, 1))
-    yield row(subject, times[0], "ms a step", other, times[1], SPEEDUP, ">= 5")
-    yield row(subject, counts[0], "factorizations", f"{other}, sweeps", counts[1])
+    for n in options.grains:
+        steps = list(steps_of(n, options))
+        times, counts = zip(*(exactly(step) for step in steps), strict=True)
+        its_times, its_sweeps = zip(*(by_sweeps(step) for step in steps), strict=True)
+        subject = Subject(f"resting pile, exact to {EXACT_ERROR:g}", n, "color")
+        other = f"accelerated to {SWEPT_ERROR:g}"
+        yield row(subject, times, "ms a step", other, its_times, SPEEDUP, ">= 5")
+        yield row(subject, counts, "factorizations", f"{other}, sweeps", its_sweeps)
 
 
-def shipped(options: argparse.Namespace) -> Iterator[dict[str, str]]:
+def shipped(options: argparse.Namespace) -> Iterator[Row]:
     """Steps of every shipped scene without friction or driven walls that are not solved to 1e-9 m/s."""
     for name in shipped_scenes():
         scene = Scene.load(name)
         if scene.has_friction or scene.has_driven_walls:
             continue
         scene = scene.replace(**EXACT, stop="default", tolerance=1e-9)
-        steps = min(scene.steps, options.steps)
+        steps = min(scene.steps, options.steps or scene.steps)
         done = Simulation(scene, threads=1).run(steps=steps)
         subject = Subject(f"{name}, {done.steps} steps to 1e-9 m/s", scene.n, "color")
         yield row(subject, [done.unconverged], "steps not there", target="<= 0")
 
 
-def with_friction(options: argparse.Namespace) -> Iterator[dict[str, str]]:
+def with_friction(options: argparse.Namespace) -> Iterator[Row]:
     """Steps short of their tolerance in runs of scenes with friction, and their times."""
     scenes = [Scene.load(name) for name in ("rotating_drum", "couette", "hopper", "collapse")]
     flow = flowing(1_000, friction=0.5, order="color", max_iterations=10_000)
     for scene, tolerance in (*product(scenes, (1e-4, 1e-6)), (flow, 1e-4)):
         scene = scene.replace(tolerance=tolerance)
-        steps = min(scene.steps, options.steps)
+        steps = min(scene.steps, options.steps or scene.steps)
         short: list[int] = []
         taken: list[float] = []
         for method in ("exact", "accelerated"):
@@ -153,23 +142,3 @@ def with_friction(options: argparse.Namespace) -> Iterator[dict[str, str]]:
         yield row(subject, [short[0]], "steps not there", target=most)
         yield row(swept, [short[1]], "steps not there")
         yield row(subject, [taken[0]], "s", "accelerated", [taken[1]])
-
-
-PARTS: dict[str, Callable[[argparse.Namespace], Iterator[dict[str, str]]]] = {
-    "piles": lambda options: (cells for n in options.grains for cells in against_sweeps(n, options)),
-    "shipped": shipped,
-    "friction": with_friction,
-}
-
-
-def main(arguments: list[str] | None = None) -> None:
-    parser = command_line("exact", __doc__)
-    parser.add_argument("--steps", type=int, default=1_000_000, help="of a shipped scene at most")
-    parser.add_argument("--grains", type=int, nargs="+", default=(1_000, 3_000, 10_000), help="of piles")
-    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS), help="what to measure")
-    options = parser.parse_args(arguments)
-    publish((cells for part in options.only for cells in PARTS[part](options)), options.output)
-
-
-if __name__ == "__main__":
-    main()

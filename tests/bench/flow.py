@@ -5,7 +5,6 @@ a little off its place, and fall in a thin liquid. The fastest of 1,000 reach 1.
 0.01 s, so that every second step needs another list.
 """
 
-from collections.abc import Callable
 from math import pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,8 @@ import numpy as np
 
 from warpgrains import Scene, Simulation, State
 from warpgrains.arrays import FloatArray
+
+from .rows import say
 
 FILLING = 0.4  # of the annulus
 RADIUS_IN, RADIUS_OUT = 0.5, 2.0  # m
@@ -50,14 +51,7 @@ def splashing(n: int, cache: Path) -> tuple[Scene, State]:
     """Return the scene, in steps as long to its grains as 0.01 s to 1,000, and its state amid the flow."""
     dt = 0.01 * sqrt(1_000 / n)
     scene = flowing(n, **SOLVED, dt=dt)
-    return scene, kept_state(cache / f"flow-{n}-{SPLASHING}.npz", lambda: splashed(scene))
-
-
-def splashed(scene: Scene, threads: int | None = None) -> Simulation:
-    """Return the scene where all splash, as it is about to step on."""
-    simulation = Simulation(scene, threads=threads)
-    simulation.advance(round(SPLASHING / scene.dt))
-    return simulation
+    return scene, kept_state(cache / f"flow-{n}-{SPLASHING}.npz", scene, round(SPLASHING / dt))
 
 
 def _shaken_lattice(n: int, radius: float) -> FloatArray:
@@ -73,15 +67,18 @@ def _shaken_lattice(n: int, radius: float) -> FloatArray:
     return place + SHAKE * radius * shake
 
 
-def kept_state(file: Path, reach: Callable[[], Simulation]) -> State:
-    """Return the state in a checkpoint; where there is none, reach it and save it."""
+def kept_state(file: Path, scene: Scene, steps: int) -> State:
+    """Return the state after so many steps, from a checkpoint; where there is none, save it."""
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
-        reach().save(file)
+        say(f"{scene.name}: {steps:,} steps")
+        simulation = Simulation(scene)
+        simulation.advance(steps)
+        simulation.save(file)
     return Simulation.load(file, threads=1).state()
 
 
-def continued(scene: Scene, state: State, threads: int | None, **changes: Any) -> Simulation:
+def continued(scene: Scene, state: State, threads: int | None = 1, **changes: Any) -> Simulation:
     """Continue from a state, with lists that are past their first steps."""
     simulation = Simulation(scene, threads=threads, **changes)
     simulation.restore(state)

