@@ -5,7 +5,6 @@ import pickle
 
 import numpy as np
 import pytest
-from command import exit_code, require_refusal
 from same_bits import contents
 
 from warpgrains import Batch, Scene, Simulation, SimulationError
@@ -90,21 +89,6 @@ def test_states_of_a_batch_are_copies(simulation):
     state.position[0] = 0.0
     batch.state(0).position[1] = 0.0
     assert np.array_equal(batch.position(0), expected)
-
-
-class TestNames:
-    def test_recordings_that_usd_cannot_name(self, tmp_path, monkeypatch, capfd):
-        monkeypatch.chdir(tmp_path)
-        assert exit_code("run", "annulus", "--steps", 2, "-o", "\udcff.usdc") == 2
-        require_refusal(capfd, "output '\\xff.usdc' is not UTF-8")
-        assert exit_code("recover", "\udcff.usdc.frames") == 2
-        require_refusal(capfd, "is not the log of a recording, such as run.usdc.frames")
-        assert not list(tmp_path.iterdir())
-
-    @pytest.mark.parametrize("name", ["\udcff.mp4", "\udcff.png", "a:b.mp4", "-x.gif", "%d.webp"])
-    def test_films_and_pictures_of_any_name(self, tmp_path, name):
-        assert exit_code("run", "annulus", "--steps", 2, "-o", tmp_path / name) == 0
-        assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 class TestOverflow:

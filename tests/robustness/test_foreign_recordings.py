@@ -3,8 +3,7 @@
 import os
 
 import pytest
-from command import exit_code, require_refusal, small_disk
-from recordings import make_frames, record
+from command import exit_code, require_refusal
 
 from warpgrains import InputError
 from warpgrains.analysis.plots import plot
@@ -47,10 +46,16 @@ FOREIGN = {
 }
 
 
-@pytest.mark.parametrize("content", FOREIGN.values(), ids=FOREIGN.keys())
-def test_foreign_file(tmp_path, content, capfd):
+NAMED = {
+    "scalar points": "is a Vec3f, not an array of numbers",
+    "scales as text": "is a str, not an array of numbers",
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_foreign_file(tmp_path, name, capfd):
     path = tmp_path / "foreign.usda"
-    path.write_text(content)
+    path.write_text(FOREIGN[name])
     outputs = {plot: "foreign.png", draw_film: "foreign.gif", export: "foreign.pvd"}
     for read in (inspect_recording, Recording, *outputs):
         given = [tmp_path / outputs[read]] if read in outputs else []
@@ -59,16 +64,10 @@ def test_foreign_file(tmp_path, content, capfd):
         except InputError as refusal:
             said = str(refusal)
             assert "\n" not in said
-        assert [path, *(output for output in given if output.exists())] == [path]
+        if read is inspect_recording:
+            assert NAMED.get(name, "") in said
+        assert list(tmp_path.iterdir()) == [path]
     assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.parametrize(("name", "kind"), [("scalar points", "Vec3f"), ("scales as text", "str")])
-def test_what_is_foreign_is_named(tmp_path, name, kind):
-    path = tmp_path / "foreign.usda"
-    path.write_text(FOREIGN[name])
-    with pytest.raises(InputError, match=f"is a {kind}, not an array of numbers"):
-        inspect_recording(path)
 
 
 @pytest.mark.parametrize(
@@ -88,12 +87,3 @@ def test_file_that_ends_its_reader(tmp_path, capfd, monkeypatch, content, limit,
     path.write_text(f"#usda 1.0\n{content}".replace("./fifo", f"{tmp_path}/fifo"))
     assert exit_code("check", path) == 2
     require_refusal(capfd, f"recording '{path}' is damaged: {complaint}")
-
-
-def test_picture_that_cannot_be_written(tmp_path, capfd):
-    path = record(tmp_path / "run.usdc", make_frames(2))
-    with small_disk(1000):
-        assert exit_code("plot", path) == 1
-    picture = path.with_suffix(".png")
-    assert capfd.readouterr().err == f"warpgrains: error: '{picture}' cannot be written: File too large\n"
-    assert list(tmp_path.iterdir()) == [path]

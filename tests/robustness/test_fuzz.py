@@ -1,7 +1,9 @@
 """Mutated input of every kind: one line or a right result, never anything else. More of it with -m slow."""
 
 import json
+import re
 from argparse import Namespace
+from contextlib import contextmanager
 from dataclasses import asdict
 from functools import cache
 from math import inf, nan
@@ -10,7 +12,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from changed_bytes import mutations, reworded_texts
 from hypothesis import given
 from hypothesis import strategies as st
 from recordings import make_frames, record
@@ -27,11 +28,46 @@ from warpgrains.scene.reader import scene_fields
 from warpgrains.simulation.checkpoint import read_checkpoint
 
 CSV = "x,y,vx,vy,radius,mass\n0.7,0.0,0.1,0.0,0.1,0.1\n0.0,0.7,0.0,-0.2,0.05,0.2\n"
+NUMBER = re.compile(r"[-+]?\d[\w.+-]*")
+NUMBERS = ["nan", "-inf", "1e39", "1e308", "-0.0", "0", "-1", "2147483648", "9" * 40]
+ODD = ["'x'", "true", "[]", "{}", "[[]]", "1979-05-27", "\\", "\0"]
 ODD_JSON = (None, True, -1, 0, 1.5, nan, inf, 10**30, "", "x", "../x", [], [1], {}, {"a": 1})
+HOW = ("flip", "flip", "flip", "swap", "swap", "swap", "insert", "delete", "cut")
+EIGHT = [b"\xff" * 8, bytes(8), *((2**power).to_bytes(8, "little") for power in (20, 31, 40, 63))]
 
 
-def require_one_line(refusal):
-    assert str(refusal).count("\n") == 0 < len(str(refusal)), str(refusal)
+@st.composite
+def mutations(draw, original):
+    """Return bytes with up to four places, which may be anywhere, changed or cut off."""
+    content, anywhere = bytearray(original), draw(st.randoms(use_true_random=True))
+    for _ in range(draw(st.integers(1, 4))):
+        place = anywhere.randint(0, len(content))
+        how = draw(st.sampled_from(HOW))
+        if how == "insert":
+            content[place:place] = draw(st.binary(max_size=3))
+        elif how == "delete":
+            del content[place : place + draw(st.integers(1, 20))]
+        elif how == "cut":
+            del content[place:]
+        elif how == "swap":
+            content[place : place + 8] = draw(st.binary(min_size=8, max_size=8) | st.sampled_from(EIGHT))
+        elif place < len(content):
+            content[place] ^= 1 << draw(st.integers(0, 7))
+    return bytes(content)
+
+
+@st.composite
+def reworded_texts(draw, text):
+    """Return a text in which some names stand for other names of it, and numbers for other or odd values."""
+    parts, anywhere = re.split(r"([\w.+-]+)", text), draw(st.randoms(use_true_random=True))
+    words = parts[1::2]
+    values = [word for word in words if NUMBER.fullmatch(word)] + NUMBERS + ODD
+    names = [word for word in words if not NUMBER.fullmatch(word)]
+    for _ in range(draw(st.integers(1, 3))):
+        place = anywhere.randrange(len(words))
+        words[place] = anywhere.choice(values if NUMBER.fullmatch(words[place]) else names)
+    parts[1::2] = words
+    return "".join(parts).encode()
 
 
 def fuzzed(check, examples, few=200):
@@ -43,34 +79,36 @@ def fuzzed(check, examples, few=200):
     return few_or_many(few, 10_000)(test)
 
 
-def check_scene(content):
+@contextmanager
+def file_of(name, content):
+    """Check that what reads a file returns, or refuses it in one line, and leaves it alone there."""
     with TemporaryDirectory() as folder:
-        path = Path(folder, "scene.toml")
+        path = Path(folder, name)
         path.write_bytes(content)
+        message = "refused"
         try:
-            scene = Scene.load(path)
-            assert np.isfinite(scene.position).all()
-            again = Scene(**scene_fields(scene.text, path))
-            assert contents(again) == contents(scene)
+            yield path
         except InputError as refusal:
-            require_one_line(refusal)
-        assert list(Path(folder).iterdir()) == [path]
+            message = str(refusal)
+        assert message.count("\n") == 0 < len(message), message
+        assert list(path.parent.iterdir()) == [path]
+        assert path.read_bytes() == content
 
 
-test_scene_files = fuzzed(check_scene, mutations(SCENE_FILE.encode()) | reworded_texts(SCENE_FILE))
+def check_scene(content):
+    with file_of("scene.toml", content) as path:
+        scene = Scene.load(path)
+        assert np.isfinite(scene.position).all()
+        assert contents(Scene(**scene_fields(scene.text, path))) == contents(scene)
 
 
 def check_grains(content):
-    with TemporaryDirectory() as folder:
-        Path(folder, "grains.csv").write_bytes(content)
+    with file_of("grains.csv", content) as path:
         document = 'domain = {radius_out = 1.0}\n[grains]\nfile = "grains.csv"'
-        try:
-            scene = Scene(**scene_fields(document, Path(folder, "scene.toml")))
-            assert scene.n > 0
-        except InputError as refusal:
-            require_one_line(refusal)
+        assert Scene(**scene_fields(document, path.with_name("scene.toml"))).n > 0
 
 
+test_scene_files = fuzzed(check_scene, mutations(SCENE_FILE.encode()) | reworded_texts(SCENE_FILE))
 test_grain_files = fuzzed(check_grains, mutations(CSV.encode()))
 
 
@@ -78,25 +116,15 @@ test_grain_files = fuzzed(check_grains, mutations(CSV.encode()))
 def saved():
     """Return the bytes of a checkpoint, what is read of it, and its entries."""
     with TemporaryDirectory() as folder:
-        simulation, path = Simulation(Scene.load("annulus")), Path(folder, "run.npz")
+        simulation, path = Simulation("annulus"), Path(folder, "run.npz")
         simulation.run(steps=60, checkpoint=path)
         with np.load(path) as entries:
             return path.read_bytes(), read_checkpoint(path), dict(entries)
 
 
 def check_checkpoint(content):
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "run.npz")
-        path.write_bytes(content)
-        try:
-            found = read_checkpoint(path)
-        except InputError as refusal:
-            require_one_line(refusal)
-        else:
-            assert contents(found.state) == contents(saved()[1].state)
-
-
-test_damaged_checkpoints = fuzzed(check_checkpoint, st.deferred(lambda: mutations(saved()[0])))
+    with file_of("run.npz", content) as path:
+        assert contents(read_checkpoint(path).state) == contents(saved()[1].state)
 
 
 @st.composite
@@ -115,18 +143,15 @@ def check_header(header):
         path = Path(folder, "run.npz")
         entry = np.frombuffer(json.dumps(header).encode(), np.uint8)
         np.savez(path, **saved()[2] | {"header": entry})
-        try:
-            found = read_checkpoint(path)
-        except InputError as refusal:
-            require_one_line(refusal)
-            return
-        assert all(
-            type(value) is type(getattr(saved()[1].statistics, name)) or isinstance(value, int)
-            for name, value in asdict(found.statistics).items()
-        )
+        content = path.read_bytes()
+    with file_of("run.npz", content) as path:
+        found = read_checkpoint(path)
+        for name, value in asdict(found.statistics).items():
+            assert isinstance(value, (int, type(getattr(saved()[1].statistics, name))))
         Simulation(found.scene, threads=1).restore(found.state)
 
 
+test_damaged_checkpoints = fuzzed(check_checkpoint, st.deferred(lambda: mutations(saved()[0])))
 test_headers = fuzzed(check_header, st.deferred(headers))
 
 
@@ -155,20 +180,17 @@ def usd_files(draw):
 def check_recording(example):
     """`check` first, in a child: what crashes it would also crash the drawing."""
     suffix, content = example
-    with TemporaryDirectory() as folder:
-        path, picture = Path(folder, f"run{suffix}"), Path(folder, "run.png")
-        path.write_bytes(content)
+    with file_of(f"run{suffix}", content) as path:
+        picture = path.with_suffix(".png")
         try:
             check(Namespace(file=str(path)))
-            plot(path, picture)
-            picture.unlink()
         except InputError as refusal:
-            require_one_line(refusal)
             if "its reader" not in str(refusal):
                 with pytest.raises(InputError):
                     plot(path, picture)
-        assert list(Path(folder).iterdir()) == [path]
-        assert path.read_bytes() == content
+            raise
+        plot(path, picture)
+        picture.unlink()
 
 
 test_recordings = fuzzed(check_recording, st.deferred(usd_files), few=4)

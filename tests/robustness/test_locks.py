@@ -8,15 +8,15 @@ import subprocess
 import sys
 
 import pytest
-from command import exit_code, require_refusal
+from command import exit_code
 from recordings import make_frames, moment, record, recorder_of
 
-from warpgrains import InputError, locks
-from warpgrains.cli.grade import write_template
+from warpgrains import Simulation, locks
+from warpgrains.cli import run as command
 from warpgrains.errors import OutputError
 from warpgrains.locks import Lock, RunLocks
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.usd.recorder import log_of, recover
+from warpgrains.usd.recorder import recover
 
 
 class TestLock:
@@ -30,13 +30,7 @@ class TestLock:
         Lock(tmp_path / "run.npz").release()
         assert list(tmp_path.iterdir()) == []
 
-    def test_binds_the_threads_of_its_own_process(self, tmp_path):
-        with Lock(tmp_path / "run.npz"), pytest.raises(OutputError, match=f"by process {os.getpid()} on"):
-            Lock(tmp_path / "run.npz")
-        Lock(tmp_path / "run.npz").release()
-        assert list(tmp_path.iterdir()) == []
-
-    def test_is_not_that_of_a_forked_child(self, tmp_path):
+    def test_binds_the_threads_of_its_process_and_no_forked_child(self, tmp_path):
         """A child that lives on, of multiprocessing for one, keeps nobody out and takes nothing away."""
         lock = Lock(tmp_path / "run.npz")
         go_on = multiprocessing.get_context("fork").Event()
@@ -47,8 +41,9 @@ class TestLock:
             go_on.set()
             child.join()
             assert child.exitcode == 0
-            with pytest.raises(OutputError, match="is being written"):
+            with pytest.raises(OutputError, match=f"is being written by process {os.getpid()} on"):
                 Lock(tmp_path / "run.npz")
+        assert list(tmp_path.iterdir()) == []
 
     def test_many_at_once_have_it_one_after_the_other(self, tmp_path):
         """Taken and given back a thousand times by four processes: never by two at once."""
@@ -78,86 +73,34 @@ class TestLock:
             assert lock(tmp_path / "run") in (None, [1])
 
 
-@pytest.fixture
-def kept(tmp_path, stop_at):
-    """The checkpoint of a run of 40 steps, with a recording, that was interrupted after 20."""
-    stop_at(20)
-    options = ["--every", 10, "--checkpoint", tmp_path / "run.npz", "-o", tmp_path / "run.usdc"]
-    assert exit_code("run", "annulus", "--steps", 40, *options) == 130
-    return tmp_path / "run.npz"
+def test_run_that_went_on_before_the_lock_was_free(tmp_path, monkeypatch):
+    """It is continued from where it is now, not from where it was when it was first looked at."""
+    kept, reads = tmp_path / "run.npz", []
+    Simulation("annulus").run(20, record=tmp_path / "run.usdc", checkpoint=kept)
+
+    def read_while_another_goes_on(path):
+        start = read_checkpoint(path)
+        reads.append(start.state.steps)
+        if len(reads) == 1:
+            monkeypatch.setattr(command, "read_checkpoint", read_checkpoint)
+            assert exit_code("run", "--resume", kept, "--steps", 40) == 0
+            monkeypatch.setattr(command, "read_checkpoint", read_while_another_goes_on)
+        return start
+
+    monkeypatch.setattr(command, "read_checkpoint", read_while_another_goes_on)
+    assert exit_code("run", "--resume", kept, "--steps", 40) == 0
+    assert reads == [20, 40]
 
 
-def contents_of(folder):
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.suffix != ".lock")
-    return {path: path.read_bytes() for path in files}
-
-
-class TestRun:
-    @pytest.mark.parametrize(
-        ("words", "locked"),
-        [
-            ("run --resume {home}/run.npz", "run.npz"),
-            ("run --resume {home}/run.npz", "run.usdc"),
-            ("run annulus -o {}", "run.usdc"),
-            ("run annulus -o {}", "run.mp4"),
-            ("run annulus -o {}", "run.png"),
-            ("run annulus --measure stress --series {}", "run.csv"),
-            ("plot {home}/done.usdc -o {}", "run.mp4"),
-            ("plot {home}/done.usdc -o {}", "run.png"),
-            ("run annulus --checkpoint {}", "run.npz"),
-            ("export {home}/done.usdc -o {}", "run.pvd"),
-            ("report annulus -o {home}", "report.md"),
-            ("grade {home}/homework.c --html {home}", "index.html"),
-        ],
-    )
-    def test_second_writer_is_refused(self, kept, tmp_path, held_elsewhere, capfd, words, locked):
-        """And changes nothing."""
-        record(tmp_path / "done.usdc", make_frames(1))
-        write_template(tmp_path)
-        before = contents_of(tmp_path)
-        held_elsewhere(tmp_path / locked)
-        capfd.readouterr()
-        assert exit_code(*words.format(tmp_path / locked, home=tmp_path).split()) == 2
-        require_refusal(capfd, f"{locked}' is being written by process")
-        assert contents_of(tmp_path) == before
-
-    def test_run_that_went_on_before_the_lock_was_free(self, kept, monkeypatch):
-        """It is continued from where it is now, not from where it was when it was first looked at."""
-        from warpgrains.cli import run as command
-
-        reads = []
-
-        def read_while_another_goes_on(path):
-            start = read_checkpoint(path)
-            reads.append(start.state.steps)
-            if len(reads) == 1:
-                monkeypatch.setattr(command, "read_checkpoint", read_checkpoint)
-                assert exit_code("run", "--resume", kept) == 0
-                monkeypatch.setattr(command, "read_checkpoint", read_while_another_goes_on)
-            return start
-
-        monkeypatch.setattr(command, "read_checkpoint", read_while_another_goes_on)
-        assert exit_code("run", "--resume", kept) == 0
-        assert reads == [20, 40]
-
-
-class TestPython:
-    def test_recorder(self, tmp_path):
-        with recorder_of(tmp_path / "run.usdc") as recorder:
-            recorder.record(moment(*make_frames(1)[0]))
+def test_recorder(tmp_path):
+    with recorder_of(tmp_path / "run.usdc") as recorder:
+        recorder.record(moment(*make_frames(1)[0]))
+        recorder.flush()
+        for write in (lambda: recorder_of(tmp_path / "run.usdc"), lambda: recover(recorder.log)):
             with pytest.raises(OutputError, match="is being written by process"):
-                recorder_of(tmp_path / "run.usdc")
-            recorder.flush()
-            with pytest.raises(OutputError, match="is being written by process"):
-                recover(recorder.log)
-        record(tmp_path / "run.usdc", make_frames(2))
-        assert list(tmp_path.iterdir()) == [tmp_path / "run.usdc"]
-
-    def test_failed_beginning_leaves_no_lock(self, tmp_path):
-        log_of(tmp_path / "run.usdc").touch()
-        for _ in range(2):
-            with pytest.raises(InputError, match="holds frames of another run"):
-                recorder_of(tmp_path / "run.usdc")
+                write()
+    record(tmp_path / "run.usdc", make_frames(2))
+    assert list(tmp_path.iterdir()) == [tmp_path / "run.usdc"]
 
 
 CLAIM = """

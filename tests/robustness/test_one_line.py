@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ def test_name_of_a_scene(name, tmp_path, capfd):
         Scene.load(name)
     assert "\n" not in str(refusal.value)
     assert exit_code("run", name) == 2
-    require_refusal(capfd)
+    require_refusal(capfd, "\\xff" if name == "\udcff" else "")
     if name not in ("", "."):  # a folder of scenes may be called so
         assert exit_code("batch", name, "-o", tmp_path / "out") == 2
         require_refusal(capfd)
@@ -64,9 +65,7 @@ class TestStreams:
         assert "Traceback" not in done.stderr
 
     def test_nobody_reads(self):
-        command = subprocess.Popen(
-            [*COMMAND, "run", "annulus", "--steps", "2"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        )
+        command = subprocess.Popen([*COMMAND, "scenes"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         command.stdout.close()
         assert command.stderr.read() == b""
         assert command.wait(timeout=60) == 1
@@ -98,8 +97,6 @@ def test_home_that_cannot_be_written():
 class TestNames:
     @pytest.mark.parametrize("name", ["\U0001f980", 'x"\\\x7f\t\u2028', "\U0010ffff\ue000", "line\nbreak"])
     def test_are_read_back_from_toml(self, name):
-        import tomllib
-
         document = {"grains": {"file": name, name: [name]}}
         text = toml_text(document)
         assert text.isascii()
@@ -110,39 +107,37 @@ class TestNames:
         with pytest.raises(InputError, match="is not valid text"):
             toml_value("\udcff")
 
-    @pytest.mark.parametrize("name", ["\U0001f980", "line\n[physics]\ndrag = 9.0\n#", "=cmd()+1", "-1"])
-    def test_of_scenes_and_files_of_a_sweep(self, tmp_path, name):
+    def test_of_scenes_and_files_of_a_sweep(self, tmp_path):
         """They go into scene files, tables and messages, and nowhere beyond."""
-        folder = tmp_path / "scenes"
+        names = sorted(["\U0001f980", "line\n[physics]\ndrag = 9.0\n#", "=cmd()+1", "-1"])
+        folder, short, out = tmp_path / "scenes", tmp_path / "short", tmp_path / "out"
         folder.mkdir()
-        np.savez(folder / f"{name}.npz", position=np.array([[0.5, 0.0]]))
-        text = SCENE.replace('"FILE"', toml_value(f"{name}.npz"))
-        (folder / f"{name}.toml").write_text(text)
-        out = tmp_path / "out"
-        assert batch(folder, "-o", tmp_path / "short") == 0
-        assert batch(folder, "-o", tmp_path / "short", "--resume") == 0
+        for name in names:
+            np.savez(folder / f"{name}.npz", position=np.array([[0.5, 0.0]]))
+            text = SCENE.replace('"FILE"', toml_value(f"{name}.npz"))
+            (folder / f"{name}.toml").write_text(text)
+        assert batch(folder, "-o", short) == 0
+        assert batch(folder, "-o", short, "--resume") == 0
         assert batch(folder, "-o", out, "--folders") == 0
         assert batch(folder, "-o", out, "--resume") == 0
-        assert read_table(tmp_path / "short" / "results.csv") == read_table(out / "results.csv")
-        assert Scene.load(tmp_path / "short" / "scenes" / f"{name}.toml").n == 1
-        assert [row["scene"] for row in read_table(out / "results.csv")] == [name]
-        scene = Scene.load(out / "runs" / "00000" / "scene.toml")
-        assert scene.drag == 0.0
+        assert read_table(short / "results.csv") == read_table(out / "results.csv")
+        assert [row["scene"] for row in read_table(out / "results.csv")] == names
+        for run, name in enumerate(names):
+            assert Scene.load(short / "scenes" / f"{name}.toml").n == 1
+            assert Scene.load(out / "runs" / f"{run:05}" / "scene.toml").drag == 0.0
 
-    @settings(max_examples=300, deadline=None)
+    @settings(max_examples=100, deadline=None)
     @given(st.lists(st.text("-+=@'\",\n\r\t a9.eE_é１:/"), min_size=1))
     def test_lines_are_those_of_csv(self, cells):
         assert [*csv.reader(io.StringIO(csv_line(cells).decode(), newline=""))] == [cells]
 
-    @pytest.mark.parametrize("way", ["above", "absolute", "link"])
-    def test_files_from_elsewhere_are_not_copied(self, tmp_path, way, capfd):
-        secret = tmp_path / "secret.csv"
-        secret.write_text("x,y\n0.5,0.0\n")
+    @pytest.mark.parametrize("name", ["../secret.csv", "{}/secret.csv", "link.csv"])
+    def test_files_from_elsewhere_are_not_copied(self, tmp_path, name, capfd):
+        (tmp_path / "secret.csv").write_text("x,y\n0.5,0.0\n")
         folder = tmp_path / "scenes"
         folder.mkdir()
-        (folder / "link.csv").symlink_to(secret)
-        name = {"above": "../secret.csv", "absolute": str(secret), "link": "link.csv"}[way]
-        (folder / "scene.toml").write_text(SCENE.replace("FILE", name))
+        (folder / "link.csv").symlink_to(tmp_path / "secret.csv")
+        (folder / "scene.toml").write_text(SCENE.replace("FILE", name.format(tmp_path)))
         assert batch(folder, "-o", tmp_path / "out") == 2
         require_refusal(capfd, "it must be in the folder of its scene")
         assert not list(tmp_path.rglob("*-*.csv"))

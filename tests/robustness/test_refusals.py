@@ -1,4 +1,5 @@
 """Bad input, in Python or as a command, is refused in one line, and changes nothing: refusals.toml."""
+# ruff: noqa: F401 (calls of the table use all that is imported here)
 
 import io
 import os
@@ -19,22 +20,8 @@ from same_bits import contents
 from sample_scenes import SCENE_FILE
 from sweeps import write
 
-from warpgrains import (
-    Arc,
-    Batch,
-    Box,
-    Disc,
-    InputError,
-    Line,
-    Polyline,
-    Row,
-    Scene,
-    Segment,
-    Simulation,
-    analysis,
-    compress,
-    separate,
-)
+import warpgrains
+from warpgrains import Batch, Box, InputError, Scene, Segment, Simulation, analysis
 from warpgrains.accuracy import certify
 from warpgrains.analysis.plots import plot_history
 from warpgrains.cli import main as command_line
@@ -157,68 +144,16 @@ def with_row(array, row, value):
     return changed
 
 
-CALLABLE = (
-    Annulus,
-    Arc,
-    Batch,
-    Disc,
-    Line,
-    Lock,
-    Path,
-    Polyline,
-    Region,
-    Row,
-    RunOptions,
-    Scene,
-    Segment,
-    Simulation,
-    Sweep,
-    SweepPlot,
-    axis_values,
-    recover,
-    compress,
-    separate,
-)
-HERE = (
-    first_state,
-    ring,
-    circle,
-    boxed,
-    pressed,
-    scene_file,
-    grain_file,
-    sweep_file,
-    plot_table,
-    history_file,
-    with_row,
-    replace,
-    made,
-    huge,
-    immense,
-    packed,
-)
-NAMES = {
-    **{one.__name__: one for one in (*CALLABLE, *HERE)},
-    **LAYOUTS,
-    **{
-        "np": np,
-        "os": os,
-        "analysis": analysis,
-        "certify": certify,
-        "inf": inf,
-        "nan": nan,
-        "SCENE_FILE": SCENE_FILE,
-    },
-    "MATRIX": np.arange(400).reshape(20, 20),
-    "PLACES": "position = [[0.75, 0.0], [0.0, 0.75]]",
-    "AXES": 'scene = "annulus"\n[axes]\n',
-    "RING": Region(Annulus(0.5, 1.0)),
-    "BOX": Box((-0.5, 0.5), (2.0, 2.8), periodic="x").space,
-    "LID": {"pressure": 1.0, "mass": 1.0},
-    "PISTON": Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0),
-}
+MATRIX = np.arange(400).reshape(20, 20)
+PLACES = "position = [[0.75, 0.0], [0.0, 0.75]]"
+AXES = 'scene = "annulus"\n[axes]\n'
+RING = Region(Annulus(0.5, 1.0))
+BOX = Box((-0.5, 0.5), (2.0, 2.8), periodic="x").space
+LID = {"pressure": 1.0, "mass": 1.0}
+PISTON = Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0)
+BELT = Segment((3e38, -5e37), (3.38e38, -5e37), velocity=(9e36, 0.0))
+NAMES = {name: getattr(warpgrains, name) for name in warpgrains.__all__} | globals() | LAYOUTS
 """What calls may name, besides what `running` returns, and a folder."""
-
 
 PLAIN = (Path(__file__).parents[1] / "grade" / "right" / "plain.c").read_text()
 ONE_GRAIN = """

@@ -84,6 +84,11 @@ def record(path, frames, scene=None, **options):
     return path
 
 
+def opened(path, frames, scene=None, **options):
+    """Record some frames, and open the file."""
+    return Usd.Stage.Open(str(record(path, make_frames(frames), scene, **options)))
+
+
 def bands_of(path, code):
     """Return the middles of both ends of each force chain of a file [m], (m, 2, 2), and widths [m], (m,)."""
     stage = Usd.Stage.Open(str(path))

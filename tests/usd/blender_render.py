@@ -2,14 +2,13 @@
 
     [RECORDING, HALF_WIDTH, WIDTH, HEIGHT, FOLDER, VIEW, FRAME, ...]
 
-Runs in an environment of its own, which has `bpy`. Every line begins with Blender as it is when it starts.
-Each frame becomes a PNG of WIDTH by HEIGHT pixels seen from +z, HALF_WIDTH [m] from the centre to each edge,
-transparent where nothing is, and a NumPy file of the same red, green, blue and alpha, shape (HEIGHT, WIDTH,
-4). Prints what was imported as a line of JSON.
+Runs in an environment of its own, which has `bpy`; every line begins with Blender as it is when it starts.
+Each frame becomes a PNG of WIDTH by HEIGHT pixels, transparent where nothing is, and a NumPy file of the same
+red, green, blue and alpha, shape (HEIGHT, WIDTH, 4). Prints what was imported as a line of JSON.
 
-VIEW is how Blender turns light into colors. With VIEW "Glow", everything shows its `displayColor` as it is.
-With another one, everything is as imported, seen by the recording's own camera; points have the material that
-the docs tell to give them.
+With a VIEW, in which Blender turns light into colors, the recording's own camera sees it, and points have the
+material that the docs tell to give them. Without one, a camera at +z sees it, HALF_WIDTH [m] from the centre
+to each edge.
 """
 
 import json
@@ -36,23 +35,6 @@ def look_along_z(top, half_width):
     camera.location = (0.0, 0.0, 10.0)
     bpy.context.scene.collection.objects.link(camera)
     bpy.context.scene.camera = camera
-
-
-def glow_in_display_color():
-    """Give everything a material that shows `displayColor` as it is."""
-    material = bpy.data.materials.new("Glow")
-    material.use_nodes = True
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    color, emission = nodes.new("ShaderNodeAttribute"), nodes.new("ShaderNodeEmission")
-    output = nodes.new("ShaderNodeOutputMaterial")
-    color.attribute_name = "displayColor"
-    material.node_tree.links.new(color.outputs["Color"], emission.inputs["Color"])
-    material.node_tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
-    for item in bpy.data.objects:
-        if hasattr(item.data, "materials"):
-            item.data.materials.clear()
-            item.data.materials.append(material)
 
 
 def look_through(top):
@@ -96,13 +78,11 @@ def numbers():
 def main(path, half_width, width, height, folder, view, *frames):
     """Import, render, and describe what was imported."""
     top = import_recording(path)
-    if view == "Glow":
-        look_along_z(top, float(half_width))
-        glow_in_display_color()
+    if view is None:
+        look_along_z(top, half_width)
     else:
         look_through(top)
-    samples, transform = (1, "Standard") if view == "Glow" else (16, view)
-    render(int(width), int(height), samples, folder, transform, [int(frame) for frame in frames])
+    render(width, height, 16 if view else 1, folder, view or "Standard", frames)
     scene = bpy.context.scene
     types = {item.name: item.type for item in bpy.data.objects}
     background = bpy.data.worlds[0].node_tree.nodes["Background"].inputs

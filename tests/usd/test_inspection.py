@@ -1,3 +1,5 @@
+"""Damaged recordings: `check` names what is wrong, and readers refuse what no recording has."""
+
 import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
@@ -10,101 +12,62 @@ from warpgrains.usd.recording import Recording
 COLOR, ORIENTATIONS = "primvars:displayColor:indices", "orientations"
 
 
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Return the bytes of two recordings: points, and discs that rotate."""
+    folder, discs = tmp_path_factory.mktemp("recordings"), make_scene(friction=0.3)
+    points = record(folder / "points.usdc", make_frames(4), forces=True)
+    discs = record(folder / "discs.usdc", make_frames(4), discs, draw_as="discs")
+    return {path.stem: path.read_bytes() for path in (points, discs)}
+
+
 @pytest.fixture
-def recording(tmp_path):
-    return record(tmp_path / "run.usdc", make_frames(4), color_by="speed", forces=True)
+def damaged(tmp_path, recordings):
+    """Return a function that damages a recording."""
 
-
-def put(values, *at):
-    """Return the damage that sets the values of an attribute, for all frames or at one."""
-    return lambda own: own.Set(values, *at)
-
-
-def drop(*at):
-    return lambda own: own.ClearAtTime(*at) if at else own.Clear()
-
-
-def edit(place, number, at):
-    """Return the damage that sets a number in the array of a frame."""
-
-    def apply(own):
-        values = np.array(own.Get(at))
-        values[place] = number
-        own.Set(Vt.Vec3fArray.FromNumpy(values), at)
+    def apply(damage, form="points"):
+        path = tmp_path / "run.usdc"
+        path.write_bytes(recordings[form])
+        stage = Usd.Stage.Open(str(path))
+        damage(stage)
+        stage.Save()
+        return path
 
     return apply
 
 
-def remove(own):
-    own.GetPrim().RemoveProperty(own.GetName())
+def put(place, values, *at):
+    """Return the damage that sets the values of an attribute, for all frames or at one."""
+    return lambda stage: stage.GetAttributeAtPath(f"/World/{place}").Set(values, *at)
 
 
-def shift(own):
-    own.ClearAtTime(1)
-    own.Set(Vt.Vec3fArray(5), 1.5)
+def drop(place, *at):
+    def damage(stage):
+        attribute = stage.GetAttributeAtPath(f"/World/{place}")
+        attribute.ClearAtTime(*at) if at else attribute.Clear()
+
+    return damage
 
 
-OTHER_CODES = "has other time codes than the grains' positions"
-OUTSIDE = "extent does not contain all grains or bands"
-FAR = "float32 coordinates are 0.0625 m apart there, but the smallest radius is 0.031 m"
+def edit(place, entry, number, at):
+    """Return the damage that sets a number in the array of a frame."""
 
-OF_AN_ATTRIBUTE = [
-    ("Grains.velocities", put(Vt.Vec3fArray(2), 1), "velocities hold 2 values, not 5 for 5 grains (frame 1)"),
-    ("Grains.velocities", shift, f"Grains.velocities {OTHER_CODES}"),
-    (
-        "Grains.velocities",
-        put(Vt.Vec3fArray(5, Gf.Vec3f(np.inf)), 2),
-        "velocities are not all finite (frame 2)",
-    ),
-    ("Grains.ids", put([0, 1]), "ids hold 2 values, not 5 for 5 grains (frame 0 and 3 more)"),
-    ("Grains.ids", remove, "ids hold 0 values, not 5 for 5 grains (frame 0 and 3 more)"),
-    ("Grains.ids", put([0, 1, 2, 3, 3]), "ids are not unique: 1 of 5 repeat another"),
-    ("Grains.ids", put([4, 3, 2, 1, 0], 2), "ids change with time"),
-    ("Grains.widths", put([0.1, 0.2]), "widths hold 2 values, not 5 for 5 grains (frame 0 and 3 more)"),
-    (
-        "Grains.widths",
-        put([0.1, 0.2, -0.1, 0.2, 0.2]),
-        "widths are not all positive and finite (frame 0 and 3 more)",
-    ),
-    (f"Grains.{COLOR}", put([0, 1, 2], 2), f"{COLOR} hold 3 values, not 5 for 5 grains (frame 2)"),
-    (f"Grains.{COLOR}", drop(2), f"Grains.{COLOR} {OTHER_CODES}"),
-    (f"Grains.{COLOR}", put([0, 1, 64, 3, 4], 2), f"{COLOR} are not all below 64 (frame 2)"),
-    ("Grains.points", edit((3, 1), np.nan, 2), "points are not all finite (frame 2)"),
-    ("Grains.points", edit((3, 1), -1e6, 2), f"points are rounded: {FAR} (frame 2)"),
-    ("Grains.points", drop(), "the grains have no time samples"),
-    ("Grains.extent", drop(2), f"Grains.extent {OTHER_CODES}"),
-    ("Grains.extent", edit((0, 0), 0.0, 3), f"{OUTSIDE} (frame 3)"),
-    ("Grains.extent", edit(..., np.nan, 3), f"{OUTSIDE} (frame 3)"),
-    ("Grains.extent", put(Vt.Vec3fArray(1), 3), "extent is not two corners (frame 3)"),
-    ("Grains.primvars:speed", put([0.1], 1), "primvars:speed hold 1 values, not 5 for 5 grains (frame 1)"),
-    (
-        "Grains.warpgrains:mass",
-        put([1.0]),
-        "warpgrains:mass hold 1 values, not 5 for 5 grains (frame 0 and 3 more)",
-    ),
-    ("Forces.points", drop(3), f"Forces.points {OTHER_CODES}"),
-    ("Forces.faceVertexCounts", put([4, 4], 1), "points hold 20 values, not 8 for 2 bands (frame 1)"),
-    (
-        "Forces.faceVertexIndices",
-        put([0, 1], 1),
-        "faceVertexIndices hold 2 values, not 20 for 20 corners (frame 1)",
-    ),
-    ("Forces.primvars:force", put([0.1], 1), "primvars:force hold 1 values, not 5 for 5 bands (frame 1)"),
-    ("Forces.primvars:grain", drop(3), f"Forces.primvars:grain {OTHER_CODES}"),
-    (
-        "Forces.primvars:neighbour",
-        put([1], 1),
-        "primvars:neighbour hold 1 values, not 5 for 5 bands (frame 1)",
-    ),
-    ("Forces.extent", put(Vt.Vec3fArray(2), 1), f"{OUTSIDE} (frame 1)"),
-    ("Walls/Outer.points", edit((0, 0), np.inf, 0), f"Outer.points {OTHER_CODES}"),
-]
-OF_ROTATION = [
-    ("primvars:angle", put([0.1], 1), "primvars:angle hold 1 values, not 5 for 5 grains (frame 1)"),
-    (ORIENTATIONS, drop(1), f"Grains.{ORIENTATIONS} {OTHER_CODES}"),
-    (ORIENTATIONS, put(Vt.QuathArray(2), 1), f"{ORIENTATIONS} hold 2 values, not 5 for 5 grains (frame 1)"),
-    (ORIENTATIONS, put(Vt.QuathArray(5), 1), f"{ORIENTATIONS} are not those of the angles (frame 1)"),
-]
+    def damage(stage):
+        attribute = stage.GetAttributeAtPath(f"/World/{place}")
+        values = np.array(attribute.Get(at))
+        values[entry] = number
+        attribute.Set(Vt.Vec3fArray.FromNumpy(values), at)
+
+    return damage
+
+
+def remove_ids(stage):
+    stage.GetPrimAtPath(GRAINS).RemoveProperty("ids")
+
+
+def shift_velocities(stage):
+    drop("Grains.velocities", 1)(stage)
+    put("Grains.velocities", Vt.Vec3fArray(5), 1.5)(stage)
 
 
 def leave_a_gap_in_time(stage):
@@ -131,10 +94,48 @@ def scale(name, number):
     return damage
 
 
-OF_THE_STAGE = [
+OTHER_CODES = "has other time codes than the grains' positions"
+OTHER_TIMES = "the time codes of the grains are not 0, 1, 2, ..."
+OUTSIDE = "extent does not contain all grains or bands"
+FAR = "float32 coordinates are 0.0625 m apart there, but the smallest radius is 0.031 m"
+NO_NUMBER = "it must be a number"
+
+OF_POINTS = [
+    (put("Grains.velocities", Vt.Vec3fArray(2), 1), "velocities hold 2 values, not 5 for 5 grains (frame 1)"),
+    (shift_velocities, f"Grains.velocities {OTHER_CODES}"),
+    (put("Grains.velocities", [Gf.Vec3f(np.inf)] * 5, 2), "velocities are not all finite (frame 2)"),
+    (put("Grains.ids", [0, 1]), "ids hold 2 values, not 5 for 5 grains (frame 0 and 3 more)"),
+    (remove_ids, "ids hold 0 values, not 5 for 5 grains (frame 0 and 3 more)"),
+    (put("Grains.ids", [0, 1, 2, 3, 3]), "ids are not unique: 1 of 5 repeat another"),
+    (put("Grains.ids", [4, 3, 2, 1, 0], 2), "ids change with time"),
+    (put("Grains.widths", [1, 2]), "widths hold 2 values, not 5 for 5 grains (frame 0 and 3 more)"),
+    (put("Grains.widths", [1, 2, -1, 2, 2]), "widths are not all positive and finite (frame 0 and 3 more)"),
+    (put(f"Grains.{COLOR}", [0, 1, 2], 2), f"{COLOR} hold 3 values, not 5 for 5 grains (frame 2)"),
+    (drop(f"Grains.{COLOR}", 2), f"Grains.{COLOR} {OTHER_CODES}"),
+    (put(f"Grains.{COLOR}", [0, 1, 64, 3, 4], 2), f"{COLOR} are not all below 64 (frame 2)"),
+    (edit("Grains.points", (3, 1), np.nan, 2), "points are not all finite (frame 2)"),
+    (edit("Grains.points", (3, 1), -1e6, 2), f"points are rounded: {FAR} (frame 2)"),
+    (drop("Grains.points"), "the grains have no time samples"),
+    (drop("Grains.extent", 2), f"Grains.extent {OTHER_CODES}"),
+    (edit("Grains.extent", (0, 0), 0.0, 3), f"{OUTSIDE} (frame 3)"),
+    (edit("Grains.extent", ..., np.nan, 3), f"{OUTSIDE} (frame 3)"),
+    (put("Grains.extent", Vt.Vec3fArray(1), 3), "extent is not two corners (frame 3)"),
+    (put("Grains.primvars:speed", [0.1], 1), "primvars:speed hold 1 values, not 5 for 5 grains (frame 1)"),
+    (drop("Forces.points", 3), f"Forces.points {OTHER_CODES}"),
+    (put("Forces.faceVertexCounts", [4, 4], 1), "points hold 20 values, not 8 for 2 bands (frame 1)"),
+    (
+        put("Forces.faceVertexIndices", [0, 1], 1),
+        "faceVertexIndices hold 2 values, not 20 for 20 corners (frame 1)",
+    ),
+    (put("Forces.primvars:force", [0.1], 1), "primvars:force hold 1 values, not 5 for 5 bands (frame 1)"),
+    (drop("Forces.primvars:grain", 3), f"Forces.primvars:grain {OTHER_CODES}"),
+    (
+        put("Forces.primvars:neighbour", [1], 1),
+        "primvars:neighbour hold 1 values, not 5 for 5 bands (frame 1)",
+    ),
+    (put("Forces.extent", Vt.Vec3fArray(2), 1), f"{OUTSIDE} (frame 1)"),
+    (edit("Walls/Outer.points", (0, 0), np.inf, 0), f"Outer.points {OTHER_CODES}"),
     (lambda stage: stage.RemovePrim(GRAINS), "no UsdGeom.Points or PointInstancer at /World/Grains"),
-    (leave_a_gap_in_time, "the time codes of the grains are not 0, 1, 2, ..."),
-    (begin_at_one, "the time codes of the grains are not 0, 1, 2, ..."),
     (
         lambda stage: stage.SetEndTimeCode(2),
         "startTimeCode and endTimeCode are 0 and 2, but the frames are 0 and 3",
@@ -145,35 +146,38 @@ OF_THE_STAGE = [
     (lambda stage: stage.ClearMetadata("kilogramsPerUnit"), "kilogramsPerUnit is missing"),
     (lambda stage: stage.ClearDefaultPrim(), "defaultPrim is missing"),
     (lambda stage: stage.RemovePrim("/World/Walls"), "no walls at /World/Walls"),
-    (scale("colors", "low"), "the scale of colors is damaged: low of colors is 'x': it must be a number"),
-    (scale("forces", "force"), "the scale of forces is damaged: force of forces is 'x': it must be a number"),
+    (scale("colors", "low"), f"the scale of colors is damaged: low of colors is 'x': {NO_NUMBER}"),
+    (scale("forces", "force"), f"the scale of forces is damaged: force of forces is 'x': {NO_NUMBER}"),
+    (leave_a_gap_in_time, OTHER_TIMES),
+    (begin_at_one, OTHER_TIMES),
+    (
+        put("Grains.warpgrains:mass", [1.0]),
+        "warpgrains:mass hold 1 values, not 5 for 5 grains (frame 0 and 3 more)",
+    ),
+]
+OF_DISCS = [
+    (put("Grains.primvars:angle", [0.1], 1), "primvars:angle hold 1 values, not 5 for 5 grains (frame 1)"),
+    (drop(f"Grains.{ORIENTATIONS}", 1), f"Grains.{ORIENTATIONS} {OTHER_CODES}"),
+    (
+        put(f"Grains.{ORIENTATIONS}", Vt.QuathArray(2), 1),
+        f"{ORIENTATIONS} hold 2 values, not 5 for 5 grains (frame 1)",
+    ),
+    (
+        put(f"Grains.{ORIENTATIONS}", Vt.QuathArray(5), 1),
+        f"{ORIENTATIONS} are not those of the angles (frame 1)",
+    ),
+    (put("Grains.protoIndices", [0, 0], 0), "protoIndices hold 2 values, not 5 for 5 grains (frame 0)"),
+    (put("Grains.protoIndices", [0, 16, 0, 0, 0], 1), "protoIndices are not all below 16 (frame 1)"),
+    (put("Grains.scales", [Gf.Vec3f(1.5)] * 5), f"{OUTSIDE} (frame 0 and 3 more)"),
 ]
 
 
-def within(place, damage):
-    return lambda stage: damage(stage.GetAttributeAtPath(f"/World/{place}"))
-
-
-def damaged(path, damage):
-    stage = Usd.Stage.Open(str(path))
-    damage(stage)
-    stage.Save()
-    return path
-
-
 @pytest.mark.parametrize(
-    ("damage", "problem"),
-    [*((within(place, damage), problem) for place, damage, problem in OF_AN_ATTRIBUTE), *OF_THE_STAGE],
-    ids=lambda value: value if isinstance(value, str) else "",
+    ("form", "damage", "problem"),
+    [*(("points", *each) for each in OF_POINTS), *(("discs", *each) for each in OF_DISCS)],
 )
-def test_names_what_is_broken(recording, damage, problem):
-    assert problem in inspect_recording(damaged(recording, damage))
-
-
-@pytest.mark.parametrize(("name", "damage", "problem"), OF_ROTATION)
-def test_names_what_is_broken_of_rotation(tmp_path, name, damage, problem):
-    recording = record(tmp_path / "run.usdc", make_frames(3), make_scene(friction=0.3), draw_as="discs")
-    assert problem in inspect_recording(damaged(recording, within(f"Grains.{name}", damage)))
+def test_names_what_is_broken(damaged, form, damage, problem):
+    assert problem in inspect_recording(damaged(damage, form))
 
 
 @pytest.mark.parametrize(
@@ -183,33 +187,17 @@ def test_names_what_is_broken_of_rotation(tmp_path, name, damage, problem):
         (begin_at_one, "holds frame 0 at time code 1: it must be 0"),
         (lambda stage: stage.SetTimeCodesPerSecond(5e-324), "is damaged: OverflowError"),
         (lambda stage: stage.SetTimeCodesPerSecond(0), "frames per second is 0.0"),
-        (scale("colors", "high"), "high of colors is 'x': it must be a number"),
-        (scale("forces", "width"), "width of forces is 'x': it must be a number"),
-        (within("Grains.velocities", put(Vt.Vec3fArray(3), 3)), "is damaged"),
-        (within("Grains.points", put(Vt.Vec3fArray(3), 3)), "is damaged|has shape|of the grains"),
-        (within("Grains.warpgrains:mass", put([1.0])), "is damaged|has shape"),
-        (within("Forces.primvars:neighbour", put([5] * 5, 3)), "a grain or a wall that does not exist"),
-        (within("Forces.primvars:neighbour", put([-4] * 5, 3)), "a grain or a wall that does not exist"),
+        (scale("colors", "high"), f"high of colors is 'x': {NO_NUMBER}"),
+        (scale("forces", "width"), f"width of forces is 'x': {NO_NUMBER}"),
+        (put("Grains.velocities", Vt.Vec3fArray(3), 3), "is damaged"),
+        (put("Grains.points", Vt.Vec3fArray(3), 3), "is damaged|has shape|of the grains"),
+        (put("Grains.warpgrains:mass", [1.0]), "is damaged|has shape"),
+        (put("Forces.primvars:neighbour", [5] * 5, 3), "a grain or a wall that does not exist"),
+        (put("Forces.primvars:neighbour", [-4] * 5, 3), "a grain or a wall that does not exist"),
     ],
 )
-def test_what_no_recording_has_is_refused_by_readers(recording, damage, complaint):
-    damaged(recording, damage)
+def test_what_no_recording_has_is_refused_by_readers(damaged, damage, complaint):
+    path = damaged(damage)
     for read in (lambda found: found.frame(-1), lambda found: found.to_pandas("contacts")):
         with pytest.raises(InputError, match=complaint):
-            read(Recording(recording))
-
-
-def test_spheres_are_inspected_too(tmp_path):
-    recording = record(tmp_path / "run.usdc", make_frames(2), draw_as="spheres")
-    stage = Usd.Stage.Open(str(recording))
-    instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath(GRAINS))
-    wider = 1.5 * np.array(instancer.GetScalesAttr().Get())
-    instancer.GetScalesAttr().Set(Vt.Vec3fArray.FromNumpy(wider))
-    instancer.GetProtoIndicesAttr().Set([0, 0], 0)
-    instancer.GetProtoIndicesAttr().Set([0, 16, 0, 0, 0], 1)
-    stage.Save()
-    assert inspect_recording(recording) == [
-        "protoIndices hold 2 values, not 5 for 5 grains (frame 0)",
-        "extent does not contain all grains or bands (frame 0 and 1 more)",
-        "protoIndices are not all below 16 (frame 1)",
-    ]
+            read(Recording(path))

@@ -39,7 +39,7 @@ PALETTE: FloatArray = np.array(
 )
 
 # Matplotlib's perceptually uniform colormaps, safe for color-blind readers, at 32 points of the range, for
-# use without Matplotlib. Colors between are interpolated in sRGB; tests/usd/test_appearance.py bounds
+# use without Matplotlib. Colors between are interpolated in sRGB; tests/usd/test_colors.py bounds
 # the error.
 _COLORMAPS = {
     "viridis": """

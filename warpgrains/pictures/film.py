@@ -144,8 +144,11 @@ class FilmWriter:
         self._encoder.finish()
         if self._encoded != self._path:
             palette = self._encoded.with_name("palette.png")
-            Encoding(["-i", self._encoded, "-vf", _PALETTE], palette).finish()
-            Encoding(["-i", self._encoded, "-i", palette, "-lavfi", _WITH_PALETTE], self._path).finish()
+            film = ["-i", f"file:{self._encoded}"]
+            one_file = ["-update", "1"]  # a % in its name is no pattern of many
+            Encoding([*film, "-vf", _PALETTE, *one_file], palette).finish()
+            film += ["-f", "png_pipe", "-i", f"file:{palette}"]
+            Encoding([*film, "-lavfi", _WITH_PALETTE], self._path).finish()
 
 
 def draw_film(
