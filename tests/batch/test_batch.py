@@ -1,7 +1,6 @@
 """Many scenes together: each has the bits that it has alone, whatever is beside it."""
 
 import warnings
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
@@ -12,24 +11,22 @@ from mixed import STEPS, Alone, alone
 from same_bits import contents
 from sample_scenes import random_scene
 
-from warpgrains import Batch, Disc, InputError, Scene, Simulation
+from warpgrains import Batch, Disc, InputError, Scene, Simulation, SimulationError
 from warpgrains.batch import loaded_scenes
 from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.scene.fields import METHODS
-from warpgrains.simulation.until import CountedRun, criterion
 from warpgrains.solver import engine, sizes, threads
-from warpgrains.solver.statistics import Summary
 from warpgrains.warp_start import find_device
 
 WAYS: dict[str, dict[str, Any]] = {
     "one thread": {"threads": 1},
-    "two threads": {},
     "three threads": {"threads": 3},
     "another order and company": {"chosen": np.random.default_rng(3).permutation(14)[:11].tolist()},
     "step by step": {"chosen": list(range(6)), "stepped": STEPS},
     "beside simulations in another thread": {"beside": 6},
     "lists that grow during a step": {"patched": (sizes, "first_pairs", np.ones_like), "stepped": 1},
     "large scenes that threads share": {
+        "chosen": [1, 3, 7, 10, 12, 14],
         "patched": (loaded_scenes, "paying_threads", lambda scene: 1 + (scene.n > 20)),
         "stepped": 1,
     },
@@ -66,41 +63,34 @@ def test_every_scene_as_alone(
 
 
 def test_grains_of_all_scenes_as_one_array() -> None:
-    """Scenes of two kinds."""
+    """Of scenes of three kinds."""
     course = Scene.load("annulus")
     scenes = [course.replace(drag=drag, method=method) for drag in (0.1, 0.2) for method in METHODS[:2]]
-    batch = Batch(scenes, threads=2)
-    assert np.array_equal(batch.position()[3], scenes[3].position)
+    batch = Batch([*scenes, course.replace(pressure=1.0)], threads=2)
+    assert np.array_equal(batch.position(), [course.position] * 5)
     batch.run(steps=STEPS)
     for whole, of_one in ((batch.position(), batch.position), (batch.velocity(), batch.velocity)):
-        assert whole.shape == (len(batch), 15, 2)
-        assert np.array_equal(whole, [of_one(k) for k in range(len(batch))])
-    driven = Batch([course, course.replace(pressure=1.0)])
-    assert np.array_equal(driven.position(), [course.position] * 2)
-    driven.run(1)
-    assert np.array_equal(driven.position()[0], driven.position(0))
+        assert np.array_equal(whole, [of_one(k) for k in range(5)])
     with pytest.raises(InputError, match=r"the scenes have 15 to 200 grains: ask for one, position\(k\)"):
         Batch([course, Scene.load("bidisperse")]).position()
 
 
 def test_gravity_chosen_by_the_states() -> None:
-    """Each scene is drawn to the left of its center, and falls as before afterwards; bits as alone."""
+    """Each scene is drawn to the left of its center, then all as the first, and then they fall as before."""
     course = Scene.load("annulus")
     scenes = [course.replace(drag=drag) for drag in (0.1, 0.2, 0.5)]
     batch, alone = Batch(scenes, threads=2), [Simulation(scene) for scene in scenes]
     for k in range(40):
         center = batch.position().mean(axis=1)
-        gravity = None if k > 30 else np.stack([-9.81 * center[:, 1], 9.81 * center[:, 0]], axis=1)
-        if k > 20 and gravity is not None:
-            gravity[:] = gravity[0]  # one for all, as a vector
-        given = gravity[0] if gravity is not None and k > 20 else gravity
-        batch.run(1, gravity=given) if k % 2 else batch.step(given)
-        for number, (scene, one) in enumerate(zip(scenes, alone, strict=True)):
-            one.change(gravity=scene.gravity if gravity is None else tuple(gravity[number]))
+        each = np.stack([-9.81 * center[:, 1], 9.81 * center[:, 0]], axis=1)
+        gravity = each if k <= 20 else each[0] if k <= 30 else None
+        batch.run(1, gravity=gravity) if k % 2 else batch.step(gravity)
+        own = [scene.gravity for scene in scenes] if gravity is None else np.broadcast_to(gravity, (3, 2))
+        for one, g in zip(alone, own, strict=True):
+            one.change(gravity=tuple(g))
             one.step()
-    for number, one in enumerate(alone):
-        assert np.array_equal(batch.position(number), one.position)
-        assert np.array_equal(batch.velocity(number), one.velocity)
+    assert np.array_equal(batch.position(), [one.position for one in alone])
+    assert np.array_equal(batch.velocity(), [one.velocity for one in alone])
 
 
 def test_scenes_with_other_walls_end_in_other_groups() -> None:
@@ -136,68 +126,51 @@ def test_what_is_canceled_goes_on_with_the_same_bits(monkeypatch: pytest.MonkeyP
         assert contents(canceled.scenes[0].state()) == contents(whole.scenes[0].state())
 
 
-class TestUntil:
+@pytest.mark.parametrize("threads", [1, 2])
+def test_rest_is_that_of_the_scene_alone(threads: int) -> None:
     """A scene ends where it ends alone, whatever the others do."""
+    annulus = Scene.load("annulus")
+    scenes = [annulus.replace(drag=drag) for drag in (0.5, 1.0)]
+    scenes += [annulus.replace(duration=0.33), random_scene(3).replace(duration=0.2)]
+    failing = annulus.replace(max_iterations=3, on_unconverged="raise")
+    until, batch = "rest,speed=0.05,time=0.35", Batch([*scenes, failing], threads=threads)
+    *summaries, failed = batch.run(until=until)
+    simulation = Simulation(failing)
+    with pytest.raises(SimulationError) as failure:
+        simulation.run(until=until)
+    assert (failed.steps, failed.met, failed.error) == (19, False, str(failure.value))
+    assert contents(batch.state(4)) == contents(simulation.state())
+    for k, (scene, summary) in enumerate(zip(scenes, summaries, strict=True)):
+        simulation = Simulation(scene)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that rest was not met
+            expected = simulation.run(until=until)
+        assert replace(summary, seconds=0.0) == replace(expected, seconds=0.0)
+        assert contents(batch.state(k)) == contents(simulation.state())
+    again = batch.run(until=until, steps=60)[:3]  # two rest from the first test to that after 35 steps
+    assert [(summary.steps, summary.met) for summary in again] == [(50, True), (50, True), (60, False)]
 
-    @pytest.mark.parametrize("threads", [1, 2])
-    def test_rest_is_that_of_the_scene_alone(self, threads: int) -> None:
-        annulus = Scene.load("annulus")
-        scenes = [annulus.replace(drag=drag) for drag in (0.5, 1.0)]
-        scenes += [annulus.replace(duration=0.33), random_scene(3).replace(duration=0.2)]
-        until, batch = "rest,speed=0.05,time=0.35", Batch(scenes, threads=threads)
-        for k, summary in enumerate(batch.run(until=until)):
-            simulation = Simulation(scenes[k])
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # that rest was not met
-                expected = simulation.run(until=until)
-            assert replace(summary, seconds=0.0) == replace(expected, seconds=0.0)
-            assert contents(batch.state(k)) == contents(simulation.state())
-        again = batch.run(until=until, steps=60)[:3]  # two rest from the first test to that after 35 steps
-        assert [(summary.steps, summary.met) for summary in again] == [(50, True), (50, True), (60, False)]
 
-    def test_a_callable_is_given_each_scene(self) -> None:
-        scenes = [Scene.load("annulus").replace(drag=drag) for drag in (0.1, 1.0)]
-        batch = Batch(scenes)
-        summaries = batch.run(until=lambda scene: scene.position[:, 1].min() < -1.0 and scene.time > 0.3)
-        for k, scene in enumerate(scenes):
-            simulation = Simulation(scene)
-            expected = simulation.run(until=lambda other: other.position[:, 1].min() < -1.0)
-            assert (summaries[k].met, summaries[k].steps) == (True, expected.steps)
-            assert np.array_equal(batch.position(k), simulation.position)
-        assert batch.reports[0] is not None
-
-    def test_a_scene_that_fails_stops(self) -> None:
-        scene = Scene.load("annulus")
-        failing = scene.replace(max_iterations=3, on_unconverged="raise")
-        summaries = Batch([failing, scene]).run(until="rest,speed=0.05,time=0.35")
-        assert (summaries[0].steps, summaries[0].met) == (19, False)
-        assert summaries[0].error is not None
-        assert "step 20, from t = 0.19 s: not converged" in summaries[0].error
-        assert (summaries[1].met, summaries[1].error) == (True, None)
-
-    def test_belongs_to_a_scene_by_its_number(self) -> None:
-        scenes = [Scene.load("annulus")] * 3
-        loaded = LoadedScenes(scenes, find_device("cpu"), threads=1)
-        ends = None, criterion(lambda scene: scene.steps >= 20, scenes[1]), None
-        runs = [CountedRun(50, Summary(), end) for end in ends]
-        taken = [list(loaded.advance_runs(runs, steps)) for steps in ([5, 10, 30], [0, 40, 5])]
-        assert [[[last.summary(k).steps for k in range(3)] for last in each] for each in taken] == [
-            [[5, 10, 30]],
-            [[0, 10, 5]],
-        ]
-        ended = [(run.has_ended, run.statistics.steps, run.statistics.met) for run in runs]
-        assert ended == [(False, 5, False), (True, 20, True), (False, 35, False)]
-        assert [scene.steps for scene in loaded.scenes] == [5, 20, 35]
+def test_a_callable_is_given_each_scene() -> None:
+    scenes = [Scene.load("annulus").replace(drag=drag) for drag in (0.1, 1.0)]
+    batch = Batch(scenes)
+    summaries = batch.run(until=lambda scene: scene.position[:, 1].min() < -1.0 and scene.time > 0.3)
+    for k, scene in enumerate(scenes):
+        simulation = Simulation(scene)
+        expected = simulation.run(until=lambda other: other.position[:, 1].min() < -1.0)
+        assert (summaries[k].met, summaries[k].steps) == (True, expected.steps)
+        assert np.array_equal(batch.position(k), simulation.position)
+    assert batch.reports[0] is not None
 
 
 def test_no_thread_is_woken_for_little_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """A step of a few small scenes is done by the calling thread, many steps by two; the bits are equal."""
-    submitted: list[Callable[..., object]] = []
+    submitted: list[Any] = []
 
     class Counted(ThreadPoolExecutor):
-        def submit(self, work: Callable[..., object], *arguments: object) -> Future:  # type: ignore[override]
-            submitted.append(work)
-            return super().submit(work, *arguments)
+        def submit(self, *given: Any) -> Future:  # type: ignore[override]
+            submitted.append(given)
+            return super().submit(*given)
 
     monkeypatch.setattr(threads._WORKERS, "_executor", Counted(1))
     stepped, whole = (Batch([Scene.load("annulus")] * 4, threads=2) for _ in range(2))

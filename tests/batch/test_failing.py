@@ -1,41 +1,34 @@
 """Scenes of a batch that fail, batches that are interrupted or refused: the other scenes go on."""
 
 import copy
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from mixed import STEPS, Alone
 from same_bits import contents
 
-from warpgrains import Batch, Scene, Simulation, SimulationError, State
+from warpgrains import Batch, Scene, Simulation, SimulationError
 from warpgrains.batch import loaded_scenes
 from warpgrains.solver import sizes
 
 FAILING = 5  # of the mixed scenes
 
 
-def about_to_fail(state: State) -> State:
-    """Give a grain a velocity that no step survives."""
-    velocity = state.velocity.copy()
-    velocity[-1] = 1.7e308 * np.sign(state.position[-1])
-    return replace(state, velocity=velocity)
-
-
 @pytest.mark.parametrize("shared", [False, True])
 def test_a_scene_that_fails(
     scenes: list[Scene], expected: list[Alone], shared: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Of a velocity of a grain that no step survives."""
     simulation = Simulation(scenes[FAILING], threads=1)
     simulation.run(steps=3)
-    simulation.restore(about_to_fail(simulation.state()))
+    state = simulation.state()
+    state.velocity[-1] = 1.7e308 * np.sign(state.position[-1])
+    simulation.restore(state)
     start = simulation.state()
     with pytest.raises(SimulationError) as failure:
         simulation.step()
     if shared:
-        monkeypatch.setattr(
-            loaded_scenes, "paying_threads", lambda scene: 2 if scene is scenes[FAILING] else 1
-        )
+        monkeypatch.setattr(loaded_scenes, "paying_threads", lambda one: 1 + (one is scenes[FAILING]))
     batch = Batch(scenes[:8], threads=2)
     batch.restore(FAILING, start)
     summaries = batch.run(steps=STEPS)
@@ -48,22 +41,6 @@ def test_a_scene_that_fails(
     with pytest.raises(SimulationError, match=f"scene {FAILING}: step 4, from t = .*reached a velocity"):
         batch.step()
     assert [batch.state(k).steps for k in others] == [STEPS + 1] * 7
-
-
-def test_a_step_that_has_not_converged_is_not_taken(scenes: list[Scene]) -> None:
-    raising = [scene.replace(on_unconverged="raise", max_iterations=8) for scene in scenes[:8]]
-    batch = Batch(raising, threads=2)
-    summaries = batch.run(steps=STEPS)
-    assert any(summary.error for summary in summaries)
-    for k, (scene, summary) in enumerate(zip(raising, summaries, strict=True)):
-        simulation, error = Simulation(scene, threads=1), None
-        try:
-            for _ in range(STEPS):
-                simulation.step()
-        except SimulationError as failure:
-            error = str(failure)
-        assert summary.error == error
-        assert contents(batch.state(k)) == contents(simulation.state())
 
 
 def test_an_interrupted_run_leaves_every_scene_between_two_steps(

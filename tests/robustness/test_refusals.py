@@ -214,6 +214,8 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("folder")
     (folder / "mine.toml").write_text(SCENE_FILE)
     (folder / "mine.csv").write_text("a,b\n1,2\n")
+    (folder / "laid.toml").write_text("grains.layout = [1]")
+    (folder / "no_wall.toml").write_text("walls = [3]")
     (folder / "text.usdc").write_text("no stage")
     (folder / "empty.usda").write_text("#usda 1.0\n")
     for name in ("kept", "all", "site"):

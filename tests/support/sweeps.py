@@ -3,9 +3,12 @@
 import csv
 from pathlib import Path
 
-from warpgrains import Scene
+from command import exit_code
+
 from warpgrains.batch.loaded_scenes import LoadedScenes
-from warpgrains.cli.main import main
+from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.simulation.until import CountedRun
+from warpgrains.solver.statistics import Summary
 from warpgrains.sweep.execution import RunSettings
 from warpgrains.sweep.group import Group
 from warpgrains.sweep.sweep import Sweep
@@ -40,10 +43,7 @@ def write(folder: Path, text: str = SMALL) -> Path:
 
 
 def batch(*arguments: object) -> int:
-    try:
-        return main(["batch", *map(str, arguments)])
-    except SystemExit as exit:
-        return int(exit.code or 0)
+    return exit_code("batch", *arguments)
 
 
 def table(path: Path) -> list[dict[str, str]]:
@@ -56,15 +56,19 @@ def rows(folder: Path) -> list[dict[str, str]]:
     return table(folder / "results.csv")
 
 
+def results(folder: Path) -> bytes:
+    """Read the table of results as it lies on disk."""
+    return (folder / "results.csv").read_bytes()
+
+
 def parts(folder: Path) -> list[list[dict[str, str]]]:
     """Read the tables of groups of runs."""
     return [table(part) for part in sorted(folder.glob("parts/[0-9]*.csv"))]
 
 
-def scene_of(folder: Path, row: dict[str, str]) -> Scene:
-    """Load the scene of a row of the small sweep by hand."""
-    overrides = [f"{key}={row[key]}" for key in ("physics.drag", "grains.count")]
-    return Scene.load(folder / "scenes" / "annulus.toml", overrides)
+def steps_kept(folder: Path) -> int:
+    """Return the number of steps of all checkpoints."""
+    return sum(read_checkpoint(path).statistics.steps for path in folder.glob("runs/*/checkpoint.npz"))
 
 
 def begin(folder: Path, text: str, out: Path | str = "out") -> tuple[SweepFolder, Sweep]:
@@ -77,31 +81,29 @@ def begin(folder: Path, text: str, out: Path | str = "out") -> tuple[SweepFolder
     return output, sweep
 
 
-def results(folder: Path) -> bytes:
-    """Read the table of results as it lies on disk."""
-    return (folder / "results.csv").read_bytes()
-
-
 class Interrupted(KeyboardInterrupt):
     """What stands for a killed process."""
 
 
 class Slices:
-    """Groups of runs with folders end after four steps; the one after `left` more is interrupted."""
+    """Groups of runs with folders, or all, end after four steps; the one after `left` more is killed."""
 
-    def __init__(self, patch):
-        self.left = 1_000
+    def __init__(self, patch, of_all=False):
+        self.left, self.of_all = 1_000, of_all
         advance, advance_runs = Group.advance, LoadedScenes.advance_runs
 
         def advance_or_die(group, seconds, on_progress):
             if self.left == 0:
                 raise Interrupted
             self.left -= 1
-            self.has_folders = any(one.folder is not None for one in group.members)
-            advance(group, -1.0 if self.has_folders else seconds, on_progress)
+            self.is_slice = self.of_all or any(one.folder is not None for one in group.members)
+            if self.of_all:
+                for one in group.members:
+                    one.counted = one.counted or CountedRun(one.scene.steps, Summary())
+            advance(group, -1.0 if self.is_slice else seconds, on_progress)
 
         def advance_four(loaded, runs, steps, poll):
-            if not self.has_folders:
+            if not self.is_slice:
                 return advance_runs(loaded, runs, steps, poll)
             return advance_runs(loaded, runs, [min(4, step) for step in steps], lambda done: None)
 

@@ -1,48 +1,44 @@
-"""The small sweep, carried out once for all tests that hold another one against it; and interruptions."""
+"""The small sweep, carried out once for all tests that hold another one against it."""
 
 import pytest
-from sweeps import Interrupted, batch, write
-
-from warpgrains.solver import engine, threads
-from warpgrains.sweep import group
-from warpgrains.sweep.group import Group
+from sweeps import batch, write
 
 
-@pytest.fixture
-def brief(monkeypatch):
-    """Groups of runs without folders end after some steps; if `is_killed`, the process is killed then."""
-    advance, clock = Group.advance, [0.0]
-
-    def advance_briefly(group, seconds, on_progress):
-        has_folders = any(one.folder is not None for one in group.members)
-        if has_folders and advance_briefly.is_killed:
-            raise Interrupted
-
-        def end_after_a_step(fraction):
-            on_progress(fraction)
-            clock[0] += 100.0 if fraction > 0.0 and not has_folders else 0.0
-
-        advance(group, seconds, end_after_a_step)
-
-    advance_briefly.is_killed = False
-    monkeypatch.setattr(Group, "advance", advance_briefly)
-    monkeypatch.setattr(group, "perf_counter", lambda: clock[0])
-    monkeypatch.setattr(engine, "BRIEF", 0)
-    monkeypatch.setattr(threads, "GLANCE", 1e-3)  # before the runs are over, on any machine
-    return advance_briefly
+def small_sweep(folder, *options):
+    """Carry it out without any interruption, in a folder with files of others."""
+    for name in ("scenes/mine.toml", "parts/mine.csv"):
+        (folder / "out" / name).parent.mkdir(parents=True)
+        (folder / "out" / name).touch()
+    assert batch(write(folder), "-o", folder / "out", *options) == 1
+    return folder / "out"
 
 
 @pytest.fixture(scope="session")
 def done(tmp_path_factory):
-    """The small sweep, carried out without any interruption."""
-    folder = tmp_path_factory.mktemp("done")
-    assert batch(write(folder), "-o", folder / "out") == 1
-    return folder / "out"
+    return small_sweep(tmp_path_factory.mktemp("done"))
 
 
 @pytest.fixture(scope="session")
 def kept(tmp_path_factory):
     """The same, with a folder for each run."""
-    folder = tmp_path_factory.mktemp("kept")
-    assert batch(write(folder), "-o", folder / "out", "--folders") == 1
-    return folder / "out"
+    return small_sweep(tmp_path_factory.mktemp("kept"), "--folders")
+
+
+@pytest.fixture
+def meanwhile(monkeypatch):
+    """Have another process act once, before or after a call of a function with these arguments."""
+
+    def patch(owner, name, act, before=False, when=lambda *given: True):
+        call, to_do = getattr(owner, name), [act]
+
+        def call_as_another_acts(*given):
+            if before and to_do and when(*given):
+                to_do.pop()()
+            found = call(*given)
+            if to_do and when(*given):
+                to_do.pop()()
+            return found
+
+        monkeypatch.setattr(owner, name, call_as_another_acts)
+
+    return patch

@@ -10,16 +10,9 @@ import time
 
 import pytest
 from distributed import LocalCluster
-from sweeps import SMALL, batch, parts, results, rows, write
+from sweeps import LONG, SMALL, batch, parts, results, rows, write
 
 from warpgrains.sweep import cluster
-
-LONG = """
-scene = "annulus"
-[axes]
-physics.drag = {range = [0.1, 0.9], count = 4}
-grains.shift = {log_range = [1e-9, 1e-6], count = 8}
-"""
 
 
 @pytest.fixture(scope="module")
@@ -29,19 +22,13 @@ def workers():
         yield workers
 
 
-def test_same_results_as_here(tmp_path, workers, capfd):
+def test_same_results_as_here_though_a_worker_is_killed(tmp_path, workers, capfd):
     """Also when failures are repeated and give the same again."""
-    sweep = write(tmp_path)
-    assert batch(sweep, "-o", tmp_path / "here") == 1
-    for resumed in ([], ["--resume"], ["--resume"]):
-        there = ["-o", tmp_path / "there", "--scheduler", workers.scheduler_address, *resumed]
-        assert batch(sweep, *there) == 1
-        assert "is not finished" not in capfd.readouterr().err
-        assert results(tmp_path / "there") == results(tmp_path / "here")
-
-
-def test_killed_worker_loses_no_run(tmp_path, workers):
-    sweep, out = write(tmp_path, LONG), tmp_path / "there"
+    sweep, out = (
+        write(tmp_path, LONG.replace("count = 3", "count = 6").replace("0.9", "40.0")),
+        tmp_path / "there",
+    )
+    there = ("-o", out, "--scheduler", workers.scheduler_address)
     killed = []
 
     def kill_a_worker():
@@ -52,10 +39,13 @@ def test_killed_worker_loses_no_run(tmp_path, workers):
 
     killer = threading.Thread(target=kill_a_worker, daemon=True)
     killer.start()
-    assert batch(sweep, "-o", out, "--scheduler", workers.scheduler_address) == 0
+    assert batch(sweep, *there) == 1
     killer.join(timeout=0.0)
     assert killed
-    assert batch(sweep, "-o", tmp_path / "here") == 0
+    assert batch(sweep, "-o", tmp_path / "here") == 1
+    assert results(out) == results(tmp_path / "here")
+    assert batch(sweep, *there, "--resume") == 1
+    assert "is not finished" not in capfd.readouterr().err
     assert results(out) == results(tmp_path / "here")
 
 

@@ -1,14 +1,23 @@
-"""What a sweep refuses: axes, sweep files, command lines, and outputs of other sweeps. Each is one line."""
+"""What a sweep refuses to continue, and what another process does between two looks into its folder."""
 
 import os
+import re
 import shutil
 import signal
+import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 from command import require_refusal
-from sweeps import SMALL, batch, results, write
+from sweeps import SMALL, batch, begin, results, write
+
+from warpgrains.errors import OutputError
+from warpgrains.sweep import sweep_folder
+from warpgrains.sweep.execution import ExecutionOptions, RunSettings
+from warpgrains.sweep.runner import finish_runs
+from warpgrains.sweep.sweep_folder import SweepFolder
 
 
 def test_slurm_leaves_interrupts_as_they_are(tmp_path, monkeypatch):
@@ -33,86 +42,133 @@ def test_slurm_leaves_interrupts_as_they_are(tmp_path, monkeypatch):
     ],
 )
 def test_output_of_another_sweep(tmp_path, request, capfd, output, change, options, complaint):
-    finished = request.getfixturevalue(output)
+    finished, out = request.getfixturevalue(output), tmp_path / "out"
+    shutil.copytree(finished, out)
+    if output == "kept":
+        shutil.rmtree(out / "parts")
+        (out / "results.csv").unlink()
+    before = {path: path.read_bytes() for path in out.rglob("*.*")}
     capfd.readouterr()
-    shutil.copytree(finished, tmp_path / "out")
-    sweep = write(tmp_path, SMALL.replace(*change) if change else SMALL)
-    assert batch(sweep, "-o", tmp_path / "out", *options.split()) == 2
+    assert batch(write(tmp_path, SMALL.replace(*change or ("", ""))), "-o", out, *options.split()) == 2
     require_refusal(capfd, complaint)
-    assert results(tmp_path / "out") == results(finished)
-
-
-def keep_only(folder, name):
-    """Delete the other files and folders."""
-    (folder / name).rename(folder.with_name(name))
-    shutil.rmtree(folder)
-    folder.mkdir()
-    folder.with_name(name).rename(folder / name)
+    assert {path: path.read_bytes() for path in out.rglob("*.*")} == before
 
 
 @pytest.mark.parametrize(
-    ("damage", "complaint"),
+    ("found", "instead", "complaint"),
     [
-        (lambda file: file.write_text(""), "settings.json' does not hold the settings of a sweep: restore"),
-        (lambda file: file.write_text('{"measure": []}'), "settings.json' does not hold"),
-        (lambda file: file.write_text("[]"), "settings.json' does not hold"),
-        (
-            lambda file: file.write_text(file.read_text().replace("axes", "axis")),
-            "does not hold the settings",
-        ),
-        (lambda file: file.write_text("[" * 100_000), "settings.json' does not hold"),
-        (lambda file: file.write_bytes(b"\xff"), "settings.json' does not hold"),
-        (lambda file: file.write_text(file.read_text().replace("null", "[2]", 1)), "with --until 2: choose"),
-        (lambda file: file.unlink(), "results.csv': '"),
-        (lambda file: (file.unlink(), file.with_name("results.csv").unlink()), "scenes/annulus.toml': '"),
-        (lambda file: keep_only(file.parent, "parts"), ".csv': '"),
-        (lambda file: (file.unlink(), os.mkfifo(file)), "settings.json' is not a regular file"),
+        (".*", "", "settings.json' does not hold the settings of a sweep: restore"),
+        (".*", '{"measure": []}', "settings.json' does not hold"),
+        (".*", "7", "settings.json' does not hold"),
+        (".*", "[" * 100_000, "settings.json' does not hold"),
+        ("axes", "axis", "settings.json' does not hold"),
+        ("null", "[2]", "with --until 2: choose"),
     ],
 )
-def test_output_with_damaged_settings(tmp_path, capfd, done, damage, complaint):
+def test_damaged_settings(tmp_path, capfd, done, found, instead, complaint):
+    settings = tmp_path / "out" / "settings.json"
+    shutil.copytree(done, settings.parent)
+    settings.write_text(re.sub(found, instead, settings.read_text(), count=1))
+    assert batch(write(tmp_path), "-o", settings.parent, "--resume") == 2
+    require_refusal(capfd, complaint)
+
+
+def test_results_without_settings(tmp_path, capfd, done):
+    """Settings that are a pipe, then none next to any file of a sweep, then none at all."""
     out = tmp_path / "out"
     shutil.copytree(done, out)
-    damage(out / "settings.json")
+    (out / "settings.json").unlink()
+    os.mkfifo(out / "settings.json")
     capfd.readouterr()
-    assert batch(write(tmp_path), "-o", out, "--resume") == 2
-    require_refusal(capfd, complaint)
-    (out / "settings.json").unlink(missing_ok=True)
-    shutil.copy(done / "settings.json", out)
+    for name in ("settings.json", "results.csv", "scenes/annulus.toml", *out.glob("parts/[0-9]*.csv")):
+        assert batch(write(tmp_path), "-o", out, "--resume") == 2
+        is_piped = name == "settings.json"
+        require_refusal(
+            capfd, f"{name}' is not a regular file" if is_piped else f"overwrite '{out / name}': '"
+        )
+        (out / name).unlink()
     assert batch(write(tmp_path), "-o", out, "--resume") == 1
     assert results(out) == results(done)
 
 
-def test_common_files_are_written_though_no_run_is_left(tmp_path, kept):
-    """A later resumption compares them."""
+def test_settings_that_another_process_has_just_written(tmp_path, done, meanwhile):
+    """Who finds its scenes finds its settings, too."""
     out = tmp_path / "out"
-    shutil.copytree(kept, out)
-    keep_only(out, "runs")
-    for _ in range(2):
-        assert batch(write(tmp_path), "-o", out, "--resume") == 1
-        assert results(out) == results(kept)
-    for name in ("settings.json", "scenes/annulus.toml"):
-        assert (out / name).read_bytes() == (kept / name).read_bytes()
-
-
-def test_folders_of_other_files_are_no_results(tmp_path, done):
-    for name in ("scenes/mine.toml", "parts/mine.csv"):
-        (tmp_path / name).parent.mkdir()
-        (tmp_path / name).touch()
-    assert batch(write(tmp_path), "-o", tmp_path) == 1
-    assert results(tmp_path) == results(done)
-
-
-def test_settings_that_another_process_has_just_written(tmp_path, done, monkeypatch):
-    """Between two looks into the folder: who finds its scenes finds its settings, too."""
-    out, exists, looks = tmp_path / "out", Path.exists, []
-
-    def exists_just_before(path):
-        found = exists(path)
-        if path.parent == out and not looks:
-            looks.append(path)
-            shutil.copytree(done, out, dirs_exist_ok=True)
-        return found
-
-    monkeypatch.setattr(Path, "exists", exists_just_before)
+    meanwhile(
+        Path,
+        "exists",
+        lambda: shutil.copytree(done, out, dirs_exist_ok=True),
+        when=lambda path: path.parent == out,
+    )
     assert batch(write(tmp_path), "-o", out, "--resume") == 1
     assert results(out) == results(done)
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "complaint"),
+    [
+        (("= 30", "= 31"), (), "annulus.toml' is of a sweep with another scene: choose another -o"),
+        ((), ("--measure", "rattlers"), "is of a sweep with --measure rattlers: choose another -o"),
+    ],
+)
+def test_another_sweep_that_begins_at_once(tmp_path, meanwhile, capfd, changes, options, complaint):
+    """The files of the first that writes them are those of the sweep, though both find no folder."""
+    (tmp_path / "other").mkdir()
+    out, other = tmp_path / "out", write(tmp_path / "other", SMALL.replace(*changes or ("", "")))
+
+    def begin_other():
+        assert batch(other, "-o", out, *options) == 1
+        capfd.readouterr()
+
+    meanwhile(SweepFolder, "write_common_files", begin_other, before=True)
+    assert batch(write(tmp_path), "-o", out) == 2
+    require_refusal(capfd, complaint)
+    assert batch(other, "-o", tmp_path / "alone", *options) == 1
+    assert results(out) == results(tmp_path / "alone")
+
+
+def test_sweeps_that_go_on_in_different_ways_are_refused(tmp_path):
+    """They have the runs of a shorter one, so that only the results of the others differ."""
+    text = 'scene = "annulus"\n[set]\ntime.duration = 0.1\n[axes]\nphysics.drag = [0.1'
+    texts = [f"{text}{more}]" for more in ("", ", 0.2", ", 0.3")]
+    _, first, second = (begin(tmp_path / str(k), text, tmp_path / "out") for k, text in enumerate(texts))
+    assert finish_runs(first[0], first[1].runs, ExecutionOptions(), lambda _: None) == {}
+    with pytest.raises(OutputError, match=r"run 1 in .* belongs to another sweep"):
+        finish_runs(second[0], second[1].runs, ExecutionOptions(), lambda _: None)
+    with pytest.raises(OutputError, match=r"run 1 in .* belongs to another sweep"):
+        SweepFolder(tmp_path / "out", second[1].axes, RunSettings()).write_tables(second[1])
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_damaged_part_that_another_process_renames(tmp_path, done, meanwhile, before):
+    """Just before it is read, or after."""
+    out = tmp_path / "out"
+    shutil.copytree(done, out)
+    (part,) = out.glob("parts/[0-9]*.csv")
+    part.write_bytes(b"1")
+    rename = partial(part.rename, part.with_name(f"{part.name}.damaged"))
+    meanwhile(Path, "read_bytes", rename, before, when=part.__eq__)
+    assert batch(write(tmp_path), "-o", out, "--resume") == 1
+    assert results(out) == results(done)
+
+
+def test_late_results_are_not_lost(tmp_path, done, meanwhile):
+    """Runs that finish while the tables are written: who writes last has them all."""
+    out = tmp_path / "out"
+    shutil.copytree(done, out)
+    (shard,) = out.glob("parts/[0-9]*.csv")
+    late = shard.rename(tmp_path / "late.csv")
+    meanwhile(sweep_folder, "write_atomically", partial(late.rename, shard))
+    assert batch(write(tmp_path), "-o", out, "--resume", "--index", 0, "--count", 6) == 0
+    assert results(out) == results(done)
+
+
+def test_warp_is_not_started_if_no_run_is_left(tmp_path, done):
+    script = (
+        "import sys\n"
+        "from warpgrains.cli.main import main\n"
+        "assert main(sys.argv[1:]) == 0\n"
+        "assert 'warp' not in sys.modules\n"
+    )
+    arguments = ["batch", write(tmp_path), "-o", done, "--resume", "--index", "0", "--count", "6"]
+    subprocess.run([sys.executable, "-c", script, *arguments], check=True, timeout=60)

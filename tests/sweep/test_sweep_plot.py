@@ -1,7 +1,5 @@
 """Pictures of sweeps: what is asked for, and that the lines are those of the table."""
 
-import csv
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -12,40 +10,34 @@ from warpgrains.sweep import plot
 from warpgrains.sweep.plot import SweepPlot
 
 
-def rows(**columns):
-    """The rows of a table, all of runs that came to their end."""
-    return [dict(zip(columns, map(str, cells), strict=True)) for cells in zip(*columns.values(), strict=True)]
-
-
-def axes_with(plot, table):
+def drawn(plot, **columns):
+    """Return the axes on which columns of a table are drawn."""
     axes = Figure().subplots()
-    plot.draw_on(axes, {name: [row[name] for row in table] for name in table[0]})
+    plot.draw_on(axes, {name: list(map(str, cells)) for name, cells in columns.items()})
     return axes
 
 
 def test_a_point_a_run_and_a_line_through_the_means():
-    table = rows(a=[2, 1, 1, 2], pile_height=[3.0, 1.0, 2.0, 5.0])
-    points, line = axes_with(SweepPlot("a", "pile_height"), table).lines
+    axes = drawn(SweepPlot("a", "pile_height"), a=[2, 1, 1, 2], pile_height=[3.0, 1.0, 2.0, 5.0])
+    points, line = axes.lines
     assert np.array_equal(points.get_xydata(), [[2, 3], [1, 1], [1, 2], [2, 5]])
     assert np.array_equal(line.get_xydata(), [[1, 1.5], [2, 4]])
-    assert (line.axes.get_xlabel(), line.axes.get_ylabel()) == ("a", "pile_height [m]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("a", "pile_height [m]")
 
 
 def test_a_line_a_color():
-    table = rows(a=[1, 1, 2, 2], b=["x", "y", "x", "y"], c=[1.0, 2.0, 3.0, 4.0])
-    axes = axes_with(SweepPlot("a", "c", "b"), table)
-    lines = {
-        text.get_text(): line for text, line in zip(axes.get_legend().texts, axes.lines[1::2], strict=True)
-    }
-    assert np.array_equal(lines["x"].get_xydata(), [[1, 1], [2, 3]])
-    assert np.array_equal(lines["y"].get_xydata(), [[1, 2], [2, 4]])
+    axes = drawn(SweepPlot("a", "c", "b"), a=[1, 1, 2, 2], b=["x", "y", "x", "y"], c=[1.0, 2.0, 3.0, 4.0])
+    assert [text.get_text() for text in axes.get_legend().texts] == ["x", "y"]
+    for line, expected in zip(axes.lines[1::2], ([[1, 1], [2, 3]], [[1, 2], [2, 4]]), strict=True):
+        assert np.array_equal(line.get_xydata(), expected)
     assert axes.lines[0].get_color().tolist() != axes.lines[2].get_color().tolist()
 
 
 def test_words_are_named_on_their_axis():
-    axes = axes_with(SweepPlot("m", "c"), rows(m=["slow", "fast", "slow"], c=[1.0, 2.0, 3.0]))
+    axes = drawn(SweepPlot("m", "drag_power"), m=["slow", "fast", "slow"], drag_power=[1.0, 2.0, 3.0])
     assert [label.get_text() for label in axes.get_xticklabels()] == ["slow", "fast"]
     assert np.array_equal(axes.lines[1].get_xydata(), [[0, 2], [1, 2]])
+    assert axes.get_ylabel() == "drag_power [W]"
 
 
 @pytest.mark.parametrize(
@@ -61,16 +53,12 @@ def test_words_are_named_on_their_axis():
     ],
 )
 def test_even_ratios_are_drawn_evenly(values, scale):
-    assert axes_with(SweepPlot("a", "c"), rows(a=values, c=[1.0] * len(values))).get_xscale() == scale
+    assert drawn(SweepPlot("a", "c"), a=values, c=[1.0] * len(values)).get_xscale() == scale
 
 
 def test_picture_of_a_table_that_is_there(tmp_path, capsys):
     """Without a sweep; runs that failed are left out."""
-    table = rows(a=[1, 2, 3], c=[1.0, 2.0, ""], error=["", "", "it broke"])
-    with (tmp_path / "results.csv").open("w", newline="") as lines:
-        writer = csv.DictWriter(lines, list(table[0]))
-        writer.writeheader()
-        writer.writerows(table)
+    (tmp_path / "results.csv").write_text("a,c,error\n1,1.0,\n2,2.0,\n3,,it broke\n")
     assert batch("-o", tmp_path, "--plot", "x=a, y=c") == 0
     assert capsys.readouterr().out == f"{tmp_path / 'c-a.png'}\n"
     assert imread(tmp_path / "c-a.png").std() > 0.0
@@ -78,7 +66,7 @@ def test_picture_of_a_table_that_is_there(tmp_path, capsys):
 
 def test_of_very_many_runs_some_are_points_and_all_are_in_the_means(monkeypatch):
     monkeypatch.setattr(plot, "MOST_POINTS", 10)
-    axes = axes_with(SweepPlot("a", "c"), rows(a=[1, 2] * 50, c=range(100)))
+    axes = drawn(SweepPlot("a", "c"), a=[1, 2] * 50, c=range(100))
     points, line = axes.lines
     assert points.get_xdata().tolist() == [1] * 5 + [2] * 5
     assert np.array_equal(line.get_xydata(), [[1, 49], [2, 50]])

@@ -1,75 +1,50 @@
-"""`warpgrains batch --resume`: after kill -9, after failures, in a longer sweep, beside other processes."""
+"""`warpgrains batch --resume`: runs that take long, cannot be done, or whose files are damaged."""
 
+import os
 import shutil
-import signal
-import subprocess
 import sys
-import time
+from contextlib import contextmanager
 
 import pytest
-from sweeps import LONG, SMALL, batch, results, rows, table, write
+from sweeps import LONG, SMALL, Interrupted, Slices, batch, results, rows, steps_kept, write
 
-from warpgrains import Scene
+from warpgrains.frame_log import FrameLog, LogReader
+from warpgrains.locks import Lock
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.sweep import sweep_folder
+from warpgrains.solver import engine, threads
+from warpgrains.sweep import group
+from warpgrains.sweep.group import Group
 from warpgrains.sweep.run_folder import FolderRun
 from warpgrains.sweep.sweep_folder import SweepFolder
-
-LONGER = LONG.replace("[axes]", "time.duration = 40.0\n[axes]")
-DRIVER = """
-import sys
-from warpgrains.cli.main import main
-from warpgrains.solver import engine, threads
-from warpgrains.sweep import runner
-engine.BRIEF, threads.GLANCE = 0, 1e-3
-runner.LIMIT = 0.1 * (5 if "--usd" in sys.argv else 1)
-runner.LEAST_WIDTH = runner.WIDTH = runner.WIDTH_OF_FOLDERS = 4
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-def steps_kept(out):
-    return sum(read_checkpoint(path).statistics.steps for path in out.glob("runs/*/checkpoint.npz"))
-
-
-@pytest.mark.parametrize(
-    ("options", "moments"),
-    [
-        ([], [3_000]),
-        pytest.param(["--measure", "packing", "--every", "100"], [700, 4_000, 9_000], marks=pytest.mark.slow),
-        pytest.param(["--usd"], [50, 3_000, 8_000], marks=pytest.mark.slow),
-    ],
-)
-def test_killed(tmp_path, options, moments):
-    sweep, out = write(tmp_path, LONG), tmp_path / "out"
-    assert batch(sweep, "-o", tmp_path / "undisturbed") == 0
-    command = [sys.executable, "-c", DRIVER, "batch", str(sweep), "-o", str(out), "--resume", *options]
-    for moment in moments:
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-        while process.poll() is None and steps_kept(out) < moment:
-            time.sleep(0.001)
-        process.send_signal(signal.SIGKILL)
-        process.wait(timeout=60)
-    assert subprocess.run(command, stdout=subprocess.DEVNULL, timeout=120).returncode == 0
-    assert results(out) == results(tmp_path / "undisturbed")
-    assert len(table(out / "timing.csv")) == 12
-    for series in out.glob("runs/*/series.csv"):
-        assert [int(row["step"]) for row in table(series)] == list(range(0, 801, 100))
+from warpgrains.usd.writer import reopen_log
 
 
 @pytest.mark.parametrize("options", [[], ["--until", "rest,speed=0.05,time=0.35"]])
-def test_run_that_takes_long_gets_a_folder(tmp_path, brief, monkeypatch, options):
+def test_run_that_takes_long_gets_a_folder(tmp_path, monkeypatch, capfd, options):
     """It goes on from where it is when the time is over, even if the process is killed then."""
-    sweep, out = write(tmp_path, LONGER), tmp_path / "out"
-    brief.is_killed = True
-    assert batch(sweep, "-o", out, *options) == 130
+    sweep, out, advance, clock = write(tmp_path, LONG), tmp_path / "out", Group.advance, [0.0]
+
+    def advance_or_die(group, seconds, on_progress):
+        def end_after_a_step(fraction):
+            on_progress(fraction)
+            clock[0] += 100.0 if fraction > 0.0 else 0.0
+
+        if clock[0] > 0.0:
+            raise Interrupted
+        advance(group, seconds, end_after_a_step)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Group, "advance", advance_or_die)
+        patch.setattr(group, "perf_counter", lambda: clock[0])
+        patch.setattr(engine, "BRIEF", 0)
+        patch.setattr(threads, "GLANCE", 1e-4)  # before the runs are over, on any machine
+        assert batch(sweep, "-o", out, *options) == 130
+    assert capfd.readouterr().err.endswith("interrupted; to continue: the same command with --resume\n")
     first = steps_kept(out)
-    brief.is_killed = False
     assert batch(sweep, "-o", out, *options, "--resume") == 0
+    assert 0 < first < steps_kept(out)
     kept = read_checkpoint(out / "runs" / "00000" / "checkpoint.npz")
     assert str(kept.statistics.steps) == rows(out)[0]["steps"]
-    assert 0 < first < steps_kept(out)
-    monkeypatch.undo()
     assert batch(sweep, "-o", tmp_path / "short", *options) == 0
     assert not (tmp_path / "short" / "runs").exists()
     assert results(out) == results(tmp_path / "short")
@@ -88,106 +63,144 @@ def test_a_run_whose_extra_is_missing_is_left_to_another_machine(tmp_path, monke
     assert len(rows(tmp_path / "out")) == 12
 
 
-def test_results_next_to_scenes_are_no_scenes(tmp_path):
-    """A folder of scenes may be its own output."""
-    for name in "ab":
-        (tmp_path / f"{name}.toml").write_text(Scene.load("annulus", ["time.duration=0.1"]).text)
-    for again in ([], ["--resume"]):
-        assert batch(tmp_path, "-o", tmp_path, *again) == 0
-        assert [row["scene"] for row in rows(tmp_path)] == ["a", "b"]
+@contextmanager
+def locked(run, patch, kept):
+    run.mkdir(parents=True)
+    with Lock(run / "checkpoint.npz"):
+        yield
+        assert list(run.iterdir()) == [run / ".checkpoint.npz.lock"]
 
 
-def test_a_folder_that_cannot_be_used_leaves_its_run_alone(tmp_path, brief, monkeypatch, capfd):
-    sweep, out = write(tmp_path, LONGER), tmp_path / "out"
+@contextmanager
+def a_file(run, patch, kept):
+    run.parent.mkdir(parents=True)
+    run.touch()
+    yield
+    run.unlink()
+
+
+@contextmanager
+def no_folder(run, patch, kept):
+    """After a while, the run needs one."""
     open_folder = FolderRun.open
 
     def open_others(folder, *given):
-        if folder.name == "00000":
+        if folder == run:
             raise OSError("permission denied")
         return open_folder(folder, *given)
 
-    monkeypatch.setattr(FolderRun, "open", open_others)
-    assert batch(sweep, "-o", out) == 1
-    said = "not finished      1 (continue with --resume), first run 0: permission denied\n"
-    assert said in capfd.readouterr().out
-    assert [row["run"] for row in rows(out)] == [str(k) for k in range(1, 12)]
+    Slices(patch, of_all=True)
+    patch.setattr(FolderRun, "open", open_others)
+    yield
 
 
-def test_a_folder_that_another_process_has_begun_is_left(tmp_path, brief, monkeypatch, capfd):
+@contextmanager
+def begun_elsewhere(run, patch, kept):
     """On a file system without locks, after this process has begun the run without a folder."""
-    sweep, out = write(tmp_path, LONGER), tmp_path / "out"
-    brief.is_killed = True
-    assert batch(sweep, "-o", out) == 130
-    brief.is_killed = False
-    monkeypatch.setattr(SweepFolder, "with_folders", lambda folder: set())
+    shutil.copytree(kept / "runs" / run.name, run)
+    Slices(patch, of_all=True)
+    patch.setattr(SweepFolder, "with_folders", lambda folder: set())
+    yield
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "reason"),
+    [
+        (locked, f".npz' is being written by process {os.getpid()} on"),
+        (a_file, "File exists"),
+        (no_folder, "permission denied\n"),
+        (begun_elsewhere, "another process has begun it\n"),
+    ],
+)
+def test_a_run_that_cannot_be_done_is_left(tmp_path, done, kept, monkeypatch, capfd, obstacle, reason):
+    sweep, out = write(tmp_path), tmp_path / "out"
+    with monkeypatch.context() as patch, obstacle(out / "runs" / "00001", patch, kept):
+        assert batch(sweep, "-o", out, "--index", 1, "--count", 6) == 1
+        left_alone = capfd.readouterr().out
+        assert batch(sweep, "-o", out, "--resume") == 1
+    printed = capfd.readouterr().out
+    for said in (left_alone, printed):
+        assert "not finished      1 (continue with --resume), first run 1: " in said
+        assert reason in said
+    assert "results" not in left_alone
+    assert [row["run"] for row in rows(out)] == ["0", "2", "3", "4", "5"]
     assert batch(sweep, "-o", out, "--resume") == 1
-    assert "another process has begun it\n" in capfd.readouterr().out
+    assert results(out) == results(done)
 
 
-def test_warp_is_not_started_if_no_run_is_left(tmp_path):
-    sweep, out = write(tmp_path, 'scene = "annulus"\nset.time.duration = 0.1'), tmp_path / "out"
-    assert batch(sweep, "-o", out) == 0
-    before = results(out)
-    script = (
-        "import sys\n"
-        "from warpgrains.cli.main import main\n"
-        "assert main(sys.argv[1:]) == 0\n"
-        "assert 'warp' not in sys.modules\n"
-    )
-    arguments = ["batch", sweep, "-o", out, "--resume"]
-    subprocess.run([sys.executable, "-c", script, *arguments], check=True, timeout=60)
-    assert results(out) == before
+def piped(path):
+    """Put a pipe that nobody writes to in the place of a file."""
+    path.unlink()
+    os.mkfifo(path)
 
 
-def test_longer_sweep_goes_on(tmp_path, done):
-    """Values at the end of the first axis are runs that follow those that are there."""
-    shutil.copytree(done, tmp_path / "out")
-    longer = write(tmp_path, SMALL.replace("0.5]", "0.5, 0.6]"))
-    assert batch(longer, "-o", tmp_path / "out", "--resume") == 1
-    assert results(tmp_path / "out").startswith(results(done))
-    assert len(rows(tmp_path / "out")) == 8
+def damage_frame(run):
+    """Change a byte of the first frame."""
+    log = run / "recording.usdc.frames"
+    content = bytearray(log.read_bytes())
+    content[LogReader(log).end + 40] ^= 1
+    log.write_bytes(content)
 
 
-def test_late_results_are_not_lost(tmp_path, done, monkeypatch):
-    """Runs that finish while the tables are written: who writes last has them all."""
-    shutil.copytree(done, tmp_path / "out")
-    (shard,) = (tmp_path / "out").glob("parts/[0-9]*.csv")
-    late, write_atomically = shard.rename(tmp_path / "late.csv"), sweep_folder.write_atomically
-
-    def write_as_another_run_finishes(*arguments):
-        write_atomically(*arguments)
-        if late.exists():
-            late.rename(shard)
-
-    monkeypatch.setattr(sweep_folder, "write_atomically", write_as_another_run_finishes)
-    assert batch(write(tmp_path), "-o", tmp_path / "out", "--resume", "--index", 0, "--count", 6) == 0
-    assert results(tmp_path / "out") == results(done)
+def make_foreign(run, name, text):
+    (run / "checkpoint.npz").unlink()
+    (run / name).write_text(text)
 
 
-UNRECORDABLE = """
-[domain]
-radius_out = 2.0
-[grains]
-position = [[0.1, 0.5]]
-radius = 0.1
-mass = 0.1
-[time]
-dt = 1e-40
-duration = 4e-39
-[solver]
-tolerance = 1e30
-"""
+DAMAGES = {
+    "does not exist": lambda run: (run / "recording.usdc.frames").unlink(),
+    "holds 0 of the": damage_frame,
+    "is not a checkpoint": lambda run: (run / "checkpoint.npz").write_bytes(b"PK"),
+    "checkpoint": lambda run: piped(run / "checkpoint.npz"),
+    "checkpoint.npz' is of another run: delete the folder of the run to repeat it": (
+        lambda run: shutil.copy(run.with_name("00009") / "checkpoint.npz", run)
+    ),
+    "recording.usdc': not a recording of warpgrains: delete the folder": (
+        lambda run: make_foreign(run, "recording.usdc", "foreign")
+    ),
+    "lacks rows before step": lambda run: (run / "series.csv").unlink(),
+    "series.csv': not a series": lambda run: make_foreign(run, "series.csv", "x,y\n1,2\n"),
+}
+"""What is done to a run, by the reason of its failure."""
 
 
-def test_a_run_whose_frame_cannot_be_recorded_is_resumed_to_the_same_failure(tmp_path):
-    """Its velocity exceeds float32 after some frames; a checkpoint must not count the missing one."""
-    (tmp_path / "scene.toml").write_text(UNRECORDABLE)
-    axes = "[axes]\nphysics.gravity = [[0.0, -2e77], [0.0, 0.0]]\n"
-    sweep, out = write(tmp_path, f'scene = "scene.toml"\n{axes}'), tmp_path / "out"
-    options = ("-o", out, "--usd", "--fps", "5e38")
-    assert batch(sweep, *options) == 1
-    first = results(out)
-    assert b"a recording holds at most" in first
-    assert batch(sweep, *options, "--resume") == 1
-    assert results(out) == first
-    assert not list(out.rglob("*.frames"))
+def test_damaged_files_of_interrupted_runs(tmp_path, monkeypatch, capfd):
+    """One of them cannot be read, perhaps for a while only: it has no result."""
+    axis = "physics.drag = {range = [0.1, 0.9], count = 10}"
+    sweep = write(tmp_path, f'scene = "annulus"\n[set]\ntime.duration = 0.4\n[axes]\n{axis}')
+    out, outputs = tmp_path / "out", ("--usd", "--measure", "packing", "--every", 7)
+    assert batch(sweep, "-o", out, *outputs) == 0
+    whole = results(out)
+    (part,) = out.glob("parts/[0-9]*.csv")
+    piped(part)
+    runs = [out / "runs" / f"{number:05}" for number in range(9)]
+    for run in runs:
+        reopen_log(run / "recording.usdc", run / "recording.usdc.frames")
+        (run / "recording.usdc").unlink()
+    for run, damage in zip(runs, DAMAGES.values(), strict=False):
+        damage(run)
+    reopen = FrameLog.reopen
+
+    def fail(log, *given):
+        if log.path.parent == runs[8]:
+            raise OSError("Input/output error")
+        reopen(log, *given)
+
+    monkeypatch.setattr(FrameLog, "reopen", fail)
+    capfd.readouterr()
+    assert batch(sweep, "-o", out, "--resume", *outputs) == 1
+    said = capfd.readouterr()
+    assert f"'{part}' is damaged: its runs are repeated" in said.err
+    assert part.with_name(f"{part.name}.damaged").exists()
+    assert "failed            8, first run 0: " in said.out
+    assert "not finished      1 (continue with --resume), first run 8: " in said.out
+    found = rows(out)
+    assert [row["run"] for row in found] == [*map(str, range(8)), "9"]
+    for reason, row in zip(DAMAGES, found, strict=False):
+        assert reason in row["error"]
+    assert found[8]["error"] == ""
+    monkeypatch.undo()
+    for run in runs[:8]:
+        shutil.rmtree(run)
+    assert batch(sweep, "-o", out, "--resume", *outputs) == 0
+    assert results(out) == whole

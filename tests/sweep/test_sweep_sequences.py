@@ -1,6 +1,9 @@
-"""Sweeps that are interrupted, resumed, shared and damaged, in any order: same results as undisturbed."""
+"""Sweeps that are killed, resumed, shared and damaged, in any order: same results as undisturbed."""
 
 import shutil
+import subprocess
+import sys
+import time
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -11,7 +14,7 @@ from command import dying_in_writing, exit_code
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 from same_bits import contents
-from sweeps import Interrupted, Slices, batch, results, table, write
+from sweeps import LONG, Interrupted, Slices, batch, results, rows, steps_kept, table, write
 from trimmed import few_or_many
 
 from warpgrains import Scene, Simulation
@@ -61,7 +64,9 @@ class Sequences(RuleBasedStateMachine):
 
     def check(self):
         assert results(self.out) == results(undisturbed(*self.results_of))
-        for row in table(self.out / "results.csv"):
+        for name in ("settings.json", "scenes/annulus.toml"):
+            assert (self.out / name).read_bytes() == (undisturbed(*self.results_of) / name).read_bytes()
+        for row in rows(self.out):
             folder = self.out / "runs" / f"{int(row['run']):05}"
             if not row["error"] and folder.exists():
                 kept, steps = read_checkpoint(folder / "checkpoint.npz"), int(row["steps"])
@@ -76,9 +81,15 @@ class Sequences(RuleBasedStateMachine):
     def resume(self, *more, codes=(0, 1, 130)):
         assert batch(self.sweep, "-o", self.out, *self.options, *more, "--resume") in codes
 
-    @initialize(folders=st.sampled_from(FOLDERS), until=st.sampled_from([(), UNTIL]), left=st.integers(1, 9))
-    def begin(self, folders, until, left):
-        self.options, self.until = (*folders, *until), until
+    @initialize(
+        folders=st.sampled_from(FOLDERS),
+        until=st.sampled_from([(), UNTIL]),
+        left=st.integers(1, 9),
+        of_all=st.booleans(),
+    )
+    def begin(self, folders, until, left, of_all):
+        """Where all groups end early, runs get a folder in which they go on."""
+        self.options, self.until, self.slices.of_all = (*folders, *until), until, of_all
         self.results_of = (*(MEASURE if "--measure" in folders else ()), *until)
         self.interrupted(left)
 
@@ -110,6 +121,15 @@ class Sequences(RuleBasedStateMachine):
     @rule(number=st.sampled_from(NUMBERS))
     def folder_is_gone(self, number):
         shutil.rmtree(self.out / "runs" / f"{number:05}", ignore_errors=True)
+
+    @rule()
+    def all_but_the_folders_of_runs_is_gone(self):
+        if (self.out / "runs").exists():
+            (self.out / "runs").rename(self.out.with_name("runs"))
+            shutil.rmtree(self.out)
+            self.out.mkdir()
+            self.out.with_name("runs").rename(self.out / "runs")
+            self.lost.clear()
 
     @rule()
     def checkpoints_are_not_there_yet(self):
@@ -159,3 +179,47 @@ class Sequences(RuleBasedStateMachine):
 @few_or_many(5, 200, stateful_step_count=6)
 def test_sequences(how):
     run_state_machine_as_test(Sequences, settings=how)
+
+
+DRIVER = """
+import sys
+from warpgrains.cli.main import main
+from warpgrains.solver import engine, threads
+from warpgrains.sweep import runner
+engine.BRIEF, threads.GLANCE = 0, 1e-3
+runner.LIMIT = 0.1 * (5 if "--usd" in sys.argv else 1)
+runner.LEAST_WIDTH = runner.WIDTH = runner.WIDTH_OF_FOLDERS = 4
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize(
+    ("options", "moments"),
+    [
+        pytest.param((), [3_000], marks=pytest.mark.slow),
+        pytest.param(("--measure", "packing", "--every", "100"), [700, 4_000], marks=pytest.mark.slow),
+        (("--usd",), [50]),
+    ],
+)
+def test_two_processes_at_once_are_killed(tmp_path, options, moments):
+    """Each does the runs that the other leaves."""
+    sweep, out, whole = write(tmp_path, LONG), tmp_path / "out", tmp_path / "whole"
+    assert batch(sweep, "-o", whole, *options) == 0
+    command = [sys.executable, "-c", DRIVER, "batch", str(sweep), "-o", str(out), "--resume", *options]
+    for moment in (*moments, None):
+        both = [subprocess.Popen(command, stdout=subprocess.DEVNULL) for _ in range(2)]
+        while moment is not None and None in [one.poll() for one in both] and steps_kept(out) < moment:
+            time.sleep(0.001)
+        for one in both:
+            if moment is not None:
+                one.kill()
+            assert one.wait(timeout=200) in ((0, 1) if moment is None else (0, 1, -9))
+    assert batch(sweep, "-o", out, "--resume", *options) == 0
+    assert results(out) == results(whole)
+    assert len(table(out / "timing.csv")) == 12
+    assert not list(out.rglob("*.lock"))
+    for path in out.rglob("checkpoint.npz"):
+        assert contents(read_checkpoint(path).state) == end(path.with_name("scene.toml"), 800)
+    for name in ("recording.usdc", "series.csv"):
+        found = {path.relative_to(out): path.read_bytes() for path in out.rglob(name)}
+        assert found == {path.relative_to(whole): path.read_bytes() for path in whole.rglob(name)}
