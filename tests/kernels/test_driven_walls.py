@@ -1,70 +1,21 @@
-"""Walls that forces drive: against the C reference, closed forms, lists, and runs that are continued."""
+"""Walls that forces drive: lists, rows that move along, and recordings."""
 
 from ctypes import CDLL
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from pxr import Usd
-from walled_scenes import BUMPS, DRIVEN, boxed, pressed
+from swept_order import follow_reference
+from walled_scenes import BUMPS, DRIVEN, boxed, force_on, on_circle, pressed
 
-from warpgrains import (
-    InputError,
-    Recording,
-    Scene,
-    Segment,
-    Simulation,
-    SimulationError,
-    analysis,
-)
+from warpgrains import InputError, Recording, Scene, Simulation, SimulationError, analysis
 from warpgrains.accuracy import certify
-from warpgrains.reference.reference import Reference
 from warpgrains.scene.state import Corrections, first_state
 from warpgrains.usd.check import report_on_recording
 from warpgrains.usd.meshes import PLACES, WALLS
-
-
-@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
-@pytest.mark.parametrize("scheme", ["text", "leapfrog"])
-def test_a_wall_without_contacts_accelerates(method: str, scheme: str) -> None:
-    """Its speed is F t / M; pressure acts on 2 pi R."""
-    wall = Segment((-0.2, 0.0), (0.2, 0.0), force=3.0, mass=2.0)
-    scene = Scene(
-        position=[(0.0, -0.9)], radius=0.05, mass=1.0, radius_out=1.0, gravity=(0.0, 0.0), walls=[wall],
-        dt=1e-3, pressure=0.5, wall_mass=1e6, method=method, scheme=scheme,
-    )  # fmt: skip
-    simulation = Simulation(scene)
-    simulation.advance(200)
-    place, speed = simulation.state().driven.T
-    behind = 0.5e-3 if scheme == "leapfrog" else 0.0  # speeds are those of the middle of the step
-    assert speed[1] == pytest.approx(1.5 * (0.2 - behind))
-    assert place[1] == pytest.approx(0.5 * 1.5 * 0.2**2, rel=1e-2 if scheme == "text" else 1e-9)
-    assert speed[0] == pytest.approx(-0.5 * 2.0 * np.pi * (0.2 - behind) / 1e6, rel=1e-5)
-    assert simulation.present_scene.radius_out == place[0] < 1.0
-    assert simulation.present_scene.walls[0].start == (-0.2, place[1])
-    assert simulation.scene.radius_out == 1.0
-
-
-@pytest.mark.parametrize(
-    ("method", "mass"),
-    [("gauss-seidel", 1e-6), ("gauss-seidel", 1.0), ("accelerated", 1e-6), ("accelerated", 1e6)],
-)
-def test_a_grain_carries_the_force_of_a_piston(method: str, mass: float) -> None:
-    """Between a piston and a fixed wall it comes to rest, and both contacts carry the force."""
-    walls = [Segment((-0.5, -0.1), (0.5, -0.1)), Segment((0.5, 0.15), (-0.5, 0.15), force=7.0, mass=mass)]
-    scene = Scene(
-        position=[(0.0, 0.02)], radius=0.1, mass=0.3, radius_out=1.0, gravity=(0.0, 0.0), walls=walls,
-        method=method, stop="residual", tolerance=1e-10, dt=1e-2 * max(1.0, mass**0.5),
-    )  # fmt: skip
-    simulation = Simulation(scene)
-    simulation.advance(300)
-    contacts = simulation.wall_contacts()
-    assert contacts.wall[:, 1].tolist() == [2, 3]
-    assert contacts.force == pytest.approx([7.0, 7.0], rel=1e-6, abs=1e-9 * mass / scene.dt)
-    assert np.abs(simulation.velocity).max() < 1e-9
-    assert simulation.state().driven[2] == pytest.approx((0.05, 0.0), abs=1e-8)
-    assert np.abs(contacts.gap).max() < 1e-8
 
 
 def test_a_snapshot_has_the_normals_of_the_step() -> None:
@@ -91,42 +42,22 @@ def test_a_rough_lid_moves_as_one(method: str) -> None:
     assert (simulation.driven[3:] == 0.0).all()
     down = -simulation.driven[2, 0]  # a line that moves along itself stays where it is
     assert np.allclose(moved, [(0.0, 0.0), (0.0, down), *[(0.05, down)] * 2], rtol=0.0, atol=1e-14)
-    tangent = np.stack([-contacts.normal[:, 1], contacts.normal[:, 0]], axis=1)
-    on_wall = contacts.force[:, None] * contacts.normal + contacts.tangential_force[:, None] * tangent
-    assert on_wall[contacts.wall[:, 1] > 2, 1].sum() == pytest.approx(30.0, abs=1e-2)
+    assert force_on(contacts)[contacts.wall[:, 1] > 2, 1].sum() == pytest.approx(30.0, abs=1e-2)
     assert set(contacts.wall[:, 1]) > {4}
 
 
-@pytest.mark.parametrize("scheme", ["text", "leapfrog"])
-def test_the_reported_overlap_is_that_after_walls_moved(scheme: str) -> None:
-    """A few sweeps leave grains in a fast piston and in a circle that shrinks."""
-    piston = replace(DRIVEN, force=-200.0, mass=20.0)
-    scene = pressed(60, max_iterations=2, walls=[piston], wall_mass=5.0, scheme=scheme)
-    simulation, at_piston = Simulation(scene), 0
-    for _ in range(60):
-        report, now, x = simulation.step(), simulation.present_scene, simulation.position
-        distance = np.hypot(*(x[:, None] - x[None]).T) - np.add.outer(scene.radius, scene.radius)
-        walls = [-now.side(wall, x, scene.radius).gap.min() for wall in (0, 2)]
-        worst = max(*walls, -distance[np.triu_indices(scene.n, 1)].min(), 0.0)
-        assert report.overlap == pytest.approx(worst, rel=1e-9, abs=1e-15)
-        at_piston += worst == walls[1]
-    assert at_piston > 0
-
-
-@pytest.mark.parametrize("n", [30, 31])
-def test_a_recording_shows_where_walls_are(tmp_path: Path, n: int) -> None:
-    simulation = Simulation(pressed(n, walls=[DRIVEN]))
+def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
+    simulation = Simulation(pressed(30, walls=[DRIVEN]))
     simulation.run(duration=0.5, record=tmp_path / "run.usdc", forces=True)
-    assert report_on_recording(tmp_path / "run.usdc") == [f"OK: 13 frames, {n} grains"]
+    assert report_on_recording(tmp_path / "run.usdc") == ["OK: 13 frames, 30 grains"]
     recording, now = Recording(tmp_path / "run.usdc"), simulation.present_scene
-    assert recording.scene.radius_out == 1.0
-    assert recording.scene.walls == (DRIVEN,)
-    shown, driven = recording.frame(12).scene, simulation.driven
-    assert driven is not None
-    assert shown.radius_out == driven[0, 0]
-    assert shown.walls == now.walls
-    assert now.walls[0].start[1] < 0.4
+    shown, (circle, segment) = recording.frame(12).scene, simulation.driven[:, 0]
+    assert (recording.scene.radius_out, recording.scene.walls) == (1.0, (DRIVEN,))
+    assert (shown.radius_out, shown.walls) == (now.radius_out, now.walls)
+    assert now.radius_out == circle
+    assert now.walls[0].start == pytest.approx((-0.6, 0.5 + segment), rel=1e-15)
     assert 0.2 < now.radius_out < 0.99
+    assert segment < -0.1
     simulation.plot(forces=True).save(tmp_path / "end.png")
 
 
@@ -158,33 +89,23 @@ def test_what_is_not_offered_is_refused() -> None:
     simulation.step()
 
 
+WEIGHTLESS: dict[str, Any] = {"radius_out": 1.0, "gravity": (0.0, 0.0)}
+
+
 @pytest.mark.parametrize("speed", [0.0, -0.05, -3.3])
 def test_a_list_holds_for_a_wall_that_comes(c_library: CDLL, speed: float) -> None:
     """Grains at rest keep a list for long; the wall must not come near those that it lists not.
 
     A light wall creeps, a fast one meets rings of grains in single steps.
     """
-    turn = np.linspace(0.0, 2.0 * np.pi, 6)[:-1]
-    position = np.concatenate(
-        [(d * np.stack([np.cos(turn + d), np.sin(turn + d)], axis=1)) for d in (0.2, 0.5, 0.8)]
-    )
-    scene = Scene(
-        position=position, radius=0.05, mass=0.1, radius_out=1.0, gravity=(0.0, 0.0), pressure=0.02,
-        wall_mass=1.0, drag=0.5, tolerance=1e-9,
-    )  # fmt: skip
-    simulation = Simulation(scene)
-    state = simulation.state()
+    position = np.concatenate([d * on_circle(np.arange(5) * 0.4 * np.pi + d) for d in (0.2, 0.5, 0.8)])
+    given = {"radius": 0.05, "mass": 0.1, "pressure": 0.02, "wall_mass": 1.0, "drag": 0.5, "tolerance": 1e-9}
+    scene = Scene(**WEIGHTLESS, **given, position=position)
+    state = first_state(scene)
     state.driven[0, 1] = speed
-    simulation.restore(state)
-    reference = Reference(c_library, scene, state)
-    rebuilds = 0
-    for _ in range(400):
-        rebuilds += simulation.step().rebuilds
-        reference.step()
-        assert np.array_equal(simulation.position, reference.position)
-        assert np.array_equal(simulation.state().driven, reference.driven)
-    assert rebuilds < 200
-    assert len(simulation.wall_contacts().wall) > 0
+    met = follow_reference(scene, 400, c_library, state=state)
+    assert sum(report.rebuilds for report in met.reports) < 200
+    assert met.reports[-1].contacts > 0
 
 
 def test_a_list_holds_for_a_speed_between_two_sweeps(c_library: CDLL) -> None:
@@ -192,26 +113,21 @@ def test_a_list_holds_for_a_speed_between_two_sweeps(c_library: CDLL) -> None:
 
     By then it has pushed grain 1, which is out of reach of the speeds before and after.
     """
-    scene = Scene(
-        position=[(0.99, 0.0), (0.0, 0.9845), (-0.9899, 0.0)], radius=0.01, mass=[1.0, 1e-3, 100.0],
-        radius_out=1.0, gravity=(0.0, 0.0), pressure=1.0, wall_mass=0.1, tolerance=1e-12, dt=0.01,
-    )  # fmt: skip
-    state = first_state(scene)
+    position, velocity = [(0.99, 0.0), (0.0, 0.9845), (-0.9899, 0.0)], [(-2.0, 0.0), (0.0, 0.0), (0.0, 0.0)]
+    given = {"radius": 0.01, "mass": [1.0, 1e-3, 100.0], "wall_mass": 0.1, "tolerance": 1e-12}
+    scene = Scene(**WEIGHTLESS, **given, position=position, velocity=velocity, pressure=1.0)
     nobody, kept = np.zeros((0, 2), np.int32), np.array([0.01 * 2.0 * np.pi])
     held = Corrections(nobody, np.zeros(0), np.zeros((1, 2), np.int32), kept)
-    state = replace(state, velocity=np.array([(-2.0, 0.0), (0.0, 0.0), (0.0, 0.0)]), corrections=held)
-    simulation, reference = Simulation(scene), Reference(c_library, scene, state)
-    simulation.restore(state)
-    report = simulation.step()
-    assert report.iterations == reference.step()[0]
-    assert np.array_equal(simulation.driven, reference.driven)
-    assert np.array_equal(simulation.velocity, reference.velocity)
+    state = replace(first_state(scene), corrections=held)
+    follow_reference(scene, 2, c_library, state=state)
+    simulation = Simulation(scene, state=state)
+    simulation.step()
     assert abs(simulation.driven[0, 1]) < 0.02
 
 
 def test_a_wall_that_closes_on_a_grain_is_named() -> None:
     scene = Scene(
-        position=[(0.01, 0.02)], radius=0.1, mass=1.0, radius_out=0.2, gravity=(0.0, 0.0), pressure=5.0
+        **WEIGHTLESS | {"radius_out": 0.2}, position=[(0.01, 0.02)], radius=0.1, mass=1.0, pressure=5.0
     )
     with pytest.raises(SimulationError, match="a driven wall, body 0, reached a speed of"):
         Simulation(scene).advance(2000)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from walled_scenes import on_circle
 
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray
@@ -16,8 +17,7 @@ def pairs(friction: float, seed: int) -> Scene:
     center = 10.0 * (np.stack(np.divmod(np.arange(PAIRS), side), axis=1) - side / 2.0 + 0.3)
     radius, mass = rng.uniform(0.2, 1.0, (PAIRS, 2)), 10.0 ** rng.uniform(-2.0, 2.0, (PAIRS, 2))
     angle, gap = rng.uniform(0.0, 2.0 * np.pi, PAIRS), rng.choice([0.0, -1e-2, 1e-2], PAIRS)
-    normal = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    other = center + (radius.sum(axis=1) + gap)[:, np.newaxis] * normal
+    other = center + (radius.sum(axis=1) + gap)[:, np.newaxis] * on_circle(angle)
     return Scene(
         position=np.stack([center, other], axis=1).reshape(-1, 2),
         velocity=rng.normal(0.0, 1.0, (2 * PAIRS, 2)),
@@ -40,27 +40,20 @@ def by_de_saxce(scene: Scene, sweeps: int = 3000) -> FloatArray:
     (De Saxce and Feng 1998). The matrix between impulses and velocities is assembled for three degrees of
     freedom a disc, and its couplings are not assumed to vanish.
     """
-    x = scene.position.reshape(-1, 2, 2)
-    d = x[:, 1] - x[:, 0]
-    distance = np.hypot(*d.T)
+    d = np.diff(scene.position.reshape(-1, 2, 2), axis=1)[:, 0]
+    distance, r, zero = np.hypot(*d.T), scene.radius.reshape(-1, 2), np.zeros(PAIRS)
     n = d / distance[:, np.newaxis]
-    t, r = np.stack([-n[:, 1], n[:, 0]], axis=1), scene.radius.reshape(-1, 2)
-    count, zero = len(n), np.zeros(len(n))
-    jacobian = np.zeros((count, 2, 6))  # of the velocity of the second surface relative to the first one
-    for row, (direction, arm) in enumerate(((n, [zero, zero]), (t, [-r[:, 0], -r[:, 1]]))):
-        jacobian[:, row, 0:2], jacobian[:, row, 3:5] = -direction, direction
-        jacobian[:, row, 2], jacobian[:, row, 5] = arm
-    mass, inertia = scene.mass.reshape(-1, 2), scene.inertia.reshape(-1, 2)
-    inverse = np.stack([1.0 / mass[:, [0, 0]], 1.0 / mass[:, [1, 1]]], axis=1)
-    inverse = np.concatenate([inverse, (1.0 / inertia)[:, :, np.newaxis]], axis=2).reshape(count, 6)
-    velocity = np.concatenate(
-        [scene.velocity.reshape(-1, 2, 2), scene.spin.reshape(-1, 2, 1)], axis=2
-    ).reshape(count, 6)
-    w = np.einsum("pai,pi,pbi->pab", jacobian, inverse, jacobian)
+    nx, ny = n.T
+    # of the velocity of the second surface relative to the first one: normal, and along (-ny, nx)
+    jacobian = np.array([[-nx, -ny, zero, nx, ny, zero], [ny, -nx, -r[:, 0], -ny, nx, -r[:, 1]]])
+    jacobian = np.moveaxis(jacobian, 2, 0)
+    mass = np.stack([scene.mass, scene.mass, scene.inertia], axis=1).reshape(PAIRS, 6)
+    velocity = np.column_stack([scene.velocity, scene.spin]).reshape(PAIRS, 6)
+    w = np.einsum("pai,pi,pbi->pab", jacobian, 1.0 / mass, jacobian)
     free = np.einsum("pai,pi->pa", jacobian, velocity)
     free[:, 0] += (distance - r.sum(axis=1)) / scene.dt
     mu, rho = scene.friction, 1.0 / np.trace(w, axis1=1, axis2=2)
-    impulse = np.zeros((count, 2))
+    impulse = np.zeros((PAIRS, 2))
     for _ in range(sweeps):
         u, before = free + np.einsum("pab,pb->pa", w, impulse), impulse
         shifted = u + np.stack([mu * np.abs(u[:, 1]), zero], axis=1)

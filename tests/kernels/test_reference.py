@@ -13,32 +13,13 @@ from sample_scenes import SUDDEN, random_scene
 from schemes import SECOND_ORDER, TEXTS
 from simulate import Simulate
 from swept_order import Followed, follow_reference, full_order, residual_in_c
-from walled_scenes import (
-    BOUNCING,
-    BOUNCY,
-    BOXES,
-    CORNERS,
-    DRIVEN,
-    RESISTING,
-    ROLLING,
-    ROUGH,
-    SMOOTH_DRIVEN,
-    STILL,
-    STIRRED_ROUGH,
-    TURNING,
-    around,
-    boxed,
-    cloud,
-    cornered,
-    pressed,
-    stirred,
-)
+from walled_scenes import BOUNCY, DRIVEN, ROLLING, ROUGH, WALLED, cloud, pressed
 
 from warpgrains import Scene, Simulation, State
 from warpgrains.reference.reference import Grains, Reference
-from warpgrains.scene.fields import ORDERS
+from warpgrains.scene.annulus import OUTER
 
-COLOR: dict[str, Any] = {"order": "color"}
+COLOR, ROUND, LEAPFROG = {"order": "color"}, {"wall": "round"}, {"scheme": "leapfrog"}
 
 
 class Case(NamedTuple):
@@ -55,8 +36,8 @@ def loaded(name: str, **changes: Any) -> Callable[[], Scene]:
     return lambda: Scene.load(name).replace(**changes)
 
 
-def drawn(seed: int, **changes: Any) -> Callable[[], Scene]:
-    return lambda: random_scene(seed).replace(**changes)
+def changed(make: Callable[..., Scene], *arguments: Any, **changes: Any) -> Callable[[], Scene]:
+    return lambda: make(*arguments).replace(**changes)
 
 
 def stiff(heaviest: float, **changes: Any) -> Scene:
@@ -78,134 +59,52 @@ def restarts(met: Followed) -> bool:
     return sum(report.restarts for report in met.reports) > 0
 
 
-def touches_corners(met: Followed) -> bool:
-    return bool(met.touched - {0, 1})
+def touches_walls(met: Followed) -> bool:
+    """Whether three of five walls carry a grain, or of many that stand in line a few."""
+    walls = {*met.scene.numbered_walls}
+    if not walls and met.scene.domain is None:
+        walls = {OUTER}
+    return len(met.touched & walls) >= min(0.6 * len(walls), 7)
 
 
-def touches_all(met: Followed) -> bool:
-    return met.touched >= {*met.scene.numbered_walls}
-
-
-def touches(*walls: int) -> Callable[[Followed], bool]:
-    return lambda met: met.touched >= {*walls}
-
-
-def matters(*laws: str) -> Callable[[Followed], bool]:
-    """Return whether grains end elsewhere without each of these laws."""
-
-    def without(met: Followed, law: str) -> bool:
-        plain = Simulation(met.scene.replace(**{law: 0.0}), threads=1)
+def matters(law: dict[str, float], met: Followed) -> bool:
+    """Return whether grains end elsewhere without each of these coefficients."""
+    for name in {"restitution", "wall_restitution", "rolling_friction", "wall_rolling_friction"} & {*law}:
+        plain = Simulation(met.scene.replace(**{name: 0.0}), threads=1)
         plain.advance(len(met.reports))
-        return not np.array_equal(plain.position, met.position)
+        if np.array_equal(plain.position, met.position):
+            return False
+    return True
 
-    return lambda met: all(without(met, law) for law in laws)
 
-
-PILE: dict[str, Any] = {"method": "gauss-seidel", "order": "sequential"}
-ROUND, LEAPFROG = {"wall": "round"}, {"scheme": "leapfrog"}
-BY_TURNS: tuple[dict[str, Any], ...] = ({}, LEAPFROG | COLOR)
 CASES = {
-    "pile": Case(loaded("pile", max_iterations=200, **PILE), 10),
-    "pile, settled": Case(loaded("pile", max_iterations=60, **PILE), 2, 200, is_crowded),
-    "leapfrog, tangent": Case(loaded("no_inner_wall", max_iterations=100, **TEXTS | LEAPFROG), 25),
-    "text, round": Case(loaded("no_inner_wall", max_iterations=100, **TEXTS | ROUND), 25),
+    "pile, settled": Case(loaded("pile", max_iterations=60, method="gauss-seidel"), 2, 200, is_crowded),
+    "stiff drag, equal": Case(partial(stiff, 0.1), 40),
+    "stiff drag": Case(partial(stiff, 30.0, **ROUND, **COLOR), 40),
 }
 for name in ("annulus", "column", "no_inner_wall", "polydisperse"):
-    CASES[name] = Case(loaded(name), 60, meets=all_converge)
-    CASES[f"{name}, settled"] = Case(loaded(name), 6, 400, all_converge)
-    CASES[f"{name}, color"] = Case(loaded(name, max_iterations=200, **COLOR), 60)
-for seed in range(24):
-    CASES[f"random {seed}"] = Case(drawn(seed), 60)
-for seed in range(9):  # at a round wall and at tangents by turns, so that each goes with every kind of scene
-    CASES[f"random {seed}, color"] = Case(drawn(seed, **COLOR), 60)
-    for order in ORDERS:
-        is_round = (seed.bit_count() + ORDERS.index(order)) % 2
-        changes = {"order": order, "scheme": "leapfrog", "wall": ("tangent", "round")[is_round]}
-        CASES[f"random {seed}, leapfrog, {order}"] = Case(drawn(seed, **changes), 40)
+    CASES[name] = Case(loaded(name), 40, meets=all_converge)
+    CASES[f"{name}, settled"] = Case(loaded(name, **COLOR), 6, 400, all_converge)
+PAIRWISE = ({}, ROUND | BOUNCY | COLOR, LEAPFROG | COLOR, LEAPFROG | ROUND, LEAPFROG | BOUNCY)
+"""Every two of scheme, wall, order and restitution are met together."""
+for seed in sorted({*range(40)} - {16, 26, 28}):  # of eight kinds; of these three, grains leave a round wall
+    CASES[f"random {seed}"] = Case(changed(random_scene, seed, **PAIRWISE[seed % 5]), 50)
 for sudden in SUDDEN:
-    for how, changes in {"text": {}, "color": COLOR, "second order": SECOND_ORDER}.items():
-        make = partial(lambda begin, changes: begin().replace(**changes), sudden, changes)
-        CASES[f"{sudden.__name__}, {how}"] = Case(make, 30, meets=bool if changes else restarts)
-for heaviest in (0.1, 30.0):
-    for changes in ({"wall": "tangent"}, ROUND | COLOR):
-        CASES[f"stiff drag, {heaviest}, {changes}"] = Case(partial(stiff, heaviest, **changes), 40)
-
-IN_TURN = ({}, ROUND | ROUGH | COLOR, LEAPFROG | COLOR, LEAPFROG | ROUND, LEAPFROG | ROUGH)
-for changes in IN_TURN:  # every two of scheme, wall, order and friction are met together
-    make = partial(around, 110, **{"max_iterations": 60} | changes)
-    CASES[f"walls, {changes}"] = Case(make, 80, meets=touches(2, 3, 4, 5, 6, 7))
-MOVES: dict[str, dict[str, Any]] = {
-    "smooth": {},
-    "turning": TURNING,
-    "later": {**TURNING, "time": 0.37},
-    "two": {**STIRRED_ROUGH, "radius_in": 0.05},
+    CASES[sudden.__name__] = Case(sudden, 30, meets=restarts)
+    CASES[f"{sudden.__name__}, color"] = Case(changed(sudden, **COLOR), 30)
+    CASES[f"{sudden.__name__}, second order"] = Case(changed(sudden, **SECOND_ORDER, **BOUNCY), 30)
+TURNS = ({}, COLOR, LEAPFROG, LEAPFROG | COLOR)
+LAWS: dict[str, dict[str, float]] = {
+    "rough": ROUGH,
+    "bouncing": BOUNCY,
+    "resisting": {**ROUGH, **ROLLING},
+    "of every law": {**ROUGH, **ROLLING, **BOUNCY},
 }
-for k, (how, moves) in enumerate(MOVES.items()):
-    changes = {"max_iterations": 60} | moves | BY_TURNS[k % 2]
-    make = partial(stirred, 90, **changes)
-    CASES[f"moving walls, {how}"] = Case(make, 200, meets=touches(2, 3, 4, 5, 6, 7))
-FALL = {"gravity": (0.0, -9.81)}
-DRIVES: dict[str, dict[str, Any]] = {
-    "circle": {},
-    "leapfrog": {**LEAPFROG, **COLOR, "drag": 0.5, "wall_mass": 0.5},
-    "rough": {**COLOR, **ROUGH, "radius_in": 0.15, "walls": [SMOOTH_DRIVEN]},
-    "both": {**FALL, "radius_in": 0.15, "walls": [DRIVEN]},
-    "piston": {**FALL, **COLOR, "pressure": None, "walls": [STILL, DRIVEN]},
-}
-for how, changes in DRIVES.items():
-    wall = 3 if how == "piston" else 0
-    CASES[f"driven walls, {how}"] = Case(partial(pressed, 80, **changes), 100, meets=touches(wall))
-FRICTION: dict[str, dict[str, Any]] = {
-    "text": {},
-    "leapfrog, round": LEAPFROG | ROUND,
-    "equal, no drag": {"mass": 0.3, "radius": 0.04, "drag": 0.0, "spin_drag": 0.0, **LEAPFROG},
-    "equal, drag": {"mass": 0.3, "radius": 0.04, **LEAPFROG},
-    "one circle": {"radius_in": 0.0, "angular_velocity_in": 0.0, "walls": ()},
-    "smooth walls": {"wall_friction": 0.0, "angular_velocity_in": 0.0, "angular_velocity_out": 0.0},
-    "smooth grains": {"friction": 0.0, "wall_friction": 0.5},
-    "color": COLOR,
-}
-for how, changes in FRICTION.items():
-    make = partial(cloud, 120, max_iterations=60, **changes)
-    CASES[f"friction, {how}"] = Case(make, 48, meets=lambda met: met.reports[-1].contacts > 10)
-RESISTED: dict[str, Callable[[], Scene]] = {
-    "text": partial(cloud, 120, max_iterations=60, **ROLLING),
-    "leapfrog, round": partial(cloud, 120, max_iterations=60, **ROLLING, **LEAPFROG, **ROUND, **COLOR),
-    "equal": partial(cloud, 120, **FRICTION["equal, no drag"], max_iterations=60, **ROLLING),
-    "moving walls": partial(
-        stirred, 90, **TURNING | {"walls": RESISTING}, max_iterations=60, rolling_friction=0.2
-    ),
-    "driven": partial(pressed, 80, **DRIVES["rough"], **ROLLING, **BOUNCY),
-    "rough lid": partial(boxed, "rough lid", **ROLLING, **COLOR),
-}
-for how, make in RESISTED.items():
-    CASES[f"rolling friction, {how}"] = Case(
-        make, 100, meets=matters("rolling_friction", "wall_rolling_friction")
-    )
-for k, (corners, walls) in enumerate(CORNERS.items()):
-    rough = {**BY_TURNS[1], "friction": 0.4, "wall_friction": 0.6, "radius_in": 0.1}
-    make = partial(cornered, walls, 40, **({}, rough)[k % 2])
-    CASES[f"corners, {corners}"] = Case(make, 100, meets=touches_corners)
-for k, kind in enumerate(BOXES):
-    CASES[f"box, {kind}"] = Case(partial(boxed, kind, **BY_TURNS[k % 2]), 120, meets=touches_all)
-BOUNCES: dict[str, Callable[[], Scene]] = {
-    "pairs": loaded("polydisperse", restitution=0.8, max_iterations=60),
-    "two sides": loaded("annulus", restitution=0.3, wall_restitution=1.0, **COLOR),
-    "moving walls": partial(stirred, 90, **BOUNCY, **{**TURNING, "walls": BOUNCING, "max_iterations": 60}),
-    "round": partial(cloud, 90, **LEAPFROG, **ROUND, **COLOR, **BOUNCY),
-    "driven": partial(pressed, 80, walls=[DRIVEN], restitution=0.5, radius_in=0.15),
-    "corners": partial(cornered, CORNERS["chute"], 40, **BOUNCY, **LEAPFROG),
-    "shear": partial(boxed, "shear", **BOUNCY, **COLOR),
-    "piston": partial(boxed, "piston", **BOUNCY),
-}
-for how, make in BOUNCES.items():
-    CASES[f"restitution, {how}"] = Case(make, 100, meets=matters("restitution", "wall_restitution"))
-for seed in range(1, 16, 2):
-    CASES[f"random {seed}, restitution"] = Case(drawn(seed, restitution=0.5 + seed / 30), 60)
-for sudden in SUDDEN:
-    CASES[f"{sudden.__name__}, restitution"] = Case(
-        partial(lambda begin: begin().replace(**BOUNCY), sudden), 30
-    )
+for k, (walls, make) in enumerate(WALLED.items()):  # in two turns that have both schemes and both orders
+    law = [*LAWS][k % 4]
+    plain, ruled = (partial(make, max_iterations=30, **turn) for turn in (TURNS[k % 4], TURNS[3 - k % 4]))
+    CASES[walls] = Case(plain, 60, meets=touches_walls)
+    CASES[f"{walls}, {law}"] = Case(partial(ruled, **LAWS[law]), 30, meets=partial(matters, LAWS[law]))
 
 
 @cache
@@ -256,13 +155,17 @@ def test_bits_and_residual_of_every_law(c_library: ctypes.CDLL, seed: int) -> No
             assert abs(report.residual - found) <= 100.0 * np.finfo(float).eps * largest
 
 
+def by_mass(**scheme: str) -> Scene:
+    return Scene.load("annulus").replace(mass=np.geomspace(0.1, 3.0, 15), **scheme)
+
+
 PYTHON: dict[str, Callable[[], Scene]] = {
     **{
-        str(scheme): loaded("annulus", mass=np.geomspace(0.1, 3.0, 15), **scheme)
+        str(scheme): partial(by_mass, **scheme)
         for scheme in (TEXTS, SECOND_ORDER, TEXTS | ROUND, TEXTS | LEAPFROG)
     },
     "friction": partial(cloud, **LEAPFROG, **ROLLING),
-    "driven": partial(pressed, 40, walls=[DRIVEN], restitution=0.5, **LEAPFROG),
+    "driven": partial(pressed, walls=[DRIVEN], restitution=0.5, **LEAPFROG),
 }
 
 
@@ -270,7 +173,7 @@ PYTHON: dict[str, Callable[[], Scene]] = {
 def test_python_side_of_the_reference(c_library: ctypes.CDLL, which: str) -> None:
     scene = PYTHON[which]()
     in_c, in_python = Reference(c_library, scene), Reference(c_library, scene)
-    for _ in range(60 if scene.n == 15 else 20):
+    for _ in range(60 if scene.n == 15 else 8):
         in_c.update()
         in_python.step()
     names = ["position", "velocity", "spin", "angle", "pair_correction", "wall_correction"]

@@ -1,4 +1,4 @@
-"""Contacts that bounce (35): closed forms of impacts and of rows of grains, energy, and the list's proof."""
+"""Contacts that bounce (35): impacts of pairs, rows of grains, energy, and the list's proof."""
 
 from typing import Any
 
@@ -7,7 +7,6 @@ import pytest
 from schemes import SCHEMES
 
 from warpgrains import Scene, Segment, Simulation
-from warpgrains.accuracy import certify
 from warpgrains.analysis import energy_balance, kinetic_energy
 from warpgrains.scene.fields import METHODS
 
@@ -25,24 +24,17 @@ def row(velocity: list[float], gap: float, **fields: Any) -> Scene:
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize(("e", "mu"), [(0.0, 0.2), (0.3, 0.2), (1.0, 0.2), (1.0, 0.5)])
-@pytest.mark.parametrize("masses", [(1.0, 1.0), (3.0, 0.7), (1e-6, 1.0)])
+@pytest.mark.parametrize("masses", [(1.0, 1.0), (1e-6, 1.0)])
 def test_unlike_discs_that_meet_obliquely(
     masses: tuple[float, float], e: float, mu: float, scheme: dict[str, str]
 ) -> None:
     """They part at e vn, and slip by 3 min(mu (1 + e) vn, vt / 3) less; those of e = 0 touch already."""
     mass, radius, n = np.array(masses), np.array([0.1, 0.25]), np.array([0.6, 0.8])
     v, spin, t = np.array([[2.0, 1.0], [-1.0, 0.5]]), np.array([30.0, 8.0]), np.array([-0.8, 0.6])
-    scene = Scene(
-        position=[(0.0, 0.0), (0.35 + 5e-4 * (e > 0.0)) * n],
-        velocity=v,
-        spin=spin,
-        radius=radius,
-        mass=mass,
-        restitution=e,
-        friction=mu,
-        **FREE | scheme,
-    )
-    simulation = Simulation(scene)
+    position = [(0.0, 0.0), (0.35 + 5e-4 * (e > 0.0)) * n]
+    laws = {"restitution": e, "friction": mu}
+    grains = {"position": position, "velocity": v, "spin": spin, "radius": radius, "mass": mass}
+    simulation = Simulation(Scene(**grains, **laws, **FREE | scheme))
     simulation.advance(2)
     reduced, vn, rim = mass.prod() / mass.sum(), (v[0] - v[1]) @ n, radius * spin
     dv = (1.0 + e) * vn
@@ -56,27 +48,6 @@ def test_unlike_discs_that_meet_obliquely(
     assert np.abs(radius * simulation.spin - (rim - 2.0 * reduced * dvt / mass)).max() <= rounding
 
 
-@pytest.mark.parametrize("method", METHODS[:2])
-@pytest.mark.parametrize("side", ["outer", "inner", "segment", "piston", "driven"])
-def test_walls(side: str, method: str) -> None:
-    """A grain leaves a wall at e times the speed at which it came, relative to the wall."""
-    e, v, own = 0.6, -2.0, {"friction": 0.0}
-    changes: dict[str, Any] = {
-        "outer": {"position": [(0.0, -8.8995)]},
-        "inner": {"radius_in": 0.5},
-        "segment": {"walls": [Segment((-1.0, 0.5), (1.0, 0.5), restitution=0.25)]},
-        "piston": {"walls": [Segment((-1.0, 0.5), (1.0, 0.5), velocity=(0.0, 0.5))]},
-        "driven": {"walls": [Segment((-1.0, 0.5), (1.0, 0.5), force=0.0, mass=1.5, **own)]},
-    }[side]
-    fields = {"position": [(0.0, 0.6005)], "velocity": [(0.0, v)], "radius": 0.1, "mass": 0.5}
-    simulation = Simulation(Scene(**{**fields, "wall_restitution": e, "method": method, **FREE, **changes}))
-    simulation.step()
-    expected = {"segment": 0.25 * 2.0, "piston": 0.5 + e * 2.5, "driven": -2.0 + 1.6 * 2.0 * 0.75}
-    rounding = 8.0 * EPS * 0.6 / FREE["dt"]  # of b, in which the piston's w counts
-    assert abs(simulation.velocity[0, 1] - expected.get(side, e * 2.0)) <= rounding
-    assert simulation.velocity[0, 0] == 0.0
-
-
 def test_slow_contacts_and_those_at_rest_do_not_bounce() -> None:
     for speed, least, after in ((1.0, 0.99, -0.5), (1.0, 1.0, 0.0), (0.0, 0.0, 0.0)):
         simulation = Simulation(row([speed, 0.0], 0.0, restitution=0.5, restitution_speed=least))
@@ -84,7 +55,7 @@ def test_slow_contacts_and_those_at_rest_do_not_bounce() -> None:
         assert abs(-np.diff(simulation.velocity[:, 0])[0] - after) <= 4.0 * EPS
 
 
-@pytest.mark.parametrize("k", [1, 2, 4])
+@pytest.mark.parametrize("k", [1, 4])
 def test_grains_in_touch_leave_together(k: int) -> None:
     """A grain of speed v returns from k at rest at v (k - 1) / (k + 1) for e = 1, with all the energy."""
     simulation = Simulation(row([1.0] + [0.0] * k, 0.0, restitution=1.0, tolerance=1e-14))
@@ -97,25 +68,23 @@ def test_grains_in_touch_leave_together(k: int) -> None:
 
 def test_grains_apart_hand_on_the_speed() -> None:
     """Newton's cradle: each is hit in a step of its own, up to the wall, and back again, to the bit."""
-    simulation = Simulation(row([1.0, 0.0, 0.0, 0.0], 1.5e-3, restitution=1.0, dt=2.0**-10, radius_out=1.0))
+    simulation = Simulation(row([1.0, 0.0, 0.0, 0.0], 1.5e-2, restitution=1.0, dt=2.0**-7, radius_out=1.0))
     met = set()
-    for _ in range(4000):
+    for _ in range(500):
         simulation.step()
-        speeds = sorted(np.abs(simulation.velocity[:, 0]).tolist())
-        assert speeds == [0.0, 0.0, 0.0, 1.0]
-        met.add(
-            int(np.abs(simulation.velocity[:, 0]).argmax()) * (1 if simulation.velocity.sum() > 0.0 else -1)
-        )
-    assert met == {0, 1, 2, 3, -1, -2, -3}
+        speed = simulation.velocity[:, 0]
+        assert sorted(np.abs(speed).tolist()) == [0.0, 0.0, 0.0, 1.0]
+        met.add((int(np.abs(speed).argmax()), bool(speed.sum() > 0.0)))
+    assert len(met) == 8
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_ball_that_loses_nothing_keeps_its_energy(scheme: dict[str, str]) -> None:
     """m (v^2 / 2 - g . x + dt g . v / 2), for 20 bounces and more."""
-    g, dt, y = -9.81, 1.0 / 512.0, 0.30123
+    g, dt, y = -9.81, 1.0 / 128.0, 0.30123
     scene = Scene(position=[(0.0, y)], radius=0.1, mass=1.0, walls=[FLOOR], restitution=1.0, **FREE)
     simulation = Simulation(scene.replace(gravity=(0.0, g), dt=dt, **scheme))
-    kept, bounces, steps = [], 0, 5000
+    kept, bounces, steps = [], 0, 1300
     for _ in range(steps):
         before = simulation.velocity[0, 1]
         simulation.step()
@@ -127,74 +96,36 @@ def test_a_ball_that_loses_nothing_keeps_its_energy(scheme: dict[str, str]) -> N
     assert np.ptp(kept) <= steps * 4.0 * EPS * 6.0
 
 
-@pytest.mark.parametrize("e", [0.5, 0.8])
-def test_heights_and_time_of_bounces(e: float) -> None:
+def test_heights_and_time_of_bounces() -> None:
     """e^2 a bounce and the end at sqrt(2 h / g) (1 + e) / (1 - e), of first order in dt; then it rests."""
-    g, h = 9.81, 0.5
-    end, errors = np.sqrt(2.0 * h / g) * (1.0 + e) / (1.0 - e), []
-    for dt in (1e-3, 5e-4):
-        scene = Scene(position=[(0.0, h + 0.1)], radius=0.1, mass=1.0, walls=[FLOOR], restitution=e, **FREE)
-        simulation = Simulation(scene.replace(gravity=(0.0, -g), dt=dt, scheme="leapfrog"))
-        height, top = [], 0.0
-        for _ in range(round(1.2 * end / dt)):
-            before = simulation.velocity[0, 1]
-            simulation.step()
-            top = max(top, simulation.position[0, 1] - 0.1)
-            if before < 0.0 < simulation.velocity[0, 1]:
-                height.append(top)
-                top = 0.0
-        assert np.abs(simulation.velocity).max() <= 1e-9
-        ratio = np.array(height[1:5]) / height[:4]
-        errors.append(np.abs(ratio - e**2).max())
-        # a bounce comes v dt early: its speed is off by g dt, that is of 2 sqrt(2 g h) by e^4 at the fourth
-        assert errors[-1] <= 4.0 * g * dt / np.sqrt(2.0 * g * height[4])
+    g, h, e, dt = 9.81, 0.5, 0.5, 1e-3
+    scene = Scene(position=[(0.0, h + 0.1)], radius=0.1, mass=1.0, walls=[FLOOR], restitution=e, **FREE)
+    simulation = Simulation(scene.replace(gravity=(0.0, -g), dt=dt, scheme="leapfrog"))
+    end, height, top = np.sqrt(2.0 * h / g) * (1.0 + e) / (1.0 - e), [], 0.0
+    for _ in range(round(1.2 * end / dt)):
+        before = simulation.velocity[0, 1]
+        simulation.step()
+        top = max(top, simulation.position[0, 1] - 0.1)
+        if before < 0.0 < simulation.velocity[0, 1]:
+            height.append(top)
+            top = 0.0
+    assert np.abs(simulation.velocity).max() <= 1e-9
+    ratio = np.array(height[1:5]) / height[:4]
+    # a bounce comes v dt early: its speed is off by g dt, that is of 2 sqrt(2 g h) by e^4 at the fourth
+    assert np.abs(ratio - e**2).max() <= 4.0 * g * dt / np.sqrt(2.0 * g * height[4])
 
 
 @pytest.mark.parametrize(("e", "grows"), [(0.0, False), (1.0, True)])
 def test_energy_may_grow_with_friction(e: float, grows: bool) -> None:
     """Kane's paradox, where a grain meets a heavy one and the floor at once; the energy balance says so."""
-    scene = Scene(
-        position=[(0.0, 0.1), (0.16, 0.22)],
-        velocity=[(1.0, -1.0), (0.0, 0.0)],
-        spin=[12.0, 0.0],
-        radius=0.1,
-        mass=[1.0, 10.0],
-        walls=[FLOOR],
-        friction=0.8,
-        restitution=e,
-        **FREE | {"max_iterations": 1000, "tolerance": 1e-13},
-    )
-    simulation = Simulation(scene)
+    grains = {"position": [(0.0, 0.1), (0.16, 0.22)], "velocity": [(1.0, -1.0), (0.0, 0.0)]}
+    grains |= {"spin": [12.0, 0.0], "radius": 0.1, "mass": [1.0, 10.0]}
+    how = FREE | {"max_iterations": 1000, "tolerance": 1e-13}
+    simulation = Simulation(Scene(**grains, walls=[FLOOR], friction=0.8, restitution=e, **how))
     before, balance = kinetic_energy(simulation), energy_balance(simulation, 1)
     gained = kinetic_energy(simulation) - before
     assert (gained > 0.0) == grows
     assert abs(gained + balance.contact_loss) <= 100.0 * EPS * (before + abs(gained))
-
-
-EXACT: dict[str, Any] = {"method": "exact", "max_iterations": 3, "tolerance": 1e-10}  # the host is asked
-
-
-@pytest.mark.parametrize("changes", [{}, EXACT, {"friction": 0.4}, {"wall": "round", "scheme": "leapfrog"}])
-def test_steps_are_solved_exactly(changes: dict[str, Any]) -> None:
-    """The independent solver of `certify` finds the gap rates by itself."""
-    scene = crowd(restitution=0.8, wall_restitution=0.5, restitution_speed=0.1, **changes)
-    simulation = Simulation(scene.replace(**{"tolerance": 1e-12, "max_iterations": 100_000} | changes))
-    for _ in range(20):
-        assert simulation.step().converged
-        bound = certify(simulation)
-        assert bound.at_most <= bound.solver_error + 1e-9
-        assert bound.solver_error <= 1e-5
-    softer = Simulation(scene.replace(restitution=0.0, wall_restitution=None, restitution_speed=0.0))
-    softer.advance(20)
-    assert np.abs(softer.velocity - simulation.velocity).max() > 0.1
-
-
-def crowd(**fields: Any) -> Scene:
-    """Return 40 grains thrown about in a small circle."""
-    rng, x = np.random.default_rng(3), np.linspace(-0.5, 0.5, 7)
-    position = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)[:40]
-    given = {"position": position, "velocity": rng.normal(0.0, 3.0, (40, 2)), "radius": 0.07, "mass": 0.2}
-    return Scene(**given, radius_out=0.85, dt=0.01, **fields)
 
 
 def test_grains_without_room_to_bounce_are_named() -> None:

@@ -30,14 +30,15 @@ def test_free_flight_has_the_order_of_the_scheme(
     v0, end, turn = 1.0 + 0.5j, 0.2 if rate > 10.0 else 1.0, 1j * turning
     forced = G / (rate + turn)
     exact = (v0 - forced) * integral(-rate, end) + forced * integral(turn, end)
-    errors, given = [], {"velocity": [[v0.real, v0.imag]], "drag": 0.5 * rate, "scheme": scheme}
+    given = {"velocity": [[v0.real, v0.imag]], "drag": 0.5 * rate, "scheme": scheme}
     given["gravity"] = {"vector": (G.real, G.imag), "rotate": turning}
-    for steps in (100, 200, 400):
+    errors = []
+    for steps in (100, 200):
         flight = Simulation(grain(dt=end / steps, **given))
         flight.advance(steps)
         moved = flight.position[0] - flight.scene.position[0]
         errors.append(abs(complex(*moved) - exact))
-    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(order, abs=0.1)
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1)
 
 
 def integral(rate: complex, time: float) -> complex:
@@ -49,17 +50,15 @@ def integral(rate: complex, time: float) -> complex:
 def test_walls_carry_a_grain_at_rest(scheme: str) -> None:
     """A grain in a corner weighs on both walls with the components of m g, until g leaves the corner."""
     corner = [Segment((-5.0, 0.0), (5.0, 0.0)), Segment((0.75, -5.0), (0.75, 5.0))]
-    scene = grain(
-        walls=corner, scheme=scheme, tolerance=1e-13, gravity={"vector": (0.0, -8.0), "rotate": 1.0}
-    )
+    turning = {"vector": (0.0, -8.0), "rotate": 1.0}
+    scene = grain(walls=corner, scheme=scheme, tolerance=1e-13, gravity=turning)
     simulation = Simulation(scene)
     for step in range(1, 150):
         simulation.step()
         start = (step - 1) * scene.dt
-        expected = 0.5 * 8.0 * np.array([np.cos(start), np.sin(start)])
         found = simulation.wall_contacts()
         if step > 1:
-            assert found.force == pytest.approx(expected, rel=1e-12)
+            assert found.force == pytest.approx(4.0 * np.array([np.cos(start), np.sin(start)]), rel=1e-12)
             assert found.wall[:, 1].tolist() == [2, 3]
     assert np.abs(simulation.position - scene.position).max() < 1e-14
     simulation.advance(30)  # past a quarter turn, g lifts it

@@ -1,7 +1,11 @@
-"""Scenes of grains of many sizes that fall on walls of every kind: at rest, in motion, driven, and joined."""
+"""Scenes of grains of many sizes that fall on walls of every kind: at rest, in motion, driven, and joined.
 
-from collections.abc import Sequence
+A new kind of wall is an example in `OF_EVERY_KIND`, or in `INFINITE`, and a row of `WALLED` if it needs one.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from math import pi, tau
 from typing import Any
@@ -14,9 +18,9 @@ from warpgrains.scene.layouts import random
 from warpgrains.scene.wall import Wall
 
 
-def on_circle(angle: FloatArray) -> FloatArray:
+def on_circle(angle: Any) -> FloatArray:
     """Return points of the unit circle."""
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def chained(points: FloatArray, **motion: Any) -> list[Wall]:
@@ -48,7 +52,7 @@ def scattered(
 
 
 BOUNCY: dict[str, Any] = {"restitution": 0.7, "wall_restitution": 0.9, "restitution_speed": 0.02}
-ROUGH: dict[str, Any] = {"friction": 0.4, "wall_friction": 0.6, "angular_velocity_out": 0.5}
+ROUGH: dict[str, Any] = {"friction": 0.4, "wall_friction": 0.6}
 ROLLING: dict[str, Any] = {"rolling_friction": 0.3, "wall_rolling_friction": 0.2}
 
 DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
@@ -77,12 +81,18 @@ def alone(
     return Simulation(Scene(position=[position], velocity=[velocity], walls=walls, **fields | changes))
 
 
-def around(n: int = 140, walls: Sequence[Wall] = OF_EVERY_KIND, **changes: Any) -> Scene:
+def force_on(contacts: Any) -> FloatArray:
+    """Return what contacts carry on second grains, or on walls [N], shape (m, 2)."""
+    tangent = np.stack([-contacts.normal[:, 1], contacts.normal[:, 0]], axis=1)
+    return contacts.force[:, None] * contacts.normal + contacts.tangential_force[:, None] * tangent
+
+
+def around(n: int = 110, walls: Sequence[Wall] = OF_EVERY_KIND, **changes: Any) -> Scene:
     """Return a scene of grains that fall on walls and between them."""
     return scattered(n, 1, (0.1, 0.95), walls, **{"drag": 0.1, "radius_in": 0.2} | changes)
 
 
-def cloud(n: int = 140, **changes: Any) -> Scene:
+def cloud(n: int = 90, **changes: Any) -> Scene:
     """Return a scene of grains with friction on two discs, between two circles that rotate."""
     rough = {"friction": 0.5, "wall_friction": 0.3, "spin_drag": 1e-5, "max_iterations": 200}
     turning = {"angular_velocity_out": 3.0, "angular_velocity_in": -20.0, "drag": 0.1, "radius_in": 0.2}
@@ -90,29 +100,33 @@ def cloud(n: int = 140, **changes: Any) -> Scene:
 
 
 PISTON = Segment((-0.95, -0.5), (-0.3, -0.5), velocity=(0.1, 0.3), from_time=0.1, to_time=0.8)
-BLADE = Segment((0.1, 0.0), (0.5, -0.1), angular_velocity=2.0, pivot=(0.1, 0.1), friction=0.9)
+BLADE = Segment((0.1, 0.0), (0.5, -0.1), angular_velocity=2.0, pivot=(0.1, 0.1))
 ROLLER = Disc((0.4, -0.6), 0.15, angular_velocity=-3.0, from_time=0.2)
 STONE = Disc((0.1, -0.7), 0.1, velocity=(0.0, 0.1), angular_velocity=0.5, pivot=(0.0, 0.0))
 SCOOP = Arc((-0.3, 0.2), 0.2, 3.0, 5.5, angular_velocity=1.0, velocity=(0.1, -0.1), to_time=0.7)
-ROUGH_MOVING = (PISTON, BLADE, ROLLER, STONE, replace(RING, friction=0.0), SCOOP)
-MOVING = tuple(replace(wall, friction=None) for wall in ROUGH_MOVING)
-RESISTING = (PISTON, replace(BLADE, rolling_friction=0.6), *ROUGH_MOVING[2:])
-BOUNCING = (PISTON, replace(BLADE, restitution=0.3), *ROUGH_MOVING[2:5], replace(SCOOP, restitution=0.0))
-STIRRED_ROUGH: dict[str, Any] = {**ROUGH, "walls": ROUGH_MOVING}
-TURNING: dict[str, Any] = {**STIRRED_ROUGH, "gravity": {"vector": (3.0, -9.0), "rotate": -4.0}}
+MOVING = (PISTON, BLADE, ROLLER, STONE, RING, SCOOP)
+OWN_LAWS = (
+    PISTON,
+    replace(BLADE, friction=0.9, rolling_friction=0.6, restitution=0.3),
+    ROLLER,
+    STONE,
+    replace(RING, friction=0.0),
+    replace(SCOOP, restitution=0.0),
+)
+OF_ALL_LAWS: dict[str, Any] = {**ROUGH, **ROLLING, **BOUNCY, "walls": OWN_LAWS, "angular_velocity_out": 0.5}
+TURNING: dict[str, Any] = {**OF_ALL_LAWS, "gravity": {"vector": (3.0, -9.0), "rotate": -4.0}}
 
 
-def stirred(n: int = 140, seed: int = 1, walls: Sequence[Wall] = MOVING, **changes: Any) -> Scene:
+def stirred(n: int = 90, seed: int = 1, walls: Sequence[Wall] = MOVING, **changes: Any) -> Scene:
     """Return a scene of grains that fall on walls that move as given in advance."""
     return scattered(n, seed, (0.0, 0.85), walls, **{"drag": 0.1} | changes)
 
 
 DRIVEN = Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0)
 STILL = Disc((0.2, -0.3), 0.1)
-SMOOTH_DRIVEN = replace(DRIVEN, friction=0.0)
 
 
-def pressed(n: int = 120, seed: int = 1, walls: Sequence[Wall] = (), **changes: Any) -> Scene:
+def pressed(n: int = 70, seed: int = 1, walls: Sequence[Wall] = (), **changes: Any) -> Scene:
     """Return a scene of grains at random velocities in a circle under a pressure."""
     squeeze = {"pressure": 50.0, "gravity": (0.0, 0.0)}
     return scattered(n, seed, (0.05, 0.85), walls, thrown=0.3, **squeeze | changes)
@@ -134,7 +148,7 @@ CORNERS: dict[str, list[Wall]] = {
 }
 
 
-def cornered(walls: Sequence[Wall], n: int = 60, **changes: Any) -> Scene:
+def cornered(walls: Sequence[Wall], n: int = 50, **changes: Any) -> Scene:
     """Return a scene of grains that fall from within 0.65 m on walls with joints."""
     areas = (0.65**2 * 0.1, 0.65**2)
     return scattered(n, 5, areas, walls, **{"radius_out": 1.2, "max_iterations": 60} | changes)
@@ -170,7 +184,7 @@ BOXES: dict[str, dict[str, Any]] = {
     },
     "bouncing": {
         "periodic": "x",
-        "bottom": {"velocity": (0.3, 0.0), "restitution": 0.9},
+        "bottom": {"velocity": (0.3, 0.0)},
         "top": {"pressure": 30.0, "mass": 1.0, "restitution": 0.5},
         "restitution": 0.6,
         **FALL,
@@ -201,3 +215,27 @@ def boxed(kind: str, n: int = 60, seed: int = 1, **changes: Any) -> Scene:
     own = {"velocity": rng.normal(0.0, 0.5, position.shape), "radius": radius, "mass": 80.0 * radius**2}
     common = {"dt": 0.005, "max_iterations": 60, "domain": Box((0.0, 1.0), (0.0, 0.7), **sides)}
     return Scene(position=position, **own | common | fields)
+
+
+WALLED: dict[str, Callable[..., Scene]] = {
+    "every kind": around,
+    "every kind, round": partial(around, wall="round"),
+    "rotating circles": cloud,
+    "rotating circles, round": partial(cloud, wall="round"),
+    "one rotating circle": partial(cloud, radius_in=0.0, angular_velocity_in=0.0, walls=()),
+    "equal grains": partial(cloud, mass=0.3, radius=0.04, drag=0.0, spin_drag=0.0),
+    "smooth walls": partial(cloud, wall_friction=0.0, angular_velocity_in=0.0, angular_velocity_out=0.0),
+    "smooth grains": partial(cloud, friction=0.0),
+    "moving": stirred,
+    "moving, every law": partial(stirred, **OF_ALL_LAWS, radius_in=0.05),
+    "moving, turning gravity": partial(stirred, gravity=TURNING["gravity"]),
+    "moving, from a time": partial(stirred, **TURNING, time=0.6),
+    "pressure": pressed,
+    "pressure, a light wall": partial(pressed, wall_mass=1.0, drag=0.5, dt=2e-2, walls=[DRIVEN]),
+    "pressure, a heavy wall": partial(pressed, wall_mass=1e3, dt=2e-2, walls=[DRIVEN]),
+    "pressure, two circles": partial(pressed, radius_in=0.15, walls=[DRIVEN], gravity=(0.0, -9.81)),
+    "a driven segment": partial(pressed, pressure=None, walls=[STILL, DRIVEN], gravity=(0.0, -9.81)),
+    **{f"corners, {kind}": partial(cornered, walls) for kind, walls in CORNERS.items()},
+    **{f"box, {kind}": partial(boxed, kind) for kind in BOXES},
+}
+"""The walls of all tests that many grains fall on."""
