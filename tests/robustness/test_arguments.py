@@ -41,7 +41,15 @@ COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda one: pi
 
 
 class TestCopies:
-    def test_of_a_simulation_have_taken_no_step(self, simulation):
+    def test_of_a_simulation(self, simulation):
+        """They have taken no step, and keep threads and a class of the user's."""
+
+        class Mine(Simulation):
+            pass
+
+        again = copy.copy(Mine(simulation.scene, threads=2))
+        assert type(again) is Mine
+        assert again._threads_wanted == 2
         with pytest.raises(SimulationError, match="no step has been taken"):
             copy.copy(simulation).last_start()
 
@@ -52,24 +60,13 @@ class TestCopies:
         again.run(50)
         assert [batch.state(k).steps for k in range(2)] == [150, 150]
         assert [again.state(k).steps for k in range(2)] == [200, 200]
-        assert [report.iterations for report in again.reports] != []
         batch.run(50)
         for k in range(2):
             assert contents(again.state(k)) == contents(batch.state(k))
-        assert again.reports == batch.reports
-
-    def test_of_a_batch_that_has_not_begun(self):
-        again = copy.deepcopy(Batch("annulus"))
-        assert again.state(0).steps == 0
-        assert again.reports == [None]
-
-    def test_keep_threads_and_a_class_of_the_users(self):
-        class Mine(Simulation):
-            pass
-
-        again = copy.copy(Mine("annulus", threads=2))
-        assert type(again) is Mine
-        assert again._threads_wanted == 2
+        assert again.reports == batch.reports != [None, None]
+        begun = remake(Batch("annulus"))
+        assert begun.state(0).steps == 0
+        assert begun.reports == [None]
 
 
 def test_temporary_copies_cannot_be_written_to(simulation, batch):

@@ -30,6 +30,7 @@ from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.region import Region
 from warpgrains.scene.state import first_state
+from warpgrains.scene.toml import toml_value
 from warpgrains.simulation.options import RunOptions
 from warpgrains.sweep.axes import axis_values
 from warpgrains.sweep.plot import SweepPlot
