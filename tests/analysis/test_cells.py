@@ -5,12 +5,9 @@ from dataclasses import replace
 import freud
 import numpy as np
 import pytest
-from moments import EPS, far_away, moment_of
+from moments import EPS, far_away, moment_of, random_moment
 
 from warpgrains import Box, Disc, analysis
-from warpgrains.scene.annulus import Annulus
-from warpgrains.scene.layouts import random
-from warpgrains.scene.region import Region
 
 HULL = 1e4 * EPS
 """Coordinates of the hull are up to (10 R)^2; facets lose some eps of that, and corners are their slopes."""
@@ -19,27 +16,35 @@ HULL = 1e4 * EPS
 @pytest.mark.parametrize("radius_in", [0.0, 0.3])
 @pytest.mark.parametrize("count", [1, 2, 3, 7, 300])
 def test_cells_fill_the_space_between_the_walls(count, radius_in):
-    space = Region(Annulus(radius_in, 1.0))
-    now = moment_of(*random(space, count=count, radius=[0.001, 0.02], seed=count), radius_in=radius_in)
+    now = random_moment(radius_in, count=count, radius=[0.001, 0.02], seed=count)
     assert analysis.cell_areas(now).sum() == pytest.approx(np.pi * (1.0 - radius_in**2), rel=HULL)
 
 
-ROUGH = {"roughness": {"radius": 0.01, "spacing": 0.05}}
+BUMPY = {"roughness": {"radius": 0.01, "spacing": 0.05}}
+ROUGH = {"top": BUMPY, "bottom": BUMPY | {"velocity": (0.03, 0.0)}}
 
 
-@pytest.mark.parametrize("fields", [{}, {"top": ROUGH, "bottom": ROUGH | {"velocity": (0.03, 0.0)}}])
-@pytest.mark.parametrize("periodic", ["", "x", "y", "xy"])
-@pytest.mark.parametrize("count", [1, 2, 200])
-def test_cells_fill_a_box(count, periodic, fields):
+@pytest.mark.parametrize(
+    ("count", "periodic", "sides"),
+    [
+        (200, "", {}),
+        (2, "", ROUGH),
+        (2, "x", {}),
+        (200, "x", ROUGH),
+        (1, "y", {}),
+        (50, "y", {}),
+        (1, "xy", {}),
+        (50, "xy", {}),
+    ],
+)
+def test_cells_fill_a_box(count, periodic, sides):
     """Wherever its grains have gone, and around a disc on its left side that cuts cells on both."""
-    if fields and "y" in periodic:
-        return
-    box = Box((0.0, 1.2), (-0.4, 0.4), periodic=periodic, **fields)
+    box = Box((0.0, 1.2), (-0.4, 0.4), periodic=periodic, **sides)
     disc = Disc((0.05, 0.0), 0.1 if "x" in periodic else 0.04)
     places = np.random.default_rng(count).uniform((0.0, -0.39), (1.2, 0.39), (count, 2))
     places = places[~disc.covers(places) & ~disc.covers(places - (1.2, 0.0))]
     now = replace(moment_of(places, 0.001, domain=box, walls=[disc]), time=0.7)
-    bumps = 2 * 24 * np.pi * 0.01**2 / 2.0 if fields else 0.0
+    bumps = 2 * 24 * np.pi * 0.01**2 / 2.0 if sides else 0.0
     space = 1.2 * 0.8 - np.pi * disc.radius**2 - bumps
     assert now.container.region.area == pytest.approx(space, rel=64 * EPS)
     assert analysis.cell_areas(far_away(now)).sum() == pytest.approx(space, rel=HULL)
@@ -55,19 +60,11 @@ def test_cells_in_a_periodic_box_are_freuds():
 
 
 def test_cells_of_unequal_discs_are_where_the_power_is_least():
-    now = moment_of(*random(Region(Annulus(0.3, 1.0)), count=30, radius=[0.02, 0.12], seed=1), radius_in=0.3)
-    points = np.random.default_rng(0).uniform(-1.0, 1.0, (400_000, 2))
+    now = random_moment(0.3, count=30, radius=[0.02, 0.12], seed=1)
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (100_000, 2))
     points = points[(np.hypot(*points.T) < 1.0) & (np.hypot(*points.T) > 0.3)]
     power = ((points[:, np.newaxis] - now.position) ** 2).sum(axis=2) - now.scene.radius**2
     share = np.bincount(power.argmin(axis=1), minlength=now.n) / len(points)
     # a share of k points has a standard deviation of sqrt(p / k): five of them
     expected = analysis.cell_areas(now) / now.scene.annulus.area
     assert (np.abs(share - expected) < 5.0 * np.sqrt(expected / len(points))).all()
-
-
-def test_cells_that_meet_at_the_origin():
-    """Of a square lattice about it, in which all cells but the outermost are squares."""
-    place = [(0.04 * i - 0.18, 0.04 * j - 0.1) for i in range(10) for j in range(6)]
-    found = analysis.cell_areas(moment_of(place)).reshape(10, 6)
-    assert found[1:-1, 1:-1] == pytest.approx(0.04**2, rel=HULL / 0.04**2)
-    assert found.sum() == pytest.approx(np.pi, rel=HULL)

@@ -14,23 +14,10 @@ from warpgrains.usd.recording import Recording, painter_of
 
 WHITE = np.ones(3)
 WALL = np.full(3, 0.35)
-CHAIN = np.array(CHAIN_COLOR)
+AROUND = np.stack([np.cos(np.arange(16) * np.pi / 8), np.sin(np.arange(16) * np.pi / 8)], axis=1)
 
 
-class Picture:
-    def __init__(self, path):
-        self.pixels = imread(path)[:, :, :3]
-        self._view = View(self.pixels)
-        self.scale = self._view.scale
-
-    def at(self, place):
-        return self._view.at(self.pixels, np.array([place]))[0]
-
-    def shows(self, color, place):
-        return bool(np.abs(self.at(place) - color).max() < 0.02)
-
-
-@pytest.fixture
+@pytest.fixture(scope="module")
 def frames():
     """Five grains that touch nothing, in three frames."""
     angle = np.linspace(0.0, 6.0, 5)[:, np.newaxis] + np.arange(3)[:, np.newaxis, np.newaxis]
@@ -38,131 +25,97 @@ def frames():
     return np.stack([position, make_frames(3)[:, 1]], axis=1)
 
 
-@pytest.fixture
-def recording(tmp_path, frames):
-    return record(tmp_path / "run.usdc", frames)
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory, frames):
+    return record(tmp_path_factory.mktemp("recorded") / "run.usdc", frames)
 
 
-def draw(recording, frame, **options):
-    path = recording.with_suffix(".png")
-    plot(recording, path, [frame], **{"curves": False} | options)
-    return Picture(path)
+class Picture:
+    """A frame of a recording."""
+
+    def __init__(self, recording, frame):
+        path = recording.with_suffix(".png")
+        plot(recording, path, [frame], curves=False)
+        self.pixels = imread(path)[:, :, :3]
+        self.view = View(self.pixels)
+        self.edge = 2.0 / self.view.scale
+        """Half an outline, and a pixel that is partly covered [m]."""
+
+    def shows(self, color, places):
+        """Return which of the places have a color."""
+        found = self.view.at(self.pixels, np.reshape(places, (-1, 2)))
+        return np.abs(found - color).max(axis=1) < 0.02
 
 
-AROUND = np.stack([np.cos(np.arange(16) * np.pi / 8), np.sin(np.arange(16) * np.pi / 8)], axis=1)
+@pytest.mark.parametrize(
+    ("number", "radius_in", "options"), [(0, 0.5, {"color_by": "palette"}), (2, 0.0, {"draw_as": "discs"})]
+)
+def test_grains_and_walls_have_their_places_and_colors(tmp_path, frames, number, radius_in, options):
+    path = record(tmp_path / "run.usdc", frames, make_scene(radius_in=radius_in), **options)
+    picture, source = Picture(path, number), Recording(path)
+    edge, position = picture.edge, frames[number, 0]
+    colors = painter_of(source).color(source.frame(number, contacts=False))
+    for place, radius, color in zip(position, RADIUS, colors, strict=True):
+        assert picture.shows(color, place + (radius - edge) * AROUND).all()
+        assert picture.shows(WHITE, place + (radius + edge) * AROUND).all()
+    for wall, inside in ((2.0, -1.0), (0.5, 1.0)):
+        is_there = wall > 1.0 or radius_in > 0.0
+        assert (picture.shows(WALL, (wall - inside * edge) * AROUND) == is_there).all()
+        assert picture.shows(WHITE, (wall + inside * edge) * AROUND).all()
+    assert picture.shows(WHITE, 0.3 * AROUND).all()
+    assert not picture.shows(CHAIN_COLOR, position[make_contacts(number)["pair"]].mean(axis=1)).any()
 
 
-class TestFrame:
-    @pytest.mark.parametrize("options", [{"color_by": "palette"}, {"draw_as": "discs"}])
-    def test_grains_have_their_places_radii_and_colors(self, tmp_path, frames, options):
-        recording = record(tmp_path / "run.usdc", frames, **options)
-        for number, (position, _) in enumerate(frames):
-            picture = draw(recording, number)
-            source = Recording(recording)
-            colors = painter_of(source).color(source.frame(number, contacts=False))
-            for place, radius, color in zip(position, RADIUS, colors, strict=True):
-                edge = 2.0 / picture.scale  # half an outline, and a pixel that is partly covered
-                for direction in AROUND:
-                    assert picture.shows(color, place + (radius - edge) * direction)
-                    assert picture.shows(WHITE, place + (radius + edge) * direction)
-
-    @pytest.mark.parametrize("radius_in", [0.0, 0.5])
-    def test_walls_stand_where_the_scene_says(self, tmp_path, frames, radius_in):
-        picture = draw(record(tmp_path / "run.usdc", frames, make_scene(radius_in=radius_in)), 0)
-        edge = 2.0 / picture.scale  # half an outline, and a pixel that is partly covered
-        for direction in AROUND:
-            for wall, inside in ((2.0, -1.0), (0.5, 1.0)):
-                is_there = wall > 1.0 or radius_in > 0.0
-                assert picture.shows(WALL, (wall - inside * edge) * direction) == is_there
-                assert picture.shows(WHITE, (wall + inside * edge) * direction)
-            assert picture.shows(WHITE, 0.3 * direction)
-
-    def test_force_chains(self, tmp_path, frames):
-        scene = make_scene(gravity=(0.0, -1.0))
-        recording = record(tmp_path / "run.usdc", frames, scene, forces=True)
-        without = record(tmp_path / "without.usdc", frames, scene)
-        for number, (position, _) in enumerate(frames):
-            with_chains, plain = draw(recording, number), draw(without, number)
-            for i, j in [*make_contacts(number)["pair"].tolist(), (2, 3)]:
-                middle = (position[i] + position[j]) / 2.0
-                assert with_chains.shows(CHAIN, middle) == ((i, j) != (2, 3))
-                assert not plain.shows(CHAIN, middle)
-
-    def test_force_chains_are_as_wide_as_in_the_file(self, tmp_path, frames):
-        recording = record(tmp_path / "run.usdc", frames, make_scene(gravity=(0.0, -1.0)), forces=True)
-        picture = draw(recording, 1)
-        for (start, end), width in zip(*bands_of(recording, 1), strict=True):
-            along = (end - start) / np.linalg.norm(end - start)
-            across = np.array([-along[1], along[0]])
-            places = (start + end) / 2.0 + np.linspace(-0.1, 0.1, 4001)[:, np.newaxis] * across
-            shown = np.mean([picture.shows(CHAIN, place) for place in places]) * 0.2
-            assert shown == pytest.approx(width, abs=2.5 / picture.scale)
+def test_force_chains_are_as_wide_as_in_the_file(tmp_path, frames):
+    scene = make_scene(gravity=(0.0, -1.0))
+    path = record(tmp_path / "run.usdc", frames, scene, forces=True)
+    picture, position = Picture(path, 1), frames[1, 0]
+    assert picture.shows(CHAIN_COLOR, position[make_contacts(1)["pair"]].mean(axis=1)).all()
+    assert not picture.shows(CHAIN_COLOR, position[[2, 3]].mean(axis=0)).any()
+    for (start, end), width in zip(*bands_of(path, 1), strict=True):
+        along = (end - start) / np.linalg.norm(end - start)
+        across = np.array([-along[1], along[0]])
+        places = (start + end) / 2.0 + np.linspace(-0.1, 0.1, 4001)[:, np.newaxis] * across
+        shown = picture.shows(CHAIN_COLOR, places).mean() * 0.2
+        assert shown == pytest.approx(width, abs=1.25 * picture.edge)
 
 
-class TestStrip:
-    @pytest.mark.parametrize(
-        ("count", "frames", "expected"),
-        [
-            (41, None, [0, 10, 20, 30, 40]),
-            (1, None, [0]),
-            (3, [-1, 0, 1, -3, 2, 2, 0], [2, 0, 1, 0, 2, 2, 0]),
-        ],
-    )
-    def test_frames(self, tmp_path, count, frames, expected):
-        recording = record(tmp_path / "run.usdc", make_frames(count))
-        assert plot(recording, tmp_path / "run.png", frames) == expected
+def test_frames_of_a_strip_are_spread_evenly(tmp_path):
+    for count, expected in ((21, [0, 5, 10, 15, 20]), (1, [0])):
+        path = record(tmp_path / "run.usdc", make_frames(count))
+        assert plot(path, tmp_path / "run.png", size="900x500") == expected
 
-    @pytest.mark.parametrize(
-        ("numbers", "message"),
-        [
-            ([], "frames is empty: name one frame or more"),
-            ([1.5], r"frame is 1\.5: it must be a whole number"),
-            (["1"], "frame is '1': it must be a whole number"),
-        ],
-    )
-    def test_frames_that_are_no_numbers(self, recording, tmp_path, numbers, message):
+
+def test_frames_of_a_strip_are_those_that_are_asked_for(recording, capsys):
+    """And the curves are drawn below them."""
+    picture = recording.with_suffix(".svg")
+    assert plot(recording, picture, [-1, 0, 1, -3, 2, 2, 0]) == [2, 0, 1, 0, 2, 2, 0]
+    titles = ("kinetic energy per mass [J/kg]", "mean height [m]")
+    assert all(title in picture.read_text() for title in titles)
+    assert exit_code("plot", recording, "-o", picture, "--frames", 1, "--no-curves") == 0
+    assert not any(title in picture.read_text() for title in titles)
+    assert exit_code("plot", recording, "--frames", "0,-1") == 0
+    for wrong, message in (([], "frames is empty"), ([1.5], r"frame is 1\.5"), (["1"], "frame is '1'")):
         with pytest.raises(InputError, match=message):
-            plot(recording, tmp_path / "run.png", numbers)
+            plot(recording, picture, wrong)
+    beside = recording.with_suffix(".png")
+    assert capsys.readouterr().out == f"{picture}: frame 1\n{beside}: frames 0, 2\n"
+    assert beside.exists()
 
 
-class TestCurves:
-    def test_energy_height_and_contacts(self, tmp_path, frames):
-        """Of grains of several masses that rotate, with gravity aslant."""
-        mass = np.array([1.0, 0.2, 3.0, 0.5, 2.0])
-        scene = make_scene(mass=mass, gravity=(3.0, -4.0), friction=0.5)
-        spin, path = np.arange(5.0) - 9.0, tmp_path / "run.usdc"
-        with recorder_of(path, scene, forces=True) as recorder:
-            for seed, frame in enumerate(frames):
-                recorder.record(moment(*frame, scene, **make_contacts(seed), spin=spin, angle=spin))
-        source = Recording(path)
-        energy, height, contacts = measure(source).values()
-        position, velocity = frames[:, 0], frames[:, 1]
-        energies = 0.5 * mass * (velocity**2).sum(axis=2) + 0.25 * mass * (RADIUS * spin) ** 2
-        # recorded as float32, each with a relative error of 6e-8
-        assert energy == pytest.approx(energies.sum(axis=1) / mass.sum(), rel=1e-6)
-        assert height == pytest.approx((position @ [-0.6, 0.8]).mean(axis=1), rel=1e-6)
-        assert contacts.tolist() == [5, 5, 5]
-        assert [source.times.time(k) for k in range(len(source))] == pytest.approx([0.0, 0.02, 0.04])
-
-    def test_contacts_only_where_forces_were_recorded(self, recording):
-        assert len(measure(Recording(recording))) == 2
-
-    def test_are_drawn_below_the_frames(self, recording):
-        picture = recording.with_suffix(".svg")
-        for curves in (True, False):
-            plot(recording, picture, curves=curves)
-            for title in ("kinetic energy per mass [J/kg]", "mean height [m]"):
-                assert (title in picture.read_text()) == curves
-
-
-class TestCommand:
-    def test_draws_beside_the_recording(self, recording, capsys):
-        assert exit_code("plot", recording, "--frames", "0,-1") == 0
-        assert capsys.readouterr().out == f"{recording.with_suffix('.png')}: frames 0, 2\n"
-        assert recording.with_suffix(".png").exists()
-
-    def test_options(self, recording, tmp_path, capsys):
-        options = ["-o", tmp_path / "a.svg", "--frames", 1, "--no-curves"]
-        assert exit_code("plot", recording, *options) == 0
-        assert capsys.readouterr().out == f"{tmp_path / 'a.svg'}: frame 1\n"
-        assert "mean height" not in (tmp_path / "a.svg").read_text()
+def test_curves_of_energy_height_and_contacts(tmp_path, frames, recording):
+    """Of grains of several masses that rotate, with gravity aslant."""
+    mass = np.array([1.0, 0.2, 3.0, 0.5, 2.0])
+    scene = make_scene(mass=mass, gravity=(3.0, -4.0), friction=0.5)
+    spin, path = np.arange(5.0) - 9.0, tmp_path / "run.usdc"
+    with recorder_of(path, scene, forces=True) as recorder:
+        for seed, frame in enumerate(frames):
+            recorder.record(moment(*frame, scene, **make_contacts(seed), spin=spin, angle=spin))
+    energy, height, contacts = measure(Recording(path)).values()
+    position, velocity = frames[:, 0], frames[:, 1]
+    energies = 0.5 * mass * (velocity**2).sum(axis=2) + 0.25 * mass * (RADIUS * spin) ** 2
+    # recorded as float32, each with a relative error of 6e-8
+    assert energy == pytest.approx(energies.sum(axis=1) / mass.sum(), rel=1e-6)
+    assert height == pytest.approx((position @ [-0.6, 0.8]).mean(axis=1), rel=1e-6)
+    assert contacts.tolist() == [5, 5, 5]
+    assert len(measure(Recording(recording))) == 2  # of no contacts, as no forces were recorded

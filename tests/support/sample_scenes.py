@@ -85,59 +85,39 @@ def dense_start(seed: int, filled: float, **changes: Any) -> Scene:
 def bullet() -> Scene:
     """A grain of 100 m/s crosses the domain in a few steps and hits a heap at the bottom."""
     heap = _heap(8, 6, spacing=0.11)
-    return Scene(
-        position=np.vstack([[0.05, 1.7], heap]),
-        velocity=np.vstack([[3.0, -100.0], np.zeros_like(heap)]),
-        radius=0.05,
-        mass=0.1,
-        radius_out=2.0,
-        tolerance=1e-5,
-        max_iterations=300,
-    )
+    velocity = np.vstack([[3.0, -100.0], np.zeros_like(heap)])
+    return _sudden(np.vstack([[0.05, 1.7], heap]), velocity=velocity)
 
 
 def explosion() -> Scene:
     """Thirty grains almost at the same place, among others at rest that they will reach in one step."""
-    rng = np.random.default_rng(5)
-    return Scene(
-        position=np.vstack([rng.normal(0.0, 1e-3, (30, 2)), _heap(8, 4, spacing=0.11)]),
-        radius=0.05,
-        mass=np.append(np.full(30, 0.3), np.full(32, 0.1)),
-        radius_out=2.0,
-        drag=1.0,
-        tolerance=1e-5,
-        max_iterations=300,
-    )
+    crowded = np.random.default_rng(5).normal(0.0, 1e-3, (30, 2))
+    mass = np.append(np.full(30, 0.3), np.full(32, 0.1))
+    return _sudden(np.vstack([crowded, _heap(8, 4, spacing=0.11)]), mass=mass, drag=1.0)
 
 
 def squeezed_light_grains() -> Scene:
     """Grains of 1 mg between grains of 1 kg that close in on them: they shoot out to the sides."""
     heavy = np.array([[0.0, 0.3 * k - 1.0] for k in range(6)])
     light = np.array([[0.02 * (-1) ** k, 0.3 * k - 0.85] for k in range(5)])
-    return Scene(
-        position=np.vstack([heavy, light, _heap(8, 3, spacing=0.11, x=0.5, y=-1.4)]),
+    return _sudden(
+        np.vstack([heavy, light, _heap(8, 3, spacing=0.11, x=0.5, y=-1.4)]),
         velocity=np.vstack([[[0.0, -4.0 * k] for k in range(6)], np.zeros((29, 2))]),
-        radius=np.concatenate([np.full(6, 0.12), np.full(5, 0.03), np.full(24, 0.05)]),
-        mass=np.concatenate([np.full(6, 1.0), np.full(5, 1e-6), np.full(24, 0.1)]),
-        radius_out=2.0,
-        tolerance=1e-5,
-        max_iterations=300,
+        radius=np.repeat([0.12, 0.03, 0.05], [6, 5, 24]),
+        mass=np.repeat([1.0, 1e-6, 0.1], [6, 5, 24]),
     )
 
 
 def falling_cloud() -> Scene:
     """Grains that fall together at 60 m/s, at rest in their own frame, until they meet a wall and others."""
-    cloud, resting = _heap(8, 8, spacing=0.13, y=0.8), _heap(8, 3, spacing=0.11)
-    return Scene(
-        position=np.vstack([cloud, resting]),
-        velocity=np.vstack([np.tile([5.0, -60.0], (64, 1)), np.zeros((24, 2))]),
-        radius=0.05,
-        mass=0.1,
-        radius_in=0.1,
-        radius_out=2.0,
-        tolerance=1e-5,
-        max_iterations=300,
-    )
+    position = np.vstack([_heap(8, 8, spacing=0.13, y=0.8), _heap(8, 3, spacing=0.11)])
+    velocity = np.vstack([np.tile([5.0, -60.0], (64, 1)), np.zeros((24, 2))])
+    return _sudden(position, velocity=velocity, radius_in=0.1)
+
+
+def _sudden(position: FloatArray, **fields: Any) -> Scene:
+    common = {"radius": 0.05, "mass": 0.1, "radius_out": 2.0, "tolerance": 1e-5, "max_iterations": 300}
+    return Scene(position=position, **common | fields)
 
 
 def _heap(columns: int, rows: int, spacing: float, x: float = 1e-3, y: float = -1.7) -> FloatArray:
@@ -161,14 +141,7 @@ def ring(grains: int, too_large: float, **options) -> Scene:
     fitting = np.sin(np.pi / grains) / (1.0 + np.sin(np.pi / grains))
     angle = 2.0 * np.pi * (np.arange(grains) + 0.3) / grains
     radius = too_large * fitting
-    return Scene(
-        position=(1.0 - radius) * np.stack([np.cos(angle), np.sin(angle)], axis=1),
-        radius=radius,
-        mass=0.1,
-        radius_in=1.0 - 2.0 * radius,
-        radius_out=1.0,
-        **options,
-    )
+    return _between_circles(angle, 1.0 - radius, radius, 1.0 - 2.0 * radius, **options)
 
 
 def crowd(grains: int, area: float, **options) -> Scene:
@@ -176,15 +149,15 @@ def crowd(grains: int, area: float, **options) -> Scene:
     rng = np.random.default_rng(0)
     radius = np.sqrt(area * (1.0 - 0.3**2) / grains)
     angle = rng.uniform(0.0, 2.0 * np.pi, grains)
-    rho = np.sqrt(rng.uniform((0.3 + radius) ** 2, (1.0 - radius) ** 2, grains))
-    return Scene(
-        position=rho[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1),
-        radius=radius,
-        mass=0.1,
-        radius_in=0.3,
-        radius_out=1.0,
-        **options,
-    )
+    distance = np.sqrt(rng.uniform((0.3 + radius) ** 2, (1.0 - radius) ** 2, grains))
+    return _between_circles(angle, distance[:, None], radius, 0.3, **options)
+
+
+def _between_circles(
+    angle: FloatArray, distance: FloatArray | float, radius: float, radius_in: float, **options: Any
+) -> Scene:
+    position = distance * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return Scene(position=position, radius=radius, mass=0.1, radius_in=radius_in, radius_out=1.0, **options)
 
 
 SUDDEN: tuple[Callable[[], Scene], ...] = (bullet, explosion, squeezed_light_grains, falling_cloud)
