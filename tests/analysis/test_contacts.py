@@ -55,22 +55,26 @@ def test_a_grain_in_flight_has_nothing():
     assert analysis.step_energy_balance(simulation).contact_loss == pytest.approx(0.0, abs=EPS)
 
 
-@pytest.mark.parametrize(("gravity", "needed"), [((0.0, -G), 2), ((0.0, 0.0), 3)])
-def test_rattlers_are_what_no_core_holds(settled, gravity, needed):
+@pytest.mark.parametrize(
+    ("gravity", "needed", "least"), [(-G, 2, 0.0), (-G, 2, 0.5), (-G, 2, 5.0), (0.0, 3, 0.0)]
+)
+def test_rattlers_are_what_no_core_holds(settled, gravity, needed, least):
     """A k-core of the graph of contacts, in networkx; walls, a clique of their own, hold whom they touch."""
-    moment = replace(analysis.snapshot(settled), scene=settled.scene.replace(gravity=gravity))
+    moment = replace(analysis.snapshot(settled), scene=settled.scene.replace(gravity=(0.0, gravity)))
     graph = networkx.complete_graph([("wall", side) for side in range(4)])
-    walls = list(graph)
-    graph.add_edges_from(moment.pair.tolist())
-    graph.add_edges_from((walls[0], grain) for grain in moment.wall[:, 0].tolist())
+    walls, pairs = list(graph), moment.pair[moment.force >= least]
+    at_wall = moment.wall[moment.wall_force >= least, 0]
+    assert analysis.coordination_number(moment, least) == (2 * len(pairs) + len(at_wall)) / moment.n
+    graph.add_edges_from(pairs.tolist())
+    graph.add_edges_from((walls[0], grain) for grain in at_wall.tolist())
     graph = networkx.k_core(graph, needed)
     core = set(graph) - set(walls)
-    assert set(np.flatnonzero(~analysis.rattlers(moment)).tolist()) == core
+    assert set(np.flatnonzero(~analysis.rattlers(moment, least)).tolist()) == core
     graph.remove_nodes_from(walls[1:])
     contacts = sum(graph.degree(grain) for grain in core)
-    found = analysis.coordination_number(moment, without_rattlers=True)
+    found = analysis.coordination_number(moment, least, without_rattlers=True)
     assert found == (contacts / len(core) if core else 0.0)
-    assert needed == 3 or len(core) > 60
+    assert needed == 3 or least > 0.0 or len(core) > 60
 
 
 @pytest.fixture(scope="module")

@@ -106,18 +106,6 @@ def test_clusters_are_those_of_networkx(pile, least):
     assert all(first[k] < first[k + 1] for k in range(len(size) - 1) if size[k] == size[k + 1])
 
 
-@pytest.mark.parametrize("least", [0.0, 0.5, 5.0])
-def test_coordination_counts_strong_contacts_only(pile, least):
-    """Between grains and at walls, of grains that are left."""
-    strong, at_wall = pile.force >= least, pile.wall_force >= least
-    left = {name: getattr(pile, name)[strong] for name in ("pair", "force", "tangential_force")}
-    at_walls = ("wall", "wall_force", "wall_tangential_force")
-    left |= {name: getattr(pile, name)[at_wall] for name in at_walls}
-    for without in (False, True):
-        found = analysis.coordination_number(pile, least, without)
-        assert found == analysis.coordination_number(replace(pile, **left), 0.0, without)
-
-
 def test_second_moment_of_directions_is_the_fabric(pile):
     """And a contact has two opposite directions."""
     edges, density = analysis.contact_directions(pile, bins=20_000)

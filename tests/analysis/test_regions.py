@@ -49,9 +49,11 @@ def test_area_in_closed_form(region, area):
 
 @pytest.fixture(scope="module")
 def pile():
-    """Grains on a disc, within a ring."""
+    """Grains clear of a disc, within a ring."""
     layout = {"count": 60, "radius": [0.02, 0.03], "seed": 1, "region": {"y": [-0.9, 0.4]}}
-    return of(*random(Region(Annulus(0.3, 1.0)), **layout, walls=INSIDE), walls=INSIDE)
+    made = of(*random(Region(Annulus(0.3, 1.0)), **layout, walls=INSIDE), walls=INSIDE)
+    assert made.scene.count_overlaps() == (0, 0, 0.0)
+    return made
 
 
 @pytest.mark.parametrize(

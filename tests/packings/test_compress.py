@@ -1,7 +1,6 @@
 """Jammed packings: what `compress` returns, by Python and by the command."""
 
 import json
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +14,11 @@ FEW = ["grains.count=60", "solver.tolerance=1e-7"]
 
 
 @pytest.fixture(scope="module")
-def packing() -> wg.Packing:
+def packing():
     return wg.compress(Scene.load("jamming", FEW))
 
 
-def test_a_packing_carries_the_pressure(packing: wg.Packing) -> None:
+def test_a_packing_carries_the_pressure(packing):
     assert packing.at_rest
     assert packing.run.unconverged == 0
     assert packing.pressure == pytest.approx(1.0, rel=1e-3)
@@ -38,9 +37,7 @@ ROUGH = {"roughness": {"radius": 0.02, "spacing": 0.05}}
 
 
 @pytest.mark.parametrize(("friction", "contacts", "rough"), [(0.0, (3.9, 4.1), ROUGH), (0.5, (2.5, 3.9), {})])
-def test_a_lid_presses_grains_beyond_periodic_sides(
-    friction: float, contacts: tuple[float, float], rough: dict[str, Any]
-) -> None:
+def test_a_lid_presses_grains_beyond_periodic_sides(friction, contacts, rough):
     """With friction, fewer contacts carry the pressure."""
     lid = {"pressure": 2.0, "mass": 2.0, **rough}
     packing = wg.compress(filled(top=lid, friction=friction, max_iterations=2000), pressure=1.0)
@@ -57,7 +54,7 @@ def test_a_lid_presses_grains_beyond_periodic_sides(
     assert packing.summary()["box"].startswith("0.5 m by 0.")
 
 
-def test_the_command_prints_the_same(packing: wg.Packing, tmp_path, capfd) -> None:
+def test_the_command_prints_the_same(packing, tmp_path, capfd):
     options = [word for override in FEW for word in ("--set", override)]
     assert exit_code("compress", "jamming", "--json", "-o", str(tmp_path / "jammed.npz"), *options) == 0
     printed = json.loads(capfd.readouterr().out)
@@ -70,7 +67,7 @@ def test_the_command_prints_the_same(packing: wg.Packing, tmp_path, capfd) -> No
     assert again.step().converged
 
 
-def test_a_run_that_is_too_short_says_so(capfd) -> None:
+def test_a_run_that_is_too_short_says_so(capfd):
     assert exit_code("compress", "jamming", "--pressure", "2", "--duration", "0.1", "--set", FEW[0]) == 0
     printed = capfd.readouterr().out
     assert "steps             5, not at rest" in printed

@@ -18,16 +18,16 @@ FEW = ["grains.count=60", "solver.tolerance=1e-7"]
 
 
 @pytest.fixture(scope="module")
-def scene() -> Scene:
+def scene():
     return Scene.load("polydisperse", FEW)
 
 
 @pytest.fixture(scope="module")
-def rest(scene: Scene) -> wg.Rest:
+def rest(scene):
     return wg.pack(scene, threads=1)
 
 
-def test_forces_balance_with_the_settings_of_the_scene(scene: Scene, rest: wg.Rest) -> None:
+def test_forces_balance_with_the_settings_of_the_scene(scene, rest):
     assert 0.0 < rest.energy < 1e-9
     assert rest.rms_force <= rest.largest_force < 1e-5
     assert rest.contacts == pytest.approx(4.0, abs=0.15)  # as many forces as equations
@@ -42,9 +42,7 @@ def test_forces_balance_with_the_settings_of_the_scene(scene: Scene, rest: wg.Re
     ("scheme", "steps"),
     [(TEXTS, 300), (SECOND_ORDER, 300), pytest.param(SECOND_ORDER, 20_000, marks=pytest.mark.slow)],
 )
-def test_walls_carry_the_weight_and_the_grains_stay(
-    rest: wg.Rest, scheme: dict[str, str], steps: int
-) -> None:
+def test_walls_carry_the_weight_and_the_grains_stay(rest, scheme, steps):
     """Errors of the steps do not add up: gaps are within dt eta of 0 after each, whatever came before."""
     simulation = wg.Simulation(rest.simulation.scene, **scheme)
     simulation.restore(rest.simulation.state())
@@ -59,7 +57,7 @@ def test_walls_carry_the_weight_and_the_grains_stay(
     assert energy < 1e-9 * 9.81 * scene.mass.sum() * 2.0 * scene.radius.mean()
 
 
-def test_grains_beyond_periodic_sides_rest_on_the_lower_one() -> None:
+def test_grains_beyond_periodic_sides_rest_on_the_lower_one():
     simulation = wg.pack(filled(gravity=(0.0, -9.81), dt=5e-3)).simulation
     simulation.advance(10)
     walls, weight = simulation.wall_contacts(), 9.81 * simulation.scene.mass.sum()
@@ -68,7 +66,7 @@ def test_grains_beyond_periodic_sides_rest_on_the_lower_one() -> None:
     assert np.hypot(*simulation.velocity.T).max() < 1e-4
 
 
-def test_energy_is_least_among_near_packings(scene: Scene, rest: wg.Rest) -> None:
+def test_energy_is_least_among_near_packings(scene, rest):
     """No step from rest, however long, finds places of less potential energy."""
     simulation = wg.Simulation(rest.simulation.scene, dt=0.1, drag=0.0, scheme="text", method="exact")
     simulation.step()
@@ -76,13 +74,13 @@ def test_energy_is_least_among_near_packings(scene: Scene, rest: wg.Rest) -> Non
     assert lowered < 1e-6 * scene.smallest_radius
 
 
-def test_the_bits_do_not_depend_on_threads(scene: Scene, rest: wg.Rest) -> None:
+def test_the_bits_do_not_depend_on_threads(scene, rest):
     again = wg.pack(scene, threads=2)
     assert contents(again.simulation.state()) == contents(rest.simulation.state())
     assert (again.energy, again.steps, again.iterations) == (rest.energy, rest.steps, rest.iterations)
 
 
-def test_the_command_prints_and_saves_the_same(rest: wg.Rest, tmp_path, monkeypatch, capfd) -> None:
+def test_the_command_prints_and_saves_the_same(rest, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     options = [word for override in FEW for word in ("--set", override)]
     assert exit_code("pack", "polydisperse", "--json", "-o", "rest.npz", *options) == 0
@@ -102,25 +100,23 @@ def test_the_command_prints_and_saves_the_same(rest: wg.Rest, tmp_path, monkeypa
         rest.save("rest.txt")
 
 
-def test_a_missing_extra_is_named_at_once(scene: Scene, monkeypatch) -> None:
+def test_a_missing_extra_is_named_at_once(scene, monkeypatch):
     monkeypatch.setitem(sys.modules, "warpgrains.solver.exact.convex", None)
     with pytest.raises(InputError, match=r"method 'exact' needs"):
         wg.pack(scene, steps=1)
 
 
-def test_grains_that_do_not_rest_are_an_error(scene: Scene) -> None:
+def test_grains_that_do_not_rest_are_an_error(scene):
     with pytest.raises(SimulationError, match="the grains are not at rest after 50 steps: give more than 60"):
         wg.pack(scene, steps=60)
 
 
 @pytest.mark.parametrize("moving", [1, 3])
-def test_grains_that_move_with_the_settings_of_the_scene_fall_again(
-    scene: Scene, rest: wg.Rest, moving: int, monkeypatch
-) -> None:
+def test_grains_that_move_with_the_settings_of_the_scene_fall_again(scene, rest, moving, monkeypatch):
     """The first `moving` tests of rest find too much energy; the third is the last."""
     tests, real = [], pack_module._test
 
-    def shaken(*arguments) -> pack_module._Test:
+    def shaken(*arguments):
         tests.append(real(*arguments))
         return tests[-1]._replace(energy=1e-6) if len(tests) <= moving else tests[-1]
 
@@ -137,7 +133,7 @@ def test_grains_that_move_with_the_settings_of_the_scene_fall_again(
 
 
 @pytest.mark.parametrize("mass", [(1e-6, 1e3), (1e3, 1e-6)])
-def test_grains_of_any_masses_rest(mass: tuple[float, float]) -> None:
+def test_grains_of_any_masses_rest(mass):
     """Two grains in a drum touch, with their center of mass below its center."""
     radius, arm, angle = 0.1, 0.9, np.array([-0.8, 0.3])
     start = 0.999 * arm * np.stack([np.sin(angle), -np.cos(angle)], axis=1)

@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 from command import exit_code
-from walled_scenes import DRIVEN, ROUGH, STILL, STIRRED_ROUGH, boxed, pressed, stirred
+from walled_scenes import DRIVEN, OF_ALL_LAWS, ROUGH, STILL, boxed, pressed, stirred
 
 import warpgrains as wg
 from warpgrains import Scene, SimulationError, analysis
@@ -19,7 +19,7 @@ KICKED = {"position": [[0.5, 0.0], [0.69, 0.0]], "radius": 0.1, "mass": 0.1, "ra
 
 
 @pytest.mark.parametrize("dt", [1e-2, 1e-5])
-def test_an_overlap_gives_no_speed(dt: float) -> None:
+def test_an_overlap_gives_no_speed(dt):
     scene = Scene(**KICKED, gravity=(0.0, 0.0), dt=dt)
     with pytest.warns(UserWarning, match=re.escape(f"into {0.01 / dt:.1e} m/s: warpgrains.separate")):
         kicked = wg.Simulation(scene)
@@ -35,13 +35,13 @@ def test_an_overlap_gives_no_speed(dt: float) -> None:
     assert abs(simulation.velocity).max() <= separation.overlap / dt
 
 
-def neighbors(scene: Scene) -> set[tuple[int, int]]:
+def neighbors(scene):
     """Return the pairs that touch, or nearly."""
     found = overlapping_pairs(scene.position, (1.0 + NEAR) * scene.radius)
     return {pair for i, j in found for pair in zip(i.tolist(), j.tolist(), strict=True)}
 
 
-def test_a_packing_keeps_its_neighbors_and_rests() -> None:
+def test_a_packing_keeps_its_neighbors_and_rests():
     """Its grains overlap by 1 % of their diameters, five times what soft-sphere programs leave."""
     rest = wg.pack("polydisperse").simulation.scene
     grown = rest.replace(radius=1.01 * rest.radius, radius_out=1.01 * rest.radius_out)
@@ -59,14 +59,14 @@ def test_a_packing_keeps_its_neighbors_and_rests() -> None:
 
 SCENES = {
     "pressure": pressed(40, walls=(DRIVEN, STILL), **ROUGH, spinning=3.0),
-    "walls in motion": stirred(40, **STIRRED_ROUGH, spinning=3.0),
+    "walls in motion": stirred(40, **OF_ALL_LAWS, spinning=3.0),
     "lid": boxed("rough lid", 40),
     "restitution": boxed("bouncing", 40),
 }
 
 
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
-def test_only_positions_change(scene: Scene) -> None:
+def test_only_positions_change(scene):
     """Walls that move, or that forces drive, do neither; grains that overlap them move."""
     assert scene.count_overlaps().largest > 0.01
     found = wg.separate(scene).scene
@@ -75,13 +75,13 @@ def test_only_positions_change(scene: Scene) -> None:
         assert np.array_equal(getattr(found, name), getattr(scene, name)) == (name != "position"), name
 
 
-def test_grains_that_cannot_be_moved_apart_are_named() -> None:
+def test_grains_that_cannot_be_moved_apart_are_named():
     jammed = Scene(position=[[0.0, -0.5], [0.0, 0.5]], radius=0.6, mass=1.0, radius_out=1.0)
     with pytest.raises(SimulationError, match="grains 0, 1 cannot be moved apart"):
         wg.separate(jammed)
 
 
-def test_the_command_separates(tmp_path, capsys) -> None:
+def test_the_command_separates(tmp_path, capsys):
     (tmp_path / "grains.csv").write_text("x,y,radius,mass\n0.5,0,0.1,0.1\n0.69,0,0.1,0.1\n")
     scene = tmp_path / "scene.toml"
     scene.write_text('[domain]\nradius_out = 2.0\n[grains]\nfile = "grains.csv"\n')

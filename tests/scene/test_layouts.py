@@ -78,16 +78,6 @@ def test_random_places_are_those_of_a_plain_loop(walls, radii):
     assert np.array_equal(places, one_after_the_other(walls, radii, np.random.default_rng(5)))
 
 
-def test_random_comes_near_its_limit():
-    # equal discs that are added one by one fill at most 0.547 of a plane
-    radius = np.sqrt(0.5 * (1.0 - 0.1**2) / 2000)
-    require_clear(random(space(0.1, 1.0), count=2000, radius=radius), 0.1, 1.0)
-    more = np.full(500, np.sqrt(0.55 / 500))
-    assert np.isnan(place_at_random(space(0.0, 1.0), more, np.random.default_rng(0))).any()
-    # which the layout grows, then
-    require_clear(random(space(0.0, 1.0), count=500, radius=more[0]), 0.0, 1.0)
-
-
 POST = Disc((0.95, 2.4), 0.15)
 LATTICE = partial(lattice, radius=0.03)
 TOUCHING = partial(lattice, radius=0.03, spacing=2.0)

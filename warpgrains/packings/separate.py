@@ -124,6 +124,7 @@ def _wide(box: Box) -> Box:
 
 def _at_rest(wall: Wall) -> Wall:
     """Return a wall without a name that neither moves nor has friction."""
-    given = ("velocity", "angular_velocity", "force", "mass", "friction", "restitution", "name")
+    laws = ("friction", "rolling_friction", "restitution")
+    given = ("velocity", "angular_velocity", "force", "mass", "name", *laws)
     changes: dict[str, Any] = {own.name: own.default for own in fields(wall) if own.name in given}
     return replace(wall, **changes)
