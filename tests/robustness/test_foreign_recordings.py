@@ -13,39 +13,37 @@ from warpgrains.pictures.film import draw_film
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recording import Recording
 
-POINTS = '#usda 1.0\ndef Xform "World" {{\n  def Points "Grains" {{\n{}\n  }}\n}}\n'
-INSTANCER = POINTS.replace("def Points", "def PointInstancer")
 
+def grains(*attributes, kind="Points"):
+    """Return a stage with grains of these attributes."""
+    lines = "\n".join(attributes)
+    return f'#usda 1.0\ndef Xform "World" {{\n  def {kind} "Grains" {{\n{lines}\n  }}\n}}\n'
+
+
+ONE = "point3f[] points.timeSamples = {0: [(1, 2, 3)]}"
+TWO = "point3f[] points.timeSamples = {0: [(1, 2, 3)], 1: [(1, 2, 3), (2, 3, 4)]}"
+PLACED = "point3f[] positions.timeSamples = {0: [(1, 2, 3)]}"
 FOREIGN = {
     "nothing": "#usda 1.0\n",
-    "string samples": POINTS.format('    string points.timeSamples = {0: "here", 1: "there"}'),
-    "scalar points": POINTS.format("    point3f points.timeSamples = {0: (1, 2, 3)}"),
-    "number as points": POINTS.format("    float points.timeSamples = {0: 1.0}"),
-    "points only": POINTS.format("    point3f[] points.timeSamples = {0: [(1, 2, 3)]}"),
-    "blocked": POINTS.format("    point3f[] points.timeSamples = {0: None}"),
-    "empty": POINTS.format("    point3f[] points.timeSamples = {0: []}\n    float[] widths = []"),
-    "nan": POINTS.format(
-        "    point3f[] points.timeSamples = {0: [(nan, inf, 3)]}\n    float[] widths = [nan]"
+    "string samples": grains('string points.timeSamples = {0: "here", 1: "there"}'),
+    "scalar points": grains("point3f points.timeSamples = {0: (1, 2, 3)}"),
+    "number as points": grains("float points.timeSamples = {0: 1.0}"),
+    "points only": grains(ONE),
+    "blocked": grains("point3f[] points.timeSamples = {0: None}"),
+    "empty": grains("point3f[] points.timeSamples = {0: []}", "float[] widths = []"),
+    "nan": grains("point3f[] points.timeSamples = {0: [(nan, inf, 3)]}", "float[] widths = [nan]"),
+    "no widths": grains(ONE, "string widths = 'broad'"),
+    "other lengths": grains(
+        TWO, "vector3f[] velocities.timeSamples = {0: []}", "float[] widths = [1, 2, 3]", "int[] ids = [1]"
     ),
-    "no widths": POINTS.format(
-        "    point3f[] points.timeSamples = {0: [(1, 2, 3)]}\n    string widths = 'broad'"
-    ),
-    "other lengths": POINTS.format(
-        "    point3f[] points.timeSamples = {0: [(1, 2, 3)], 1: [(1, 2, 3), (2, 3, 4)]}\n"
-        "    vector3f[] velocities.timeSamples = {0: []}\n    float[] widths = [1, 2, 3]\n    int[] ids = [1]"
-    ),
-    "half codes": POINTS.format("    point3f[] points.timeSamples = {-1e300: [(1, 2, 3)], 0.5: [(1, 2, 3)]}"),
-    "positions only": INSTANCER.format("    point3f[] positions.timeSamples = {0: [(1, 2, 3)]}"),
-    "scales as text": INSTANCER.format(
-        "    point3f[] positions.timeSamples = {0: [(1, 2, 3)]}\n    string scales = 'large'"
-    ),
+    "half codes": grains("point3f[] points.timeSamples = {-1e300: [(1, 2, 3)], 0.5: [(1, 2, 3)]}"),
+    "positions only": grains(PLACED, kind="PointInstancer"),
+    "scales as text": grains(PLACED, "string scales = 'large'", kind="PointInstancer"),
     "reference to nothing": '#usda 1.0\ndef "World" (references = @./none.usda@) {}\n',
     "reference to itself": '#usda 1.0\ndef "World" (references = @./foreign.usda@</World>) {}\n',
-    "cut off": POINTS.format("")[:40],
+    "cut off": grains("")[:40],
     "binary without content": "PXR-USDC",
 }
-
-
 NAMED = {
     "scalar points": "is a Vec3f, not an array of numbers",
     "scales as text": "is a str, not an array of numbers",

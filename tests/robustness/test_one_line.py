@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from sweeps import batch
 
 from warpgrains import Scene
 from warpgrains.files import csv_line, read_table
-from warpgrains.scene.toml import toml_text, toml_value
+from warpgrains.scene.toml import toml_value
 
 SCENE = """
 domain = {radius_in = 0.1, radius_out = 1.0}
@@ -44,14 +43,11 @@ def cpu_seconds(pid):
 
 
 class TestStreams:
-    @pytest.mark.parametrize("closed", [[0, 1, 2], pytest.param([1], marks=pytest.mark.slow)])
-    def test_closed(self, tmp_path, closed):
-        script = f"for n in {closed}: os.close(n)\nos.execv(sys.argv[1], sys.argv[1:])"
+    def test_closed(self, tmp_path):
+        script = "import os, sys\nfor n in range(3): os.close(n)\nos.execv(sys.argv[1], sys.argv[1:])"
         output = tmp_path / "run.usdc"
-        command = [*COMMAND, "run", "annulus", "--steps", "2", "-o", str(output)]
-        done = subprocess.run(
-            [sys.executable, "-c", f"import os, sys\n{script}", *command], capture_output=True, text=True
-        )
+        command = [sys.executable, "-c", script, *COMMAND, "run", "annulus", "--steps", "2", "-o", output]
+        done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         assert output.exists()
         assert "Traceback" not in done.stderr
@@ -87,20 +83,20 @@ def test_home_that_cannot_be_written():
 
 
 class TestNames:
-    @pytest.mark.parametrize("name", ["\U0001f980", 'x"\\\x7f\t\u2028', "\U0010ffff\ue000", "line\nbreak"])
-    def test_are_read_back_from_toml(self, name):
-        document = {"grains": {"file": name, name: [name]}}
-        text = toml_text(document)
-        assert text.isascii()
-        assert tomllib.loads(text) == document
-        assert "\n" not in toml_value(name)
-
     def test_of_scenes_and_files_of_a_sweep(self, tmp_path):
         """They go into scene files, tables and messages, and nowhere beyond."""
-        names = sorted(["\U0001f980", "line\n[physics]\ndrag = 9.0\n#", "=cmd()+1", "-1"])
+        names = [
+            "\U0001f980",
+            "line\n[physics]\ndrag = 9.0\n#",
+            "=cmd()+1",
+            "-1",
+            'x"\\\x7f\t\u2028',
+            "\U0010ffff\ue000",
+        ]
         folder, short, out = tmp_path / "scenes", tmp_path / "short", tmp_path / "out"
         folder.mkdir()
         for name in names:
+            assert toml_value(name).isascii()
             np.savez(folder / f"{name}.npz", position=np.array([[0.5, 0.0]]))
             text = SCENE.replace('"FILE"', toml_value(f"{name}.npz"))
             (folder / f"{name}.toml").write_text(text)
@@ -109,8 +105,9 @@ class TestNames:
         assert batch(folder, "-o", out, "--folders") == 0
         assert batch(folder, "-o", out, "--resume") == 0
         assert read_table(short / "results.csv") == read_table(out / "results.csv")
-        assert [row["scene"] for row in read_table(out / "results.csv")] == names
-        for run, name in enumerate(names):
+        found = [row["scene"] for row in read_table(out / "results.csv")]
+        assert sorted(found) == sorted(names)
+        for run, name in enumerate(found):
             assert Scene.load(short / "scenes" / f"{name}.toml").n == 1
             assert Scene.load(out / "runs" / f"{run:05}" / "scene.toml").drag == 0.0
 
