@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from checkpoints import rewrite_checkpoint
 from command import exit_code
 from recordings import make_frames, record
 from same_bits import contents
@@ -122,6 +123,12 @@ def packed(path):
         np.savez_compressed(path, **dict(entries))
 
 
+def changed(path, kept, **changes):
+    path.write_bytes(kept)
+    rewrite_checkpoint(path, **changes)
+    return path
+
+
 def sweep_file(folder, text):
     (folder / "piped").mkdir()
     os.mkfifo(folder / "piped" / "scene.toml")  # to which nobody may ever write
@@ -178,15 +185,17 @@ def require_line(message, complaint):
 
 
 @pytest.fixture(scope="module")
-def running():
+def running(tmp_path_factory):
     """Simulations, and what there is of them, as calls name them."""
-    s = Simulation("annulus", order="color")
+    s, kept = Simulation("annulus", order="color"), tmp_path_factory.mktemp("run") / "run.npz"
+    Simulation(s.scene).run(150, record=kept.with_suffix(".usdc"), checkpoint=kept)
     s.advance(150)
     b = Batch([s.scene, s.scene.replace(drag=0.1)])
     b.run(150)
     alone = circle(position=[(0.6, 0.0)], radius=0.02, radius_in=0.3)
     return {
         **{"s": s, "b": b, "state": s.state(), "one": analysis.snapshot(alone, first_state(alone))},
+        "kept": kept.read_bytes(),
         "turning": Batch([s.scene, s.scene.replace(gravity={"rotate": 1.0})]),
     }
 

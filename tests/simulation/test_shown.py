@@ -35,9 +35,6 @@ def test_shown_in_a_line_with_units():
     assert repr(summary).endswith(" s)")
     assert " m/s, overlap " in repr(summary)
     assert repr(wg.Batch([start, start])) == "Batch(2 scenes of annulus, grains 30 in all)"
-
-
-def test_one_is_no_plural():
     one = wg.Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0)
     assert repr(one).startswith("Scene(scene of 1 grain, ")
     assert repr(wg.Batch([one])) == "Batch(1 scene of scene, grains 1 in all)"
@@ -76,16 +73,12 @@ def test_help_tells_of_every_parameter(what):
     assert all(meaning.endswith((".", "; or", "...")) for meaning in told.values())
 
 
-def test_a_library_user_sees_no_banner():
+def test_a_library_user_sees_remarks_of_warp_only_if_asked_for():
     program = "import warpgrains as wg; print(wg.Simulation(wg.Scene.load('annulus')).run(steps=3).steps)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert (done.stdout, done.stderr) == ("3\n", "")
-
-
-def test_who_asks_for_warps_remarks_gets_them():
-    program = (
-        "import warp; warp.config.log_level = warp.LOG_DEBUG\n"
-        "import warpgrains as wg; wg.Simulation(wg.Scene.load('annulus')).run(steps=3)"
+    asking = "import warp; warp.config.log_level = warp.LOG_DEBUG\n"
+    done, asked = (
+        subprocess.run([sys.executable, "-c", before + program], capture_output=True, text=True, check=True)
+        for before in ("", asking)
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert "initialized" in done.stdout + done.stderr
+    assert (done.stdout, done.stderr) == ("3\n", "")
+    assert "initialized" in asked.stdout + asked.stderr

@@ -7,7 +7,7 @@ import pytest
 from command import exit_code
 from same_bits import contents
 
-from warpgrains import InputError, Scene, Segment, Simulation, SimulationError
+from warpgrains import InputError, Scene, Segment, Simulation
 from warpgrains.analysis import kinetic_energy
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.simulation.until import TEST_INTERVAL
@@ -59,17 +59,12 @@ def test_nothing_rests_while_a_wall_will_move_or_gravity_turns(changes, stirred_
     fields = {"position": [(0.0, 0.1)], "radius": 0.1, "mass": 0.1, "radius_out": 2.0, "drag": 0.5}
     simulation = Simulation(Scene(**fields | changes))
     if np.isinf(stirred_until):
-        with pytest.warns(UserWarning, match="rest was not reached"):
-            assert not simulation.run(until="rest", duration=4.0).met
+        with pytest.warns(UserWarning, match="rest was not reached within 4 s"):
+            summary = simulation.run(until="rest", duration=4.0)
+        assert (summary.met, summary.steps) == (False, 400)
     else:
         assert simulation.run(until="rest", duration=20.0).met
         assert simulation.time > stirred_until
-
-
-def test_energy_bound():
-    simulation = Simulation(Scene.load("annulus"))
-    assert simulation.run(until="rest,energy=1e-4,time=0.1", duration=20.0).met
-    assert 0.5 * 0.1 * (simulation.velocity**2).sum() <= 1e-4
 
 
 def test_the_energy_bound_counts_rotation():
@@ -91,14 +86,6 @@ def test_a_callable_is_asked():
     twin = Simulation(Scene.load("annulus"))
     twin.run(steps=summary.steps - TEST_INTERVAL)
     assert twin.position[:, 1].min() >= -1.0
-
-
-def test_what_is_not_met_is_told():
-    simulation = Simulation(Scene.load("annulus"))
-    with pytest.warns(UserWarning, match="rest was not reached within 0.2 s"):
-        summary = simulation.run(until="rest", steps=20)
-    assert not summary.met
-    assert summary.steps == 20
 
 
 def test_without_gravity_bounds_must_be_given():
@@ -130,40 +117,3 @@ def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, stop_at):
         assert exit_code("run", "--resume", parts, *end) == 0
         longer = json.loads(capfd.readouterr().out)
         assert (longer["steps"], longer["met"]) == (expected["steps"] + steps, met)
-
-
-CHANGES = {
-    "change": lambda simulation: simulation.change(dt=0.005),
-    "step": lambda simulation: simulation.step(),
-    "advance": lambda simulation: simulation.advance(3),
-    "restore": lambda simulation: simulation.restore(simulation.state()),
-    "run": lambda simulation: simulation.run(steps=1),
-}
-
-
-@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
-@pytest.mark.parametrize("by_observer", [True, False], ids=["observer", "until"])
-def test_callbacks_read_the_simulation_of_their_run_but_do_not_change_it(tmp_path, change, by_observer):
-    """Else the recording would go on with the former scene and number of steps."""
-
-    class Changing:
-        every = 10
-
-        def observe(self, simulation):
-            assert simulation.state().steps == simulation.steps
-            if simulation.steps == 20:
-                change(simulation)
-
-        def flush(self):
-            pass
-
-    def question(simulation):
-        Changing().observe(simulation)
-        return False
-
-    simulation = Simulation("annulus")
-    given = {"observer": Changing()} if by_observer else {"until": question}
-    with pytest.raises(SimulationError, match="or by the call that runs this callback"):
-        simulation.run(steps=50, record=tmp_path / "run.usdc", **given)
-    assert simulation.steps == 20
-    change(simulation)

@@ -18,18 +18,13 @@ GRAINS = np.array([1, 2, 7, 60])
     params=[(0, 0, 1), (1, 0, 1), (0, 0, 3), (1, 0, 3), (0, 1, 3)],
     ids=["plain", "ahead", "plain team", "ahead team", "friction, restitution, rolling"],
 )
-def sizes(request: pytest.FixtureRequest) -> Sizes:
+def sizes(request):
     accelerated, friction, team = request.param
+    kinds = [(1, 3, 2, 1), (0, 2, 0, 0), (0, 1, 0, 1), (0, 0, 1, 0), (1, 0, 0, 1), (0, 1, 0, 1), (0, 5, 0, 0)]
     return Sizes(
         GRAINS,
         np.full_like(GRAINS, CONTACTS),
-        np.array([1, 3, 2, 1]),
-        np.array([0, 2, 0, 0]),
-        np.array([0, 1, 0, 1]),
-        np.array([0, 0, 1, 0]),
-        np.array([1, 0, 0, 1]),
-        np.array([0, 1, 0, 1]),
-        np.array([0, 5, 0, 0]),
+        *map(np.array, kinds),
         accelerated,
         *[friction] * 3,
         team,
@@ -37,7 +32,7 @@ def sizes(request: pytest.FixtureRequest) -> Sizes:
     )
 
 
-def test_arrays_do_not_overlap(sizes: Sizes) -> None:
+def test_arrays_do_not_overlap(sizes):
     layout = BlockLayout.of(sizes)
     item = np.array([field.bytes for field in array_fields()])[:, None]
     end = layout.offset + item * layout.length
@@ -47,24 +42,9 @@ def test_arrays_do_not_overlap(sizes: Sizes) -> None:
     assert (bytes_needed(sizes) == layout.size + SceneRecord.numpy_dtype()["itemsize"]).all()
 
 
-def test_every_array_has_a_length(sizes: Sizes) -> None:
-    """Those that a scene does not need are empty."""
-    length = dict(zip((field.name for field in array_fields()), BlockLayout.of(sizes).length, strict=True))
-    assert (length["grains.radius"] == GRAINS).all()
-    assert (length["grains.position"] == GRAINS + np.array([0, 0, 2, 0])).all()
-    assert (length["walls.drive"] == [0, 0, 2, 0]).all()
-    assert (length["contacts.weights"] == CONTACTS * sizes.weighted).all()
-    assert (length["contacts.last_dv"] == CONTACTS * sizes.accelerated).all()
-    assert (length["grains.spin"] == GRAINS * sizes.friction).all()
-    assert (length["contacts.rim_weights"] == CONTACTS * sizes.weighted * sizes.friction).all()
-    assert (length["walls.motion"] == [0, 2, 0, 0]).all()
-    assert ((length["contacts.limits"] > 0) == sizes.limited).all()
-
-
-def test_every_scene_has_a_history_of_its_own() -> None:
-    records = SceneRecords(
-        scenes := [grains_apart(3)] * 2, Sizes.first(scenes, 1, wp.get_device("cpu")), wp.get_device("cpu")
-    )
+def test_every_scene_has_a_history_of_its_own():
+    scenes, device = [grains_apart(3)] * 2, wp.get_device("cpu")
+    records = SceneRecords(scenes, Sizes.first(scenes, 1, device), device)
     records.keep_history(1, 7)
     assert [len(records.array(k, "history.zeta")) for k in (0, 1)] == [0, 7]
     records.keep_history(0, 7)

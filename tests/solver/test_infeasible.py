@@ -8,7 +8,6 @@ from sample_scenes import chain, crowd, ring
 from schemes import MIXED, SCHEMES
 
 from warpgrains import Scene, Simulation
-from warpgrains.arrays import FloatArray
 from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.scene.state import Corrections
 from warpgrains.solver.infeasible import UnilateralConstraints, find_infeasibility_proof
@@ -26,7 +25,7 @@ CANNOT_FIT = {
 }
 WAYS = [{"method": method, "order": order} for method in METHODS for order in ORDERS]
 WAYS += [{"method": "accelerated", **scheme.values[0]} for scheme in (*SCHEMES[1:], *MIXED)]
-"""Nine; each scene meets three of them, and each of them three scenes, of two kinds at least."""
+"""Nine; each scene meets two of them, and each of them two scenes."""
 
 
 @pytest.mark.parametrize(
@@ -34,10 +33,10 @@ WAYS += [{"method": "accelerated", **scheme.values[0]} for scheme in (*SCHEMES[1
     [
         pytest.param(name, WAYS[(k + m) % 9], id=f"{name}, {(k + m) % 9}")
         for k, name in enumerate(CANNOT_FIT)
-        for m in (0, 3, 6)
+        for m in (0, 5)
     ],
 )
-def test_grains_that_cannot_fit_are_named(name: str, way: dict[str, str]) -> None:
+def test_grains_that_cannot_fit_are_named(name, way):
     """All that a chain or a ring has, and most of a crowd, in which some grains have room."""
     scene = CANNOT_FIT[name]
     simulation = Simulation(scene, **way)
@@ -51,7 +50,7 @@ def test_grains_that_cannot_fit_are_named(name: str, way: dict[str, str]) -> Non
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_those_that_fit_are_not_named(method: str) -> None:
+def test_those_that_fit_are_not_named(method):
     """A chain, and elsewhere a row of overlapping grains that are still being pushed apart."""
     wedged = chain(5, 1e-3)
     radius = wedged.radius[0].item()
@@ -69,7 +68,7 @@ def test_those_that_fit_are_not_named(method: str) -> None:
     assert simulation.infeasible_grains() == (9, 10, 11, 12, 13)
 
 
-def test_what_a_proof_does_not_need_is_left_out() -> None:
+def test_what_a_proof_does_not_need_is_left_out():
     """A chain whose overlaps are all alike, and beside it a pair that still overlaps a little."""
     radius = 0.0501
     overlap = (10.0 * radius - 0.5) / 6.0
@@ -79,54 +78,46 @@ def test_what_a_proof_does_not_need_is_left_out() -> None:
     pair = np.array([[0, 1], [2, 3], [3, 4], [4, 5], [5, 6]], np.int32)
     velocity = np.zeros((7, 2))
     velocity[1, 0] = (2.0 * radius - 0.1) / scene.dt - 1e-7  # m/s
-    proof = find_infeasibility_proof(
-        scene, (place, scene.velocity), velocity, Corrections(pair, np.ones(5), NO_WALLS, np.zeros(0))
-    )
+    none = np.zeros((0, 2), np.int32)
+    corrections = Corrections(pair, np.ones(5), none, np.zeros(0))
+    proof = find_infeasibility_proof(scene, (place, scene.velocity), velocity, corrections)
     assert proof is not None
     assert proof.grains == (2, 3, 4, 5, 6)
 
 
-def exact_least_speed(scene: Scene, contacts: UnilateralConstraints, weight: FloatArray) -> Decimal:
+def exact_least_speed(scene, contacts, weight):
     """-b . y / sum |J^T y| with fifty digits, from the places of the grains; weights as they are."""
-
-    def vector(grain: int) -> tuple[Decimal, Decimal]:
-        x, y = scene.position[grain].tolist()
-        return Decimal(x), Decimal(y)
-
-    def length(x: Decimal, y: Decimal) -> Decimal:
-        return (x * x + y * y).sqrt()
-
-    force = [[Decimal(0), Decimal(0)] for _ in range(scene.n)]
-    work, pairs = Decimal(0), len(contacts.second)
-    for c, (i, y) in enumerate(zip(contacts.first.tolist(), weight.tolist(), strict=True)):
-        radius = Decimal(scene.radius[i].item())
-        (xi, yi), y = vector(i), Decimal(y)
+    exact = np.vectorize(Decimal, otypes=[object])
+    place, radius, y = exact(scene.position), exact(scene.radius), exact(weight)
+    force, work, pairs = 0 * place, Decimal(0), len(contacts.second)
+    for c, i in enumerate(contacts.first):
         if c < pairs:
-            j = contacts.second[c].item()
-            xj, yj = vector(j)
-            nx, ny = xj - xi, yj - yi
-            gap = length(nx, ny) - radius - Decimal(scene.radius[j].item())
+            j = contacts.second[c]
+            normal = place[j] - place[i]
+            gap = length(normal) - radius[j]
+        elif (contacts.direction[c] * np.conj(complex(*scene.position[i]))).real > 0.0:
+            normal = place[i]
+            gap = Decimal(scene.radius_out) - length(normal)
         else:
-            outer = (contacts.direction[c] * np.conj(complex(xi, yi))).real > 0.0
-            nx, ny = (xi, yi) if outer else (-xi, -yi)
-            rho = length(xi, yi)
-            gap = Decimal(scene.radius_out) - rho if outer else rho - Decimal(scene.radius_in)
-            gap -= radius
-        size = length(nx, ny)
-        force[i][0] += y * nx / size
-        force[i][1] += y * ny / size
+            normal = -place[i]
+            gap = length(normal) - Decimal(scene.radius_in)
+        push = y[c] * normal / length(normal)
+        force[i] += push
         if c < pairs:
-            force[j][0] -= y * nx / size
-            force[j][1] -= y * ny / size
-        work -= y * gap / Decimal(scene.dt)
-    left = sum((length(*f) for f in force), Decimal(0))
+            force[j] -= push
+        work -= y[c] * (gap - radius[i]) / Decimal(scene.dt)
+    left = sum(map(length, force))
     return work / left if left else work * Decimal("Infinity")
+
+
+def length(vector):
+    return Decimal(vector @ vector).sqrt()
 
 
 @pytest.mark.parametrize(
     "name", ["chain of 5", "chain too long by a micrometre", "ring of 20", "area of 120 %"]
 )
-def test_what_is_claimed_holds_in_exact_arithmetic(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_claimed_holds_in_exact_arithmetic(name, monkeypatch):
     """For every set of weights that the search tries: never more is claimed, and hardly less."""
     scene, claims = CANNOT_FIT[name], []
     claim = UnilateralConstraints.least_speed
@@ -150,10 +141,7 @@ def test_what_is_claimed_holds_in_exact_arithmetic(name: str, monkeypatch: pytes
                 assert speed >= 0.99 * float(exact)
 
 
-NO_WALLS = np.zeros((0, 2), np.int32)
-
-
-def every_contact(grains: int) -> Corrections:
+def every_contact(grains):
     """Corrections of a row of grains of which the last is at the outer wall."""
     pair = np.stack([np.arange(grains - 1), np.arange(1, grains)], axis=1).astype(np.int32)
     wall = np.array([[grains - 1, 0]], np.int32)
@@ -161,7 +149,7 @@ def every_contact(grains: int) -> Corrections:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_rounding_claims_nothing(seed: int) -> None:
+def test_rounding_claims_nothing(seed):
     """Overlaps of a few times the rounding of places; forces that balance but for it, or do not at all."""
     rng = np.random.default_rng(seed)
     for _ in range(20):
@@ -179,7 +167,7 @@ def test_rounding_claims_nothing(seed: int) -> None:
                 assert speed <= max(0.0, exact_least_speed(scene, contacts, weight))
 
 
-def test_grains_that_just_fit_are_not_named() -> None:
+def test_grains_that_just_fit_are_not_named():
     """To the last bit or two."""
     for overlap in (0.0, 2e-16, 5e-16):
         scene = chain(5, overlap)

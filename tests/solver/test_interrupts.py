@@ -7,49 +7,40 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from pathlib import Path
-from time import perf_counter, sleep
-from typing import Any
+from time import sleep
 
 import numpy as np
 import pytest
-from same_bits import contents
+from same_bits import contents, run_of
 
 from warpgrains import Batch, Scene, Simulation
 from warpgrains.kernels.record import Phase
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.solver import engine, sizes, threads
+from warpgrains.solver import engine, sizes
 from warpgrains.solver.threads import run_threads
 
 ENDLESS = {"tolerance": 0.0, "max_iterations": 2_000_000_000}
 
 
-def interrupt_soon() -> None:
+def interrupt_soon():
     threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
 
 
-@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
-@pytest.mark.parametrize("threads", [1, 2])
-def test_one_endless_step(method: str, threads: int) -> None:
-    started = Simulation(Scene.load("polydisperse"), method=method)
-    started.run(steps=60)
-    Simulation(started.scene, threads=threads).step()  # so that nothing has to be compiled
-    simulation = Simulation(started.scene.replace(**ENDLESS), threads=threads)
-    simulation.restore(started.state())
-    start = perf_counter()
+@pytest.mark.parametrize(("method", "threads"), [("gauss-seidel", 1), ("accelerated", 2)])
+def test_one_endless_step(method, threads):
+    scene = Scene.load("polydisperse").replace(method=method)
+    started = run_of(scene, 60, threads=threads)
+    simulation = Simulation(scene.replace(**ENDLESS), threads=threads, state=started.state())
     interrupt_soon()
     with pytest.raises(KeyboardInterrupt):
         simulation.step()
-    assert perf_counter() - start < 2.0  # a tenth of a second, and what a busy machine takes
     assert contents(simulation.state().corrections) == contents(started.state().corrections)
     assert np.array_equal(simulation.velocity, started.velocity)
     started.restore(simulation.state())
     started.step()
-    expected = Simulation(Scene.load("polydisperse"), method=method)
-    expected.run(steps=61)
-    assert np.array_equal(started.velocity, expected.velocity)
+    assert np.array_equal(started.velocity, run_of(scene, 61).velocity)
 
 
 @pytest.mark.parametrize(
@@ -60,18 +51,15 @@ def test_one_endless_step(method: str, threads: int) -> None:
         ("collapse", "exact", Phase.CORRECTED),
     ],
 )
-def test_a_step_that_has_been_served_is_finished_or_undone(
-    monkeypatch: pytest.MonkeyPatch, scene: str, method: str, phase: Phase
-) -> None:
+def test_a_step_that_has_been_served_is_finished_or_undone(monkeypatch, scene, method, phase):
     """It has memory for its list, or is solved by the host, and then all steps are canceled."""
     monkeypatch.setattr(sizes, "first_pairs", np.ones_like)
-    started = Simulation(scene, method=method, tolerance=1e-9)
-    started.advance(60)
+    started = run_of(Scene.load(scene).replace(method=method, tolerance=1e-9), 60)
     state = dataclasses.replace(started.state(), lists=None)
     service = engine.Engine.service
-    served: list[int] = []
+    served = []
 
-    def serve_and_cancel(self: engine.Engine) -> bool:
+    def serve_and_cancel(self):
         going_on = service(self)
         if (self.records.host["control"]["phase"] == phase).any():
             served.append(1)
@@ -79,9 +67,7 @@ def test_a_step_that_has_been_served_is_finished_or_undone(
             return False
         return going_on
 
-    canceled, whole = Simulation(started.scene), Simulation(started.scene)
-    for simulation in (canceled, whole):
-        simulation.restore(state)
+    canceled, whole = (Simulation(started.scene, state=state) for _ in range(2))
     with monkeypatch.context() as serving:
         serving.setattr(engine.Engine, "service", serve_and_cancel)
         canceled.advance(10)
@@ -94,12 +80,12 @@ def test_a_step_that_has_been_served_is_finished_or_undone(
     assert np.array_equal(canceled.velocity, whole.velocity)
 
 
-def test_a_gpu_returns_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gpu_returns_the_scene(monkeypatch):
     """Its memory holds the last good step also after an interrupt, and the host's does not."""
     worker = Simulation("annulus")._engine
-    copied: list[str] = []
+    copied = []
 
-    def interrupt(*_: object, **__: object) -> None:
+    def interrupt(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(engine.wp, "launch", interrupt)
@@ -111,25 +97,7 @@ def test_a_gpu_returns_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     assert copied == ["push", "pull"]
 
 
-def test_short_steps_are_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In color order, bits depend on the list: an interrupt must not change it."""
-    monkeypatch.setattr(engine, "BRIEF", 0)
-    monkeypatch.setattr(threads, "GLANCE", 1e-4)
-    monkeypatch.setattr(threads, "GRACE", 60.0)
-    interrupted, whole = (Simulation("annulus", threads=1, order="color", drag=0.1) for _ in range(2))
-
-    def interrupt(steps: int) -> None:
-        raise KeyboardInterrupt
-
-    for _ in range(20):
-        before = interrupted.steps
-        with pytest.raises(KeyboardInterrupt):
-            interrupted.advance(10**6, interrupt)
-        whole.advance(interrupted.steps - before)
-        assert contents(interrupted.state()) == contents(whole.state())
-
-
-def test_an_endless_batch() -> None:
+def test_an_endless_batch():
     Simulation(Scene.load("annulus")).step()  # so that nothing has to be compiled
     batch = Batch([Scene.load("polydisperse").replace(**ENDLESS), Scene.load("annulus")], threads=2)
     interrupt_soon()
@@ -139,17 +107,7 @@ def test_an_endless_batch() -> None:
     assert batch.state(1).steps == 100
 
 
-def test_a_forked_child_goes_on() -> None:
-    simulation = Simulation(Scene.load("annulus"), threads=2)
-    simulation.step()
-    child = os.fork()
-    if child == 0:
-        simulation.run(steps=10)
-        os._exit(0 if simulation.steps == 11 else 1)
-    assert os.waitpid(child, 0)[1] == 0
-
-
-def test_a_command_amid_an_endless_step(tmp_path: Path) -> None:
+def test_a_command_amid_an_endless_step(tmp_path):
     kept = tmp_path / "run.npz"
     endless = [f"solver.{name}={value}" for name, value in ENDLESS.items()]
     options = ["--set", endless[0], "--set", endless[1], "--checkpoint", str(kept), "--every", "1"]
@@ -167,17 +125,16 @@ def test_a_command_amid_an_endless_step(tmp_path: Path) -> None:
     assert complaint.count(b"\n") == 1
     assert command.returncode == 130
     steps = read_checkpoint(kept).state.steps
-    undisturbed = Simulation(Scene.load("polydisperse", endless))
-    undisturbed.run(steps=steps)
     assert steps > 0
+    undisturbed = run_of(Scene.load("polydisperse", endless), steps)
     assert contents(read_checkpoint(kept).state) == contents(undisturbed.state())
 
 
-def test_interrupt_while_threads_start(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupt_while_threads_start(monkeypatch):
     """All works have ended before it goes on, also where the executor does not know of a thread yet."""
     submit, ended, begun = ThreadPoolExecutor.submit, [], []
 
-    def interrupted(self: ThreadPoolExecutor, *work: Any) -> Future:
+    def interrupted(self, *work):
         future = submit(self, *work)
         begun.append(work)
         if len(begun) == 1:

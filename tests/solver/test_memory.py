@@ -1,12 +1,11 @@
 """What does not fit in memory is refused, with an estimate that covers what is allocated."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import warp as wp
-from same_bits import contents
+from same_bits import contents, run_of
 
 from warpgrains import Scene, Simulation, SimulationError
 from warpgrains.cli.main import main
@@ -14,7 +13,7 @@ from warpgrains.solver import buffers, memory, sizes
 from warpgrains.solver.records import SceneRecords
 
 
-def test_a_scene_that_does_not_fit_is_refused_with_the_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scene_that_does_not_fit_is_refused_with_the_estimate(monkeypatch):
     monkeypatch.setattr(memory, "free_memory", lambda _: 50_000.0)
     scene = Scene.load("pile")
     expected = "1000 grains and their contacts need 0.00 GB, and cpu has 0.00 GB free"
@@ -25,7 +24,7 @@ def test_a_scene_that_does_not_fit_is_refused_with_the_estimate(monkeypatch: pyt
 GB = 1024 * 10**6
 V1 = {"memory.usage_in_bytes": 3 * GB, "memory.stat": f"cache {GB}\ntotal_inactive_file {GB}"}
 V2 = {"memory.current": 3 * GB, "memory.stat": f"anon 5\ninactive_file {GB}"}
-LIMITS: dict[str, tuple[dict[str, object], float]] = {
+LIMITS = {
     "of the host": ({"proc/self/cgroup": "0::/"}, 24.0),
     "no proc": ({"proc/meminfo": ""}, np.inf),
     "of a group": ({"proc/self/cgroup": "0::/job", "job/memory.max": 8 * GB, "job": V2}, 6.0),
@@ -47,9 +46,7 @@ LIMITS: dict[str, tuple[dict[str, object], float]] = {
 
 
 @pytest.mark.parametrize(("files", "free"), LIMITS.values(), ids=LIMITS)
-def test_limits_of_groups_and_processes_count(
-    files: dict[str, object], free: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_limits_of_groups_and_processes_count(files, free, tmp_path, monkeypatch):
     """In GB; the host has 24."""
     host = {"proc/meminfo": f"MemTotal: 25000000 kB\nMemAvailable: {24 * GB // 1024} kB"}
     own = {"proc/self/status": f"Name:\tpython\nVmSize:\t {2 * GB // 1024} kB\nVmData:\t {GB // 1024} kB"}
@@ -64,10 +61,8 @@ def test_limits_of_groups_and_processes_count(
 
 
 @pytest.mark.parametrize("why", ["Unable to allocate 11.0 GiB", ""])
-def test_a_command_that_runs_out_of_memory_says_so_in_a_line(
-    why: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def lacking(*_: object) -> None:
+def test_a_command_that_runs_out_of_memory_says_so_in_a_line(why, monkeypatch, capsys):
+    def lacking(*_):
         raise MemoryError(*filter(None, [why]))
 
     monkeypatch.setattr(buffers.Block, "several", lacking)
@@ -75,29 +70,25 @@ def test_a_command_that_runs_out_of_memory_says_so_in_a_line(
     assert capsys.readouterr().err == f"warpgrains: error: out of memory{why and ': '}{why}\n"
 
 
-def test_a_list_that_grows_out_of_memory_leaves_the_last_state(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_list_that_grows_out_of_memory_leaves_the_last_state(monkeypatch):
     monkeypatch.setattr(sizes, "first_pairs", lambda n: n // 2)
     simulation = Simulation(Scene.load("polydisperse"), threads=1)
     monkeypatch.setattr(memory, "free_memory", lambda _: 1.0)
     with pytest.raises(SimulationError, match=r"step \d+, .*80 grains and their contacts need"):
         simulation.run(steps=100)
     monkeypatch.undo()
-    steps, undisturbed = simulation.steps, Simulation(simulation.scene, threads=1)
-    undisturbed.run(steps=steps)
-    assert steps > 10
+    assert simulation.steps > 10
+    undisturbed = run_of(simulation.scene, simulation.steps)
     assert contents(simulation.state().corrections) == contents(undisturbed.state().corrections)
-    simulation.run(steps=20)
-    undisturbed.run(steps=20)
+    for each in (simulation, undisturbed):
+        each.run(steps=20)
     assert np.array_equal(simulation.position, undisturbed.position)
     assert np.array_equal(simulation.velocity, undisturbed.velocity)
 
 
-def test_a_repeated_search_that_runs_out_of_memory_leaves_the_last_state(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_repeated_search_that_runs_out_of_memory_leaves_the_last_state(monkeypatch):
     """Rows of the first search are written already, and are not joined with the contacts of the last list."""
-    simulation = Simulation(Scene.load("annulus"), threads=1)
-    simulation.advance(300)
+    simulation = run_of(Scene.load("annulus"), 300, threads=1)
     state = simulation.state()
     apart = np.linalg.norm(state.position[:, np.newaxis] - state.position, axis=2)
     pairs = np.unique(np.sort(np.stack([np.arange(15), apart.argmax(axis=1)], axis=1)), axis=0)
@@ -108,11 +99,11 @@ def test_a_repeated_search_that_runs_out_of_memory_leaves_the_last_state(
         wall=np.zeros((0, 2), np.int32),
         wall_correction=np.zeros(0),
     )
-    simulation.restore(replace(state, lists=None, corrections=corrections))
-    before = contents(simulation.state().corrections)
+    changed = replace(state, lists=None, corrections=corrections)
+    simulation.restore(changed)
     reserve = SceneRecords.reserve_contacts
 
-    def refuse(records: SceneRecords, k: int, count: int) -> None:
+    def refuse(records, k, count):
         if count > len(records.array(k, "neighbors.neighbor")):
             raise SimulationError(f"no memory for {count}")
         reserve(records, k, count)
@@ -121,8 +112,7 @@ def test_a_repeated_search_that_runs_out_of_memory_leaves_the_last_state(
         patch.setattr(SceneRecords, "reserve_contacts", refuse)
         with pytest.raises(SimulationError, match="no memory"):
             simulation.step()
-    assert contents(simulation.state().corrections) == before
-    undisturbed = Simulation(simulation.scene, threads=1)
-    undisturbed.restore(replace(state, lists=None, corrections=corrections))
+    undisturbed = Simulation(simulation.scene, threads=1, state=changed)
+    assert contents(simulation.state().corrections) == contents(undisturbed.state().corrections)
     assert contents(simulation.step()) == contents(undisturbed.step())
     assert np.array_equal(simulation.position, undisturbed.position)

@@ -44,16 +44,25 @@ class Step:
     """One step, as seen from outside: arrays before (0) and after it, and what it says of its contacts."""
 
     scene: Scene
-    mass: FloatArray  # M_i of eq. 17b [kg]
     report: StepReport
     x0: FloatArray
     x: FloatArray
     v_free: FloatArray
     v: FloatArray
     pair: IntArray
-    pair_impulse: FloatArray  # [kg m/s], of the pairs, along n from i to j
     pair_correction: FloatArray
     wall_correction: FloatArray
+
+    @property
+    def mass(self) -> FloatArray:
+        """M_i of eq. 17b [kg]."""
+        return contact_mass(self.scene)
+
+    @property
+    def pair_impulse(self) -> FloatArray:
+        """Impulses of the pairs along n from i to j [kg m/s]."""
+        i, j = self.pair.T
+        return self.mass[i] * self.mass[j] / (self.mass[i] + self.mass[j]) * self.pair_correction
 
     @property
     def size(self) -> float:
@@ -62,46 +71,22 @@ class Step:
         lengths = (scene.radius_out, self.x0, self.x, scene.dt * self.v, scene.dt * self.v_free)
         return max(np.abs(array).max() for array in lengths)
 
-    @property
-    def allowed(self) -> float:
-        """By how much a gap may fall short [m]: dt eta, and the rounding of a dozen operations on `size`."""
-        return self.scene.dt * self.report.residual + 16.0 * EPS * self.size
-
 
 def checked_step(simulation: Simulation) -> StepReport:
     """Advance by one step, and assert everything above."""
     scene, x0, v0 = simulation.scene, simulation.position, simulation.velocity
     v_free = without_contacts(scene, v0, simulation.state().staggered)
     report = simulation.step()
-    contacts, walls = simulation.contacts(), at_annulus(simulation)
-    i, j = contacts.pair.T
-    mass = contact_mass(scene)
-    mu = mass[i] * mass[j] / (mass[i] + mass[j])
-    step = Step(
-        scene=scene,
-        mass=mass,
-        report=report,
-        x0=x0,
-        x=simulation.position,
-        v_free=v_free,
-        v=simulation.velocity,
-        pair=contacts.pair,
-        pair_impulse=mu * contacts.correction,
-        pair_correction=contacts.correction,
-        wall_correction=walls.correction,
-    )
-    assert_finite(step)
+    pairs, walls = simulation.contacts(), at_annulus(simulation)
+    after = (simulation.position, v_free, simulation.velocity)
+    step = Step(scene, report, x0, *after, pairs.pair, pairs.correction, walls.correction)
+    for array in (step.x, step.v, pairs.correction, walls.correction, [report.residual, report.zeta]):
+        assert np.isfinite(array).all()
+    assert (pairs.correction > 0.0).all()
     assert_momentum(step)
     assert_energy(step)
     assert_overlaps(step)
     return report
-
-
-def assert_finite(step: Step) -> None:
-    report = step.report
-    for array in (step.x, step.v, step.pair_correction, step.wall_correction, [report.residual, report.zeta]):
-        assert np.isfinite(array).all()
-    assert (step.pair_correction > 0.0).all()
 
 
 def momentum_rounding(step: Step) -> FloatArray:
@@ -141,11 +126,8 @@ def contacts_of(step: Step) -> tuple[FloatArray, FloatArray, FloatArray, FloatAr
     kinds = [(step.pair_impulse, step.pair_correction, distance - scene.radius[i] - scene.radius[j], vn)]
     outer = scene.radius_out - rho - scene.radius
     if scene.wall == "round":
-        room, vt = (
-            scene.radius_out - scene.radius,
-            (step.v[:, 1] * step.x0[:, 0] - step.v[:, 0] * step.x0[:, 1]) / rho,
-        )
-        outer = np.sqrt(room**2 - (scene.dt * vt) ** 2) - rho
+        vt = (step.v[:, 1] * step.x0[:, 0] - step.v[:, 0] * step.x0[:, 1]) / rho
+        outer = np.sqrt((scene.radius_out - scene.radius) ** 2 - (scene.dt * vt) ** 2) - rho
     for sign, gap in ((1.0, outer), (-1.0, rho - scene.radius_in - scene.radius)):
         dv = np.maximum(sign * step.wall_correction, 0.0)
         kinds.append((step.mass * dv, dv, gap, sign * outward))
@@ -170,25 +152,23 @@ def assert_energy(step: Step) -> None:
 
 def assert_overlaps(step: Step) -> None:
     """Nothing overlaps by more than residual and outer wall allow, and the report tells the worst."""
-    scene, dt, allowed = step.scene, step.scene.dt, step.allowed
+    scene, dt, eta = step.scene, step.scene.dt, step.report.residual
+    rounding = 16.0 * EPS * step.size  # of a dozen operations
     i, j = np.triu_indices(scene.n, 1)
     gap = np.hypot(*(step.x[j] - step.x[i]).T) - (scene.radius[i] + scene.radius[j])
-    assert (gap >= -allowed).all()
-    rho = np.hypot(*step.x.T)
+    assert (gap >= -dt * eta - rounding).all()
+    rho, rho0, room = np.hypot(*step.x.T), np.hypot(*step.x0.T), scene.radius_out - scene.radius
     outer, inner = scene.radius_out - rho - scene.radius, rho - scene.radius_in - scene.radius
-    rho0, room = np.hypot(*step.x0.T), scene.radius_out - scene.radius
     normal = step.x0 / rho0[:, None]
     vn = (step.v * normal).sum(axis=1)
     vt = normal[:, 0] * step.v[:, 1] - normal[:, 1] * step.v[:, 0]
     assert (rho0 + dt * vn >= -room).all(), "a grain crosses the disc in one step"
-    if scene.wall == "round":  # rho + dt vn <= root + dt eta, root^2 = A^2 - (dt vt)^2
-        farthest = np.hypot(np.sqrt(room**2 - (dt * vt) ** 2) + dt * step.report.residual, dt * vt)
-    else:
-        farthest = np.hypot(room + dt * step.report.residual, dt * vt)
-    assert (outer >= room - farthest - 16.0 * EPS * step.size).all()
+    # at a round wall, rho + dt vn <= root + dt eta, root^2 = A^2 - (dt vt)^2
+    reached = np.sqrt(room**2 - (dt * vt) ** 2) if scene.wall == "round" else room
+    assert (outer >= room - np.hypot(reached + dt * eta, dt * vt) - rounding).all()
     gaps = [gap, outer]
     if scene.radius_in > 0.0:
-        assert (inner >= -allowed).all()
+        assert (inner >= -dt * eta - rounding).all()
         gaps.append(inner)
     worst = max(0.0, -min(gaps_of_kind.min(initial=np.inf) for gaps_of_kind in gaps))
     assert abs(step.report.overlap - worst) <= 8.0 * EPS * step.size

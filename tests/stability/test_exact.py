@@ -1,10 +1,7 @@
 """The exact method: against another library over all pairs, its bits, and what it refuses."""
 
 import sys
-from collections.abc import Callable
 from functools import lru_cache, partial
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,30 +9,27 @@ from hard_scenes import SOON, drum, heap, past_the_origin, random_masses, stack
 from invariants import checked_step
 from residual_twin import free_velocity, twin_residual
 from same_bits import at_annulus, contents, run_of
-from sample_scenes import SUDDEN, chain, dense_start
+from sample_scenes import SUDDEN, dense_start
 from scipy import sparse
 
-from warpgrains import Batch, InputError, Scene, Simulation, SimulationError, StepReport
-from warpgrains.accuracy import certify
+from warpgrains import Batch, InputError, Scene, Simulation
 from warpgrains.solver.exact import active_set, bordered, convex, interior_point
 from warpgrains.solver.exact.bordered import BorderedMatrix
-from warpgrains.solver.exact.convex import Matrices
 from warpgrains.solver.exact.path import FrictionStep
-from warpgrains.solver.exact.projection import NormalMatrix, Projection, Solution
+from warpgrains.solver.exact.projection import NormalMatrix, Projection
 
 EPS = np.finfo(float).eps
 
 
-def few(n: int, **changes) -> Scene:
+def few(n, **changes):
     """One, two or three grains that fall on the wall and on one another."""
     position = np.array([[0.0, -0.85], [0.02, -0.6], [-0.2, 0.5]])[:n]
     velocity = np.array([[0.0, -9.0], [0.0, -20.0], [3.0, 0.0]])[:n]
     return Scene(position=position, velocity=velocity, radius=0.1, mass=0.3, radius_out=1.0, **changes)
 
 
-SCENES: dict[str, Callable[[], Scene]] = {
+SCENES = {
     "one grain": partial(few, 1),
-    "two grains": partial(few, 2),
     "two grains, inner wall": partial(few, 2, radius_in=0.4),
     "three grains, no gravity": partial(few, 3, gravity=(0.0, 0.0)),
     "a grain at the origin": partial(past_the_origin, 0.98),
@@ -49,8 +43,8 @@ SCENES: dict[str, Callable[[], Scene]] = {
 }
 
 
-@pytest.mark.parametrize(("seed", "filled"), [(0, 0.9), (11, 0.9), (8, 0.67), (41, 0.67), (53, 0.67)])
-def test_sweeps_go_on_where_the_host_declines(seed: int, filled: float) -> None:
+@pytest.mark.parametrize(("seed", "filled"), [(0, 0.9), (11, 0.9), (8, 0.67)])
+def test_sweeps_go_on_where_the_host_declines(seed, filled):
     """A dense start without solution is seen at once, and ends with the bits that sweeps alone give it."""
     scene = dense_start(seed, filled, tolerance=1e-7, max_iterations=700)
     exactly, sweeps = (Simulation(scene, method=method) for method in ("exact", "accelerated"))
@@ -62,17 +56,21 @@ def test_sweeps_go_on_where_the_host_declines(seed: int, filled: float) -> None:
 
 
 @lru_cache
-def at_rest(n: int) -> Scene:
+def at_rest(n):
     """Grains of one mass, 2 s after they fell."""
     scene = heap(n, dt=0.005, order="color", tolerance=1e-5, max_iterations=300, method="accelerated")
-    simulation = Simulation(scene)
-    simulation.advance(400)
-    return scene.replace(position=simulation.position, velocity=simulation.velocity)
+    resting = run_of(scene, 400)
+    return scene.replace(position=resting.position, velocity=resting.velocity)
 
 
-@pytest.mark.parametrize("n", [100, 500, pytest.param(2000, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(("kind", "ratio"), [("top", 100.0), ("top", 1e4), ("random", 1e4)])
-def test_heavy_tops_and_random_masses_on_a_pile_at_rest_are_solved(n: int, kind: str, ratio: float) -> None:
+@pytest.mark.parametrize(
+    ("kind", "ratio", "n"),
+    [
+        *(("top", 100.0, 100), ("top", 1e4, 500), ("random", 1e4, 100)),
+        pytest.param("random", 1e4, 2000, marks=pytest.mark.slow),
+    ],
+)
+def test_heavy_tops_and_random_masses_on_a_pile_at_rest_are_solved(kind, ratio, n):
     """A cold step, to a tolerance that sweeps miss by four digits."""
     scene = at_rest(n)
     power = np.random.default_rng(2).uniform(0.0, 1.0, n)
@@ -86,7 +84,7 @@ def test_heavy_tops_and_random_masses_on_a_pile_at_rest_are_solved(n: int, kind:
     assert 0 < report.factorizations <= convex.MOST
 
 
-def test_host_is_not_asked_where_sweeps_converge() -> None:
+def test_host_is_not_asked_where_sweeps_converge():
     """Whether the residual falls too slowly is not told before it was measured twice in a step."""
     simulation = Simulation(heap(100), method="exact", tolerance=1e-6, max_iterations=10_000, stop="residual")
     reports = [simulation.step() for _ in range(200)]
@@ -94,7 +92,7 @@ def test_host_is_not_asked_where_sweeps_converge() -> None:
     assert not any(report.factorizations for report in reports if report.iterations < 100)
 
 
-def optimal_step(simulation: Simulation) -> StepReport:
+def optimal_step(simulation):
     """Take a step, and check that it satisfies eq. 10 over all pairs and both walls, to the tolerance."""
     scene, free = simulation.scene, free_velocity(simulation)
     report = checked_step(simulation)
@@ -106,7 +104,7 @@ def optimal_step(simulation: Simulation) -> StepReport:
 
 
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
-def test_every_step_is_optimal_over_all_pairs(scene: Callable[[], Scene]) -> None:
+def test_every_step_is_optimal_over_all_pairs(scene):
     simulation, asked = Simulation(scene(), **SOON), 0
     for _ in range(12):
         report = optimal_step(simulation)
@@ -115,61 +113,45 @@ def test_every_step_is_optimal_over_all_pairs(scene: Callable[[], Scene]) -> Non
     assert asked > 0 or simulation.scene.n < 3
 
 
-@pytest.mark.parametrize("name", ["two grains, inner wall", "a heap", "long steps"])
-def test_velocities_are_those_of_another_library(name: str) -> None:
-    """To what it proves of its own."""
-    simulation = Simulation(SCENES[name](), **SOON)
-    for _ in range(5):
-        simulation.step()
-        bound = certify(simulation)
-        assert bound.error is None
-        assert bound.solver_error <= 1e-5  # [m/s], as far as clarabel proves its own velocities
-
-
-def test_a_pile_at_rest_takes_few_factorizations() -> None:
-    simulation = Simulation(heap(200, spacing=2.0), method="exact", tolerance=1e-6, order="color")
-    simulation.advance(150)
-    settled = simulation.state()
-    simulation = Simulation(simulation.scene.replace(tolerance=SOON["tolerance"], max_iterations=10))
-    simulation.restore(settled)
+def test_a_pile_at_rest_takes_few_factorizations():
+    settled = run_of(heap(200, spacing=2.0, method="exact", tolerance=1e-6, order="color"), 150)
+    harder = settled.scene.replace(tolerance=SOON["tolerance"], max_iterations=10)
+    simulation = Simulation(harder, state=settled.state())
     reports = [simulation.step() for _ in range(10)]
     assert all(report.converged for report in reports)
     assert 0 < max(report.factorizations for report in reports) <= 30
 
 
 @pytest.mark.parametrize("name", ["column", "no_inner_wall"])
-def test_every_step_of_a_shipped_scene_converges(name: str) -> None:
+def test_every_step_of_a_shipped_scene_converges(name):
     scene = Scene.load(name).replace(method="exact", order="color", stop="default", tolerance=1e-9)
     summary = Simulation(scene).run()
     assert summary.unconverged == 0
     assert summary.residual <= 1e-9
 
 
-def asked_of_the_host(
-    scene: Scene, monkeypatch: pytest.MonkeyPatch
-) -> list[tuple[Projection, np.ndarray, float]]:
-    """The problems that the host is given in some steps, and where it starts."""
+@pytest.mark.parametrize(
+    ("name", "start", "kept"),
+    [
+        ("a heap", "nothing", 100),
+        ("a heap", "sweeps", 3),
+        ("masses 1:10,000", "nothing", 3),
+        ("a column struck", "all", 100),
+    ],
+)
+def test_contacts_that_change_lead_where_the_interior_point_method_does(name, start, kept, monkeypatch):
+    """Contacts join and let go by dozens, beside one matrix or with new factors after every third change."""
+    monkeypatch.setattr(bordered, "MOST", kept)
+    monkeypatch.setattr(active_set, "most_solutions", lambda _: 2000)
     asked, real = [], convex.solve
 
-    def solve(problem: Projection, matrices: Matrices, q: np.ndarray, tolerance: float) -> Solution:
+    def solve(problem, matrices, q, tolerance):
         asked.append((problem, q, tolerance))
         return real(problem, matrices, q, tolerance)
 
     with monkeypatch.context() as patch:
         patch.setattr(convex, "solve", solve)
-        Simulation(scene).advance(12)
-    return asked
-
-
-@pytest.mark.parametrize("name", ["a heap", "masses 1:10,000", "a column struck"])
-@pytest.mark.parametrize(("start", "kept"), [("nothing", 100), ("nothing", 3), ("all", 100), ("sweeps", 3)])
-def test_contacts_that_change_lead_where_the_interior_point_method_does(
-    name: str, start: str, kept: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Contacts join and let go by dozens, beside one matrix or with new factors after every third change."""
-    monkeypatch.setattr(bordered, "MOST", kept)
-    monkeypatch.setattr(active_set, "most_solutions", lambda _: 2000)
-    asked = asked_of_the_host(SCENES[name]().replace(**SOON), monkeypatch)
+        run_of(SCENES[name]().replace(**SOON), 12)
     for problem, swept, tolerance in asked[-3:]:
         q = {"nothing": np.zeros_like(swept), "all": problem.unit, "sweeps": swept}[start]
         found = active_set.solve(problem, BorderedMatrix(), q, tolerance)
@@ -183,16 +165,14 @@ def test_contacts_that_change_lead_where_the_interior_point_method_does(
         assert apart @ apart <= bound + (100.0 * EPS * np.abs(problem.free).max()) ** 2
 
 
-def test_where_too_many_contacts_change_the_interior_point_method_goes_on(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_where_too_many_contacts_change_the_interior_point_method_goes_on(monkeypatch):
     monkeypatch.setattr(active_set, "most_solutions", lambda _: 0)
     simulation = Simulation(heap(60, spacing=2.0, **SOON))
     for _ in range(5):
         assert optimal_step(simulation).factorizations > 1
 
 
-def test_what_the_host_takes_for_solved_is_not_asked_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_host_takes_for_solved_is_not_asked_for_ever(monkeypatch):
     monkeypatch.setattr(Projection, "residual", lambda *_: 0.0)
     scene = heap(60, spacing=2.0, **SOON).replace(max_iterations=200, tolerance=1e-17)
     assert not run_of(scene, 1).step().converged
@@ -201,14 +181,12 @@ def test_what_the_host_takes_for_solved_is_not_asked_for_ever(monkeypatch: pytes
 @pytest.mark.parametrize(
     ("make", "solver"), [(partial(heap, 60, spacing=2.0, **SOON), convex), (drum, FrictionStep)]
 )
-def test_an_interrupted_solve_leaves_the_step_before(
-    make: Callable[[], Scene], solver: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_solve_leaves_the_step_before(make, solver, monkeypatch):
     simulation = Simulation(make())
     while simulation.step().factorizations == 0:
         pass
 
-    def interrupted(*_: object) -> None:
+    def interrupted(*_):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
@@ -220,33 +198,20 @@ def test_an_interrupted_solve_leaves_the_step_before(
         assert contents(simulation.state()) == contents(run_of(make(), simulation.steps).state())
 
 
-def test_what_cannot_fit_is_named_and_keeps_the_sweeps_answer() -> None:
-    scene = chain(5, 1e-3, method="exact", tolerance=SOON["tolerance"])
-    simulation = Simulation(scene)
-    report = simulation.step()
-    assert simulation.infeasible_grains() == (0, 1, 2, 3, 4)
-    assert not report.converged
-    assert 0 < report.factorizations < 20
-    with pytest.raises(SimulationError, match="grains 0, 1, 2, 3, 4 cannot fit"):
-        Simulation(scene.replace(on_unconverged="raise")).step()
-
-
-@pytest.mark.parametrize(("method", "matrix"), [(active_set, BorderedMatrix), (interior_point, NormalMatrix)])
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
-def test_one_bound_in_closed_form(scale: float, method: ModuleType, matrix: Callable[[], object]) -> None:
+def test_one_bound_in_closed_form(scale):
     """min |u - u0|^2 / 2 under n . u <= b is u0 - max(0, n . u0 - b) n, in any unit of mass and speed."""
     n, free, bound = np.array([0.6, 0.8]), scale * np.array([3.0, 1.0]), scale * 0.5
     rows = sparse.csr_array((n, [0, 1], [0, 2]), shape=(1, 2))
     problem = Projection(rows, np.array([bound]), free, np.array([1.0]))
-    found = method.solve(problem, matrix(), np.zeros(1), 1e-12 * scale)
-    assert abs(found.q[0] - (n @ free - bound)) <= 1e-12 * scale
-    assert found.residual <= 1e-12 * scale
+    for method, matrix in ((active_set, BorderedMatrix()), (interior_point, NormalMatrix())):
+        found = method.solve(problem, matrix, np.zeros(1), 1e-12 * scale)
+        assert abs(found.q[0] - (n @ free - bound)) <= 1e-12 * scale
+        assert found.residual <= 1e-12 * scale
 
 
 @pytest.mark.parametrize("make", [Simulation, lambda scene: Batch([scene])])
-def test_without_the_library_the_extra_is_named(
-    make: Callable[[Scene], object], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_the_library_the_extra_is_named(make, monkeypatch):
     for module in ("active_set", "bordered", "convex", "interior_point", "path", "projection"):
         monkeypatch.delitem(sys.modules, f"warpgrains.solver.exact.{module}")
     monkeypatch.setitem(sys.modules, "qdldl", None)

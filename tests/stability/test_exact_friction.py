@@ -2,7 +2,6 @@
 
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from same_bits import contents
 
 from warpgrains import Simulation
 from warpgrains.accuracy import certify
-from warpgrains.arrays import FloatArray
 from warpgrains.kernels.block_lu import Factors, Triples, factor, solve
 from warpgrains.solver.exact import path
 from warpgrains.solver.exact.path import ATTEMPTS, Contacts, FrictionStep
@@ -24,13 +22,13 @@ NAMES = sorted(file.stem for file in STEPS.glob("*.npz"))
 
 
 @wp.kernel
-def factor_and_solve(factors: Factors, x: Triples, sign: wp.array(dtype=wp.float64)) -> None:
+def factor_and_solve(factors: Factors, x: Triples, sign: wp.array(dtype=wp.float64)):
     sign[0] = factor(factors)
     solve(factors, x)
 
 
 @pytest.mark.parametrize("first", [3.0, -3.0])
-def test_factors_of_two_grains(first: float) -> None:
+def test_factors_of_two_grains(first):
     """One contact of compliance 1e-8 links them: quotients by a block of entries far apart stay exact."""
     stiffness, h, g = 1e8, np.array([0.6, 0.7, -0.4]), np.array([-0.5, 0.3, 0.8])
     blocks = [np.diag([first, 2.0, 3.0]) + stiffness * np.outer(h, h), np.eye(3) + stiffness * np.outer(g, g)]
@@ -55,14 +53,14 @@ def test_factors_of_two_grains(first: float) -> None:
         assert (np.abs(found - expected) <= 12.0 * EPS * (np.abs(expected) + size)).all()
 
 
-def hard_step(name: str) -> tuple[FrictionStep, Contacts, dict[str, FloatArray]]:
+def hard_step(name):
     with np.load(STEPS / f"{name}.npz") as file:
         own = dict(file)
     contacts = Contacts(*(own[field] for field in Contacts._fields))
     return FrictionStep(contacts, own["inertia"], own["free"]), contacts, own
 
 
-def residual(contacts: Contacts, own: dict[str, FloatArray], dv: FloatArray, dvt: FloatArray) -> float:
+def residual(contacts, own, dv, dvt):
     """Return the residual [m/s] (eq. 25) by NumPy."""
     i, j, n = contacts.first, contacts.second, contacts.normal
     pair, t = j >= 0, np.stack([-n[:, 1], n[:, 0]], axis=1)
@@ -87,7 +85,7 @@ def residual(contacts: Contacts, own: dict[str, FloatArray], dv: FloatArray, dvt
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_hard_step_is_solved(name: str) -> None:
+def test_a_hard_step_is_solved(name):
     step, contacts, own = hard_step(name)
     before = step.residual(own["dv"], own["dvt"])
     # of some contacts, a hundred roundings each at most, of numbers up to 20 m/s, or 1 / dt here
@@ -104,20 +102,18 @@ def test_a_hard_step_is_solved(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["flow", "drum"])
 @pytest.mark.parametrize("attempt", ATTEMPTS)
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.1, 0.5])
-def test_the_work_ends_within_the_budget_and_never_worse(
-    name: str, attempt: path.Attempt, share: float
-) -> None:
+def test_the_work_ends_within_the_budget_and_never_worse(name, attempt):
     step, _, own = hard_step(name)
-    before, budget = step.residual(own["dv"], own["dvt"]), share * 1e6
-    answer = step.solve(own["dv"], own["dvt"], 1e-12, budget, attempt)
-    assert answer.work <= budget
-    assert answer.residual <= before
-    assert step.residual(answer.dv, answer.dvt) == answer.residual
+    before = step.residual(own["dv"], own["dvt"])
+    for budget in (0.0, 1e4, 1e5, 5e5):
+        answer = step.solve(own["dv"], own["dvt"], 1e-12, budget, attempt)
+        assert answer.work <= budget
+        assert answer.residual <= before
+        assert step.residual(answer.dv, answer.dvt) == answer.residual
 
 
 @pytest.mark.parametrize("make", [drum, couette, partial(drum, friction=0.0), partial(drum, wall="tangent")])
-def test_steps_are_solutions_of_coulombs_law(make: Any) -> None:
+def test_steps_are_solutions_of_coulombs_law(make):
     """The residual of the kernels meets the tolerance, and another library finds the same velocities."""
     simulation, asked = Simulation(make()), 0
     for _ in range(40):
@@ -130,9 +126,9 @@ def test_steps_are_solutions_of_coulombs_law(make: Any) -> None:
     assert bound.solver_error <= 1e-5  # [m/s], as far as clarabel proves its own velocities
 
 
-def test_contacts_left_out_are_taken_in_where_an_answer_closes_them(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_contacts_left_out_are_taken_in_where_an_answer_closes_them(monkeypatch):
     monkeypatch.setattr(path, "NEAR", 0.0)
-    steps: list[Any] = []
+    steps = []
     monkeypatch.setattr(path, "FrictionStep", lambda *own: steps.append(own) or FrictionStep(*own))
     simulation, attempts = Simulation(couette()), 0
     for _ in range(10):
@@ -143,7 +139,7 @@ def test_contacts_left_out_are_taken_in_where_an_answer_closes_them(monkeypatch:
 
 
 @pytest.mark.parametrize("make", [drum, couette])
-def test_a_step_that_is_not_solved_ends_no_worse_than_by_sweeps(make: Any) -> None:
+def test_a_step_that_is_not_solved_ends_no_worse_than_by_sweeps(make):
     """With a budget too small for one factorization the bits are those of sweeps alone."""
     scene = make(exact_time=1e-6)
     one, other = Simulation(scene), Simulation(scene.replace(exact_time=None, method="accelerated"))

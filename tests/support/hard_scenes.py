@@ -11,13 +11,8 @@ from warpgrains.scene.layouts import column, lattice
 from warpgrains.scene.region import Region
 
 RADIUS_OUT = 1.0  # m
-ROUGH: dict[str, Any] = {
-    "method": "exact",
-    "tolerance": 1e-9,
-    "max_iterations": 320,
-    "friction": 0.5,
-    "exact_time": 1e3,
-}
+ROUGH: dict[str, Any] = {"method": "exact", "tolerance": 1e-9, "max_iterations": 320}
+ROUGH |= {"friction": 0.5, "exact_time": 1e3}
 """Friction by the exact method, whose host is asked early."""
 SOON: dict[str, Any] = {"method": "exact", "tolerance": 1e-10, "max_iterations": 3}
 """The host is asked after 3 sweeps."""
@@ -69,37 +64,16 @@ def sizes(radius: FloatArray) -> Scene:
     radius, position = np.sort(radius)[::-1], np.empty((0, 2))
     while len(position) < len(radius):
         r, at = radius[len(position)], rng.uniform(-RADIUS_OUT, RADIUS_OUT, 2)
-        if (
-            np.hypot(*at) < RADIUS_OUT - r
-            and (np.hypot(*(position - at).T) > radius[: len(position)] + r).all()
-        ):
+        is_free = (np.hypot(*(position - at).T) > radius[: len(position)] + r).all()
+        if is_free and np.hypot(*at) < RADIUS_OUT - r:
             position = np.vstack([position, at])
     return Scene(position=position, radius=radius, mass=10.0 * radius**2, radius_out=RADIUS_OUT)
 
 
-def one_to_five() -> Scene:
-    return sizes(np.random.default_rng(3).uniform(0.015, 0.075, 150))
-
-
-def one_to_a_hundred() -> Scene:
-    return sizes(np.repeat([0.2, 0.02, 0.002], [6, 60, 300]))
-
-
-def overlapping() -> Scene:
-    """A heap whose neighbours overlap by half their diameter."""
-    return heap(60, spacing=1.0)
-
-
 def past_the_origin(radius: float) -> Scene:
     """A grain passes the origin at 1e-9 m, where a wall's normal turns about within one step."""
-    return Scene(
-        position=[[-0.0155, 1e-9]],
-        velocity=[[1.0, 0.0]],
-        radius=radius,
-        mass=0.1,
-        radius_out=RADIUS_OUT,
-        gravity=(0.0, 0.0),
-    )
+    grain = {"position": [[-0.0155, 1e-9]], "velocity": [[1.0, 0.0]], "radius": radius, "mass": 0.1}
+    return Scene(**grain, radius_out=RADIUS_OUT, gravity=(0.0, 0.0))
 
 
 def drum(**changes: Any) -> Scene:
