@@ -15,7 +15,7 @@ from warpgrains import Scene, Simulation, State
 from warpgrains.kernels.record import Phase
 from warpgrains.kernels.step import METHODS
 from warpgrains.kernels.threads import team_records
-from warpgrains.reference.reference import SOURCE, Grains, Reference
+from warpgrains.reference.reference import SOURCE, Reference
 from warpgrains.solver.sizes import kind_of
 
 from ..support.same_bits import assert_same_bits
@@ -48,11 +48,7 @@ def compiled(compiler: str, flags: Sequence[str], sources: Sequence[Path]) -> ct
 @cache
 def library() -> ctypes.CDLL:
     loaded = compiled("gcc", [f"-I{SOURCE.parent}"], [SOURCE, Path(__file__).with_name("in_c.c")])
-    whole, number, array = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
-    loaded.run.restype = None
-    loaded.run.argtypes = [ctypes.POINTER(Grains), whole, number, number, number]
-    loaded.sweeps.restype = number
-    loaded.sweeps.argtypes = [whole, whole, whole, array, array, array]
+    loaded.sweeps.restype = ctypes.c_double
     return loaded
 
 
@@ -61,8 +57,8 @@ class CReference(Reference):
         super().__init__(library(), scene, state)
 
     def run(self, steps: int) -> None:
-        scene = self._scene
-        self._library.run(self._grains, steps, scene.dt, scene.tolerance, scene.max_iterations)
+        numbers = self._scene.dt, self._scene.tolerance, self._scene.max_iterations
+        self._library.run(ctypes.byref(self._grains), steps, *map(ctypes.c_double, numbers))
 
 
 class Sweeps:
@@ -96,7 +92,7 @@ class Sweeps:
 
     def run_in_c(self) -> float:
         """Do the same sweeps in C; return the last zeta [m/s]."""
-        arrays = (array.ctypes.data for array in (self.contact, self.dv, self.velocity))
+        arrays = (array.ctypes for array in (self.contact, self.dv, self.velocity))
         return library().sweeps(SWEEPS, self.pairs, self.walls, *arrays)
 
     def compare(self) -> None:

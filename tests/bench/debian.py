@@ -30,10 +30,6 @@ def springs(scene, overlap):
     return k, math.ceil(FRAME / (math.pi * math.sqrt(0.5 * m / k) / 20.0))
 
 
-def density(scene):
-    return scene["mass"] / (4.0 / 3.0 * math.pi * scene["radius"] ** 3)
-
-
 class Yade:
     """Spheres with viscoelastic contacts; the inner wall is a sphere, the outer one made of facets."""
 
@@ -42,16 +38,15 @@ class Yade:
         from yade import utils
 
         self._omega, friction = yade.O, math.atan(scene["friction"])
-        r, m = scene["radius"], scene["mass"]
+        r, m, self._n = scene["radius"], scene["mass"], len(scene["position"])
         k, self._steps = springs(scene, overlap)
         c = math.sqrt(2.0 * k * m)
         with_wall = math.sqrt(2.0) * c
 
         def material(c):  # contacts have the values of both bodies in series
             values = {"kn": 2 * k, "ks": 4 / 7 * k, "cn": 2 * c, "cs": c}
-            return yade.O.materials.append(
-                yade.ViscElMat(**values, frictionAngle=friction, density=density(scene))
-            )
+            values |= {"frictionAngle": friction, "density": scene["density"]}
+            return yade.O.materials.append(yade.ViscElMat(**values))
 
         grain, wall = material(c), material(0.5 / (1.0 / with_wall - 0.5 / c))
         for (x, y), v in zip(scene["position"], scene["velocity"], strict=True):
@@ -67,16 +62,14 @@ class Yade:
             along = np.array([-normal[1], normal[0]])
             foot = [(*(out * normal + sign * base * along), -low) for sign in (-1, 1)]
             yade.O.bodies.append(utils.facet([*foot, (*(out * normal), high)], material=wall, fixed=True))
-        law = yade.InteractionLoop(
-            [yade.Ig2_Sphere_Sphere_ScGeom(), yade.Ig2_Facet_Sphere_ScGeom()],
-            [yade.Ip2_ViscElMat_ViscElMat_ViscElPhys()],
-            [yade.Law2_ScGeom_ViscElPhys_Basic()],
-        )
-        self._n = len(scene["position"])
         yade.O.engines = [
             yade.ForceResetter(),
             yade.InsertionSortCollider([yade.Bo1_Sphere_Aabb(), yade.Bo1_Facet_Aabb()], verletDist=-0.5),
-            law,
+            yade.InteractionLoop(
+                [yade.Ig2_Sphere_Sphere_ScGeom(), yade.Ig2_Facet_Sphere_ScGeom()],
+                [yade.Ip2_ViscElMat_ViscElMat_ViscElPhys()],
+                [yade.Law2_ScGeom_ViscElPhys_Basic()],
+            ),
             yade.LinearDragEngine(nu=scene["drag"] / (6 * math.pi * r), ids=list(range(self._n))),
             yade.NewtonIntegrator(damping=0, gravity=(*scene["gravity"], 0)),
         ]
@@ -90,26 +83,23 @@ class Yade:
 
 
 class OfLammps:
-    """What the scripts of LAMMPS and LIGGGHTS have in common.
+    """What LAMMPS and LIGGGHTS have in common: the script, in the plane between two cylinders."""
 
-    A subclass has the half of a cell's `height` [radii], and `units`, that LIGGGHTS asks for.
-    """
+    height, units = 1, ""  # half of the box's [radii], and what LIGGGHTS adds to lengths
 
-    height, units = 1, ""
-
-    def script(self, scene, steps, begin, contacts, grain, moves):
-        """Return its lines: what a box, contacts, grains and moves are in the program."""
+    def start(self, scene, begin, contacts, grain, moves):
+        """Run the script, which has lines of the program's own before and after those of the scene."""
         x, z = 1.1 * scene["radius_out"], self.height * scene["radius"]
-        return [
+        lines = [
             "units si",
-            *begin,
             "newton off",
+            *begin,
             f"region box block {-x} {x} {-x} {x} {-z} {z}{self.units}",
             "create_box 1 box",
             f"neighbor {0.2 * scene['radius']} bin",
             *contacts,
             "pair_coeff * *",
-            f"timestep {FRAME / steps}",
+            f"timestep {FRAME / self.steps}",
             *(f"create_atoms 1 single {x} {y} 0{self.units}" for x, y in scene["position"]),
             f"set group all diameter {2 * scene['radius']} {grain}",
             *(f"set atom {i} vx {u} vy {v}" for i, (u, v) in enumerate(scene["velocity"], 1) if u or v),
@@ -119,6 +109,8 @@ class OfLammps:
             "thermo 1000000000",
             "run 0",
         ]
+        for line in lines:
+            self.command(line)
 
     def advance(self, frames):
         self.command(f"run {frames * self.steps} pre no post no")
@@ -164,8 +156,7 @@ class Liggghts(OfLammps):
             "fix move all nve/sphere",
             "thermo_modify lost ignore norm no",
         ]
-        for line in self.script(scene, self.steps, begin, contacts, f"density {density(scene)}", moves):
-            self.command(line)
+        self.start(scene, begin, contacts, f"density {scene['density']}", moves)
 
     def command(self, line):
         self._library.lammps_command(self._run, line.encode())

@@ -16,7 +16,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from itertools import chain
 from multiprocessing.pool import ThreadPool
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -48,22 +48,19 @@ DECIDING = {
 NONE, LATE, UNBUILT = "none", "time limit", "cannot be built"
 BUILD_ERRORS = re.compile(r"WarpCodegen\w*Error|kernel build failed|SyntaxError|IndentationError")
 COPIED = {
-    "warpgrains": "warpgrains",
-    "kernels": "warpgrains/kernels",
-    "scenes": "warpgrains/scenes",
-    "scenes/programs": "scenes/programs",
-    "tests": "tests",
+    **{folder: folder for folder in ("warpgrains", "tests", "scenes/programs")},
+    **{folder: f"warpgrains/{folder}" for folder in ("kernels", "scenes")},
 }
 
 
 class Mutant(NamedTuple):
-    """A kernel file with other text in one place."""
+    """A file of kernels/ with other text in one place; without a file, the package as it is."""
 
-    file: str = ""  # of kernels/, without its suffix; empty for the package as it is
+    file: str = ""
     old: str = ""
     new: str = ""
-    effect: str = ""  # what it changes: "result" (or the proof of one), "speed" alone, or "nothing"
-    reason: str = ""  # why it changes no result
+    effect: str = ""
+    reason: str = ""
 
     @property
     def source(self) -> str:
@@ -103,22 +100,10 @@ def trial(mutant: Mutant, tests: list[str], warm: Path) -> dict[str, str]:
 
 def first_failure(printed: str) -> str:
     """Return the name of the test that pytest says has failed, or what else has happened."""
-    failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", printed, re.M)
     if BUILD_ERRORS.search(printed):
         return UNBUILT
+    failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", printed, re.M)
     return failed[1] if failed else f"no test: {printed[-200:]!r}"
-
-
-def rows(files: list[str], tests: list[str], jobs: int, most: int) -> Iterator[dict[str, str]]:
-    """Run the package as it is, which warms the cache, and then the mutants of some files, as they end."""
-    deciding = {file: tests or [test_file(name) for name in DECIDING[file]] for file in files}
-    chosen = [one for file in files for one in [one for one in mutants() if one.file == file][:most]]
-    all_tests = dict.fromkeys(one for own in deciding.values() for one in own)
-    with TemporaryDirectory() as name, ThreadPool(jobs) as pool:
-        as_it_is = trial(Mutant(), list(all_tests), Path(name))
-        yield as_it_is
-        if as_it_is["detected by"] == NONE:
-            yield from pool.imap_unordered(lambda one: trial(one, deciding[one.file], Path(name)), chosen)
 
 
 def test_file(name: str) -> str:
@@ -129,9 +114,9 @@ def test_file(name: str) -> str:
 def is_as_it_should_be(row: dict[str, str]) -> bool:
     """Return whether the package as it is passes, or a mutant is built, and detected if results change."""
     found = row["detected by"]
-    if row["effect"] == "result":
-        return found not in (NONE, UNBUILT)
-    return found == NONE or (row["file"] != "" and found != UNBUILT)
+    if not row["file"]:
+        return found == NONE
+    return found != UNBUILT and (found != NONE or row["effect"] != "result")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -140,20 +125,27 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.bench.mutations", description=summary)
     files = list(DECIDING)
     parser.add_argument("--only", nargs="+", choices=files, default=files, help="files of kernels/ to change")
-    parser.add_argument("--tests", nargs="+", default=[], help="test files (default: those of `DECIDING`)")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at a time")
-    parser.add_argument("--most", type=int, help="mutants of a file, the first ones")
     parser.add_argument("-o", "--output", type=Path, default=Path("mutations.csv"))
     options = parser.parse_args(arguments)
-    fine = True
-    with options.output.open("w", newline="") as file:
+    deciding = {file: [test_file(name) for name in DECIDING[file]] for file in options.only}
+    chosen = [mutant for mutant in mutants() if mutant.file in deciding]
+    with options.output.open("w", newline="") as file, TemporaryDirectory() as warm:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
-        for row in rows(options.only, options.tests, options.jobs, options.most):
+
+        def run(mutant: Mutant) -> dict[str, str]:
+            tests = deciding.get(mutant.file) or list(dict.fromkeys(chain(*deciding.values())))
+            return trial(mutant, tests, Path(warm))
+
+        def is_fine(row: dict[str, str]) -> bool:
             writer.writerow(row)
             file.flush()
             print(row["file"] or "as it is", row["old"], row["effect"], row["detected by"], flush=True)
-            fine &= is_as_it_should_be(row)
+            return is_as_it_should_be(row)
+
+        with ThreadPool(options.jobs) as pool:
+            fine = is_fine(run(Mutant())) and all([*map(is_fine, pool.imap_unordered(run, chosen))])
     sys.exit(int(not fine))
 
 

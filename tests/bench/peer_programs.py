@@ -110,31 +110,27 @@ class Box2d(InSubSteps):
 
 
 class Box2d3:
-    """Box2D 3: soft contacts in sub-steps; lengths scaled, and walls made of segments, as for Box2D 2.3.
-
-    Contacts are found `steps` times a frame, each of `substeps` sub-steps; with more than one search, they
-    are as stiff as they can be. Without the folder of its `source`, this is an ImportError.
-    """
+    """Box2D 3: soft contacts, found `steps` times a frame; if more than once, as stiff as they can be."""
 
     def __init__(self, scene: Scene, source: Path | None, steps: int, substeps: int):
         self._library, self._steps, self._substeps = box2d3(source), steps, substeps
         self._n, self._scale = len(scene.radius), 0.5 / float(scene.radius[0])
         gravity = (self._scale * g for g in scene.gravity)
-        hertz = STIFFEST if steps > 1 else 0.0
-        self._discs = self._library.create(self._n, *gravity, hertz, scene.friction)
+        numbers = (*gravity, STIFFEST if steps > 1 else 0.0, scene.friction)
+        self._discs = ctypes.c_void_p(self._library.create(self._n, *map(ctypes.c_float, numbers)))
         for corners in polygons(scene, self._scale):
-            corner = corners.astype(np.float32, order="C")
-            self._library.addWall(self._discs, CORNERS, corner.ctypes.data)
+            self._library.addWall(self._discs, CORNERS, corners.astype(np.float32, order="C").ctypes)
         lengths = (one * self._scale for one in (scene.position, scene.velocity, scene.radius))
-        discs = [one.astype(np.float32, order="C") for one in (*lengths, scene.mass)]
-        self._library.addDiscs(self._discs, *(one.ctypes.data for one in discs), scene.drag)
+        discs = (one.astype(np.float32, order="C").ctypes for one in (*lengths, scene.mass))
+        self._library.addDiscs(self._discs, *discs, ctypes.c_float(scene.drag))
 
     def advance(self, frames: int) -> None:
-        self._library.advance(self._discs, frames * self._steps, FRAME / self._steps, self._substeps)
+        dt = ctypes.c_float(FRAME / self._steps)
+        self._library.advance(self._discs, frames * self._steps, dt, self._substeps)
 
     def position(self) -> FloatArray:
         x = np.full((self._n, 2), np.nan)
-        self._library.positions(self._discs, x.ctypes.data)
+        self._library.positions(self._discs, x.ctypes)
         return x / self._scale
 
     def __del__(self) -> None:
@@ -150,14 +146,7 @@ def box2d3(source: Path | None) -> ctypes.CDLL:
     flags = ["-std=gnu17", "-DNDEBUG", *simd, f"-I{source / 'include'}", "-pthread"]
     sources = [Path(__file__).with_name("box2d3.c"), *sorted((source / "src").glob("*.c"))]
     loaded = compiled("cc", flags, sources)
-    whole, number, array = ctypes.c_int, ctypes.c_float, ctypes.c_void_p
-    loaded.create.restype = array
-    loaded.create.argtypes = [whole, number, number, number, number]
-    loaded.addWall.argtypes = [array, whole, array]
-    loaded.addDiscs.argtypes = [array, array, array, array, array, number]
-    loaded.advance.argtypes = [array, whole, number, whole]
-    loaded.positions.argtypes = [array, array]
-    loaded.destroy.argtypes = [array]
+    loaded.create.restype = ctypes.c_void_p
     return loaded
 
 
@@ -184,10 +173,9 @@ class Lammps(OfLammps):
                 f"fix wall_{name} all wall/gran/region {hooke} region {name}",
             ]
         begin = ["dimension 2", "boundary f f p", "atom_style sphere", "comm_modify vel yes"]
-        lines = self.script(plain, self.steps, begin, [f"pair_style gran/{hooke}"], f"mass {m}", moves)
         self._lammps = lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
-        self._lammps.commands_string("\n".join(lines))
         self.command = self._lammps.command
+        self.start(plain, begin, [f"pair_style gran/{hooke}"], f"mass {m}", moves)
 
     def position(self) -> FloatArray:
         return np.array(self._lammps.gather_atoms("x", 1, 3)).reshape(-1, 3)[:, :2]
@@ -228,11 +216,17 @@ class OfDebian:
 
 
 def as_plain(scene: Scene) -> dict[str, Any]:
-    """Return what of the scene is simulated, as JSON has it; grains are of one kind."""
-    arrays = {field: getattr(scene, field).tolist() for field in ("position", "velocity")}
-    of_grains = {field: float(getattr(scene, field)[0]) for field in ("radius", "mass")}
-    numbers = ("friction", "drag", "radius_in", "radius_out", "gravity")
-    return {**arrays, **of_grains, **{field: getattr(scene, field) for field in numbers}}
+    """Return what of the scene is simulated, as JSON has it; grains are of one kind, and may be spheres."""
+    r, m = float(scene.radius[0]), float(scene.mass[0])
+    fields = ("friction", "drag", "radius_in", "radius_out", "gravity")
+    return {
+        **{field: getattr(scene, field) for field in fields},
+        "position": scene.position.tolist(),
+        "velocity": scene.velocity.tolist(),
+        "radius": r,
+        "mass": m,
+        "density": m / (4.0 / 3.0 * math.pi * r**3),
+    }
 
 
 def polygons(scene: Scene, scale: float) -> list[FloatArray]:

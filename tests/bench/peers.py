@@ -2,8 +2,7 @@
 
 CPU time of 10 ms simulated by one thread, without set-up and compiling, and the worst overlaps, sampled
 every 10 ms from the true circles. The window is 2 s, and of more than 1,000 grains 0.05 s in which all
-splash. Programs that are not installed (extra `[bench]`, and packages of Debian: yade, liggghts,
-python3-siconos and python3-scipy), and settings that take too long, are left out, and reported.
+splash. Programs that are not installed, and settings that take too long, are left out, and reported.
 """
 
 import argparse
@@ -93,13 +92,7 @@ def overlaps(scene: Scene, x: FloatArray) -> FloatArray:
 
 
 def measure(scene: Scene, frames: int, make: Make, longest: float) -> tuple[float, FloatArray]:
-    """Return the CPU time [ms] of 10 ms, and the worst overlaps [radii].
-
-    Raises
-    ------
-    TimeoutError
-        The window would take more than `longest` [s].
-    """
+    """Return the CPU time [ms] of 10 ms, and the worst overlaps [radii], or raise TimeoutError."""
     program, worst = make(scene), np.zeros(3)
     times: list[float] = []
     while len(times) < frames:

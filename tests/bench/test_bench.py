@@ -5,6 +5,7 @@ import csv
 import os
 import re
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -99,11 +100,13 @@ def test_mutants_are_changes_of_the_kernels_as_they_are():
 
 
 @pytest.mark.slow
-def test_a_mutant_is_detected(tmp_path):
+def test_a_mutant_is_detected(tmp_path, monkeypatch):
     file, test = tmp_path / "mutations.csv", "tests/kernels/test_verlet.py::test_sample"
+    monkeypatch.setattr(mutations, "test_file", lambda name: test)
+    monkeypatch.setattr(mutations, "mutants", partial(list, mutations.mutants()[:1]))
     with pytest.raises(SystemExit, match="0"):
-        mutations.main(f"--only verlet --most 1 --tests {test} -o {file}".split())
+        mutations.main(["--only", "verlet", "-o", str(file)])
     as_it_is, mutant = read(file)
     assert as_it_is["detected by"] == "none"
-    assert mutant["detected by"] == test
+    assert mutant["detected by"].startswith(test)
     assert (mutant["file"], mutant["effect"]) == ("verlet", "result")

@@ -53,29 +53,18 @@ def test_help_describes_fields(name):
     assert [own for own, text in fields if f"\n |  {own} : {text}" not in shown] == []
 
 
-def documented(name):
-    """Yield the docstrings of a public name and of its public members."""
-    own = SHOWN[name]
-    yield inspect.getdoc(own) or ""
-    if inspect.isclass(own):
-        for member in (getattr(own, one) for one in dir(own) if not one.startswith("_")):
-            yield inspect.getdoc(member) or ""
-
-
 @pytest.mark.parametrize("name", SHOWN)
 def test_refers_to_what_a_page_explains(name):
     """A name of this package in backticks is public: what help() says can be looked up."""
-    explained = {
-        *SHOWN,
-        "warpgrains.analysis",
-        *NO_DOCSTRING,
-        *(shown.rpartition(".")[2] for shown in SHOWN),
-        *dir(SHOWN[name]),
-    }
-    for text in documented(name):
-        for word in re.findall(r"(?<!`)`([A-Za-z_][\w.]*)`(?!`)", text):
-            if word.partition(".")[0] in DEFINED or word.startswith("warpgrains."):
-                assert {word, word.partition(".")[0]} & explained, word
+    own = SHOWN[name]
+    names = {"warpgrains.analysis", *SHOWN, *NO_DOCSTRING, *(one.rpartition(".")[2] for one in SHOWN)}
+    explained = names | {*dir(own)}
+    public = [one for one in dir(own) if inspect.isclass(own) and not one.startswith("_")]
+    members = [getattr(own, one) for one in public]
+    text = "\n".join(inspect.getdoc(one) or "" for one in (own, *members))
+    for word in re.findall(r"(?<!`)`([A-Za-z_][\w.]*)`(?!`)", text):
+        if word.partition(".")[0] in DEFINED or word.startswith("warpgrains."):
+            assert {word, word.partition(".")[0]} & explained, word
 
 
 def test_the_page_has_every_name():

@@ -124,6 +124,12 @@ EXPECTED = {
         "grains, equal": 200,
         "contacts, equal": 405,
     },
+    "heap": {
+        "friction that the heap needs": approx(0.186527, abs=1e-6),
+        "fallen at 0.3000 [m]": approx(0.0, abs=1e-9),
+        "fallen at 0.1884 [m]": approx(0.0, abs=1e-9),
+        "fallen at 0.1847 [m]": approx(0.088, abs=0.001),  # the upper disc lies between the lower ones
+    },
     "slope": {
         "way of the upper grain [m]": approx(2 / 3 * 9.81 * 0.5 * 0.6**2 / 2, rel=0.01),
         "2/3 g sin(30) t^2 / 2 [m]": approx(2 / 3 * 9.81 * 0.5 * 0.6**2 / 2),

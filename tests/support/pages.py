@@ -22,12 +22,10 @@ class Block(NamedTuple):
 
     @property
     def is_slow(self) -> bool:
-        """Whether it takes long."""
         return "slow" in self.marks
 
     @property
     def is_run(self) -> bool:
-        """Whether the tests can run it."""
         return not self.marks.startswith(("not run: ", "test-command"))
 
     @property
