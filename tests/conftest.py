@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from simulate import WAYS, Simulate
 from trimmed import trimmed
 from warp._src import build as warp_build
 from warp._src import context as warp_context
@@ -172,12 +171,3 @@ def reference(c_library: ctypes.CDLL) -> Callable[..., Reference]:
         return Reference(c_library, scene, state)
 
     return make
-
-
-@pytest.fixture(params=WAYS)
-def simulate(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Simulate:
-    """Simulate with one thread and with two, using lists for as long as they hold and for one step only."""
-    way = Simulate(*request.param)
-    if not way.use_again:
-        monkeypatch.setattr(tuning, "BASE_SKIN", 1e-12)
-    return way

@@ -89,25 +89,18 @@ def driven() -> Iterator[tuple[str, Form]]:
     # speeds are F t / M, half a step earlier in the leapfrog; a pressure acts on 2 pi R
     plate = Segment((-0.2, 0.0), (0.2, 0.0), force=3.0, mass=2.0)
     for scheme, late, ahead in (("text", 0.0, 1e-3), ("leapfrog", 0.5e-3, 0.0)):
+        ways, speeds = 0.5 * 0.2 * (0.2 + ahead), 0.2 - late
+        known = (1.0 - pi * ways / 1e6, -pi * speeds / 1e6, 1.5 * ways, 1.5 * speeds)
+        off = (1e-12, 1e-11, 1e-12, 1e-12)  # R is off by 1e-7 of it, and so is the pressure's force
         for method in METHODS[:2]:
-            ways, speeds = 0.5 * 0.2 * (0.2 + ahead), 0.2 - late
-            known = (1.0 - pi * ways / 1e6, -pi * speeds / 1e6, 1.5 * ways, 1.5 * speeds)
-            off = (1e-12, 1e-11, 1e-12, 1e-12)  # R is off by 1e-7 of it, and so is the pressure's force
-            fields = {"scheme": scheme, "method": method, "dt": 1e-3, "pressure": 0.5, "wall_mass": 1e6}
-            fields |= FREE | {"radius_out": 1.0}
-            yield (
-                f"no contact, {scheme}, {method}",
-                Form([plate], (0.0, -0.5), 0.2, {"driven": (known, off)}, fields=fields),
-            )
+            fields = {"scheme": scheme, "method": method, "dt": 1e-3, "radius_out": 1.0}
+            fields |= FREE | {"pressure": 0.5, "wall_mass": 1e6}
+            form = Form([plate], (0.0, -0.5), 0.2, {"driven": (known, off)}, fields=fields)
+            yield f"no contact, {scheme}, {method}", form
     # between a piston and a fixed wall it comes to rest, and both contacts carry the force
-    for method, mass in (
-        ("gauss-seidel", 1e-6),
-        ("gauss-seidel", 1.0),
-        ("accelerated", 1e-6),
-        ("accelerated", 1e6),
-    ):
+    for method, mass in (("gauss-seidel", 1e-6), ("gauss-seidel", 1.0), ("accelerated", 1e6)):
         piston = Segment((0.5, 0.15), (-0.5, 0.15), force=7.0, mass=mass)
-        dt = 1e-2 * max(1.0, sqrt(mass))
+        walls, dt = [Segment((-0.5, -0.1), (0.5, -0.1)), piston], 1e-2 * max(1.0, sqrt(mass))
         known = {
             "wall": ((0, 2, 0, 3), 0),
             "force": (7.0, max(7e-6, 1e-9 * mass / dt)),
@@ -116,17 +109,9 @@ def driven() -> Iterator[tuple[str, Form]]:
             "driven": ((6.0, 0.0, 0.0, 0.0, 0.05, 0.0), 1e-8),
         }
         fields = {"scheme": "text", "method": method, "stop": "residual", "tolerance": 1e-10, "dt": dt}
-        yield (
-            f"piston, {mass} kg, {method}",
-            Form(
-                [Segment((-0.5, -0.1), (0.5, -0.1)), piston],
-                (0.0, 0.02),
-                300 * dt,
-                known,
-                overlap=1e-9 * dt,
-                fields=FREE | fields | {"mass": 0.3},
-            ),
-        )
+        fields |= FREE | {"mass": 0.3}
+        form = Form(walls, (0.0, 0.02), 300 * dt, known, overlap=1e-9 * dt, fields=fields)
+        yield f"piston, {mass} kg, {method}", form
 
 
 def joined() -> Iterator[tuple[str, Form]]:
@@ -148,10 +133,9 @@ def joined() -> Iterator[tuple[str, Form]]:
         corner = chained(np.array([(-2.0, 0.0), (0.0, 0.0), (2.0 * cos(turn), 2.0 * sin(turn))]))
         left = {"velocity": ((cos(turn) ** 2, cos(turn) * sin(turn)), 1e-10)}
         for dt in (0.013, 0.05):
-            yield (
-                f"concave corner, {turn}, {dt}",
-                Form(corner, (-0.7, 0.1), 1.2, left, (1.0, 0.0), fields=FREE | {"dt": dt}),
-            )
+            fields = FREE | {"dt": dt}
+            form = Form(corner, (-0.7, 0.1), 1.2, left, (1.0, 0.0), fields=fields)
+            yield f"concave corner, {turn}, {dt}", form
     # a ramp just behind a joint is seen from its side only, in the step that passes its foot
     floor = chained(np.array([(-2.0, 0.0), (0.0, 0.0), (2.0, 0.0)]))
     walls = [*floor, Segment((0.03, 0.0), (1.0, 0.6))]
@@ -159,30 +143,25 @@ def joined() -> Iterator[tuple[str, Form]]:
         known = {"velocity": (v, off)}
         yield f"ramp, {side}", Form(walls, (-0.68, 0.1 * side), 0.2, known, (7.0, 0.0), fields=FREE)
     # at a convex corner it flies on, past a third wall that hangs from there
-    hanging = [
-        Segment((-2.0, 0.0), (0.0, 0.0)),
-        Segment((0.0, 0.0), (1.0, -1.0)),
-        Segment((0.0, -1.0), (0.0, 0.0)),
-    ]
+    hanging = [*chained(np.array([(-2.0, 0.0), (0.0, 0.0), (1.0, -1.0)])), Segment((0.0, -1.0), (0.0, 0.0))]
+    known = {"velocity": ((1.0, 0.0), 2e-10)}
     for k, walls in enumerate(permutations(hanging)):
-        known = {"velocity": ((1.0, 0.0), 2e-10)}
         yield f"convex corner, {k}", Form(walls, (-0.7, 0.1), 2.0, known, (1.0, 0.0), fields=FREE)
 
 
 def bouncing() -> Iterator[tuple[str, Form]]:
     # it leaves a wall at e times the speed at which it came, relative to the wall
-    ends = (-1.0, 0.5), (1.0, 0.5)
+    ends, below = ((-1.0, 0.5), (1.0, 0.5)), {"radius_out": 0.6995}
+    common = {"scheme": "text", "wall_restitution": 0.6, "mass": 0.5, "tolerance": 0.0, "dt": 1e-3}
     for what, walls, speed, fields in (
-        ("outer", [], 0.6 * 2.0, {"radius_out": 0.5995 + 0.1}),
+        ("outer", [], 0.6 * 2.0, below),
         ("inner", [], 0.6 * 2.0, {"radius_in": 0.5}),
         ("segment", [Segment(*ends, restitution=0.25)], 0.25 * 2.0, {}),
         ("piston", [Segment(*ends, velocity=(0.0, 0.5))], 0.5 + 0.6 * 2.5, {}),
         ("driven", [Segment(*ends, force=0.0, mass=1.5, friction=0.0)], -2.0 + 1.6 * 2.0 * 0.75, {}),
     ):
-        rounding = 8.0 * EPS * 0.6 / 1e-3  # of gap / dt
-        known = {"velocity": ((0.0, speed), (0.0, rounding))}
-        start = (0.0, -0.599 if what == "outer" else 0.6005)
-        common = {"scheme": "text", "wall_restitution": 0.6, "mass": 0.5, "tolerance": 0.0, "dt": 1e-3}
+        start = (0.0, -0.599 if fields == below else 0.6005)
+        known = {"velocity": ((0.0, speed), (0.0, 8.0 * EPS * 0.6 / 1e-3))}  # of gap / dt
         for method in METHODS[:2]:
             how = FREE | common | {"method": method} | fields
             yield f"{what}, {method}", Form(walls, start, 1e-3, known, (0.0, -2.0), fields=how)
@@ -223,13 +202,9 @@ def test_a_grain_slides_off(wall: Wall, arm: float) -> None:
 
 def test_a_grain_climbs_a_smooth_chute() -> None:
     """A floor, an arc and an upright: it gets as high as its energy does, and comes back."""
-    walls = [
-        Segment((-3.0, 0.0), (0.0, 0.0)),
-        Arc((0.0, 1.0), 1.0, -pi / 2, 0.0),
-        Segment((1.0, 1.0), (1.0, 4.0)),
-    ]
+    floor, upright = Segment((-3.0, 0.0), (0.0, 0.0)), Segment((1.0, 1.0), (1.0, 4.0))
     speed, heights = 3.0, [0.0]
-    simulation = alone((-1.5, 0.1), walls, (speed, 0.0))
+    simulation = alone((-1.5, 0.1), [floor, Arc((0.0, 1.0), 1.0, -pi / 2, 0.0), upright], (speed, 0.0))
     while simulation.velocity[0, 0] > -0.5 * speed:
         simulation.step()
         heights.append(simulation.position[0, 1] - 0.1)

@@ -1,11 +1,12 @@
-"""Friction and resistance to rolling: closed forms, and the laws in NumPy (MODEL.md, "Friction")."""
+"""Friction and resistance to rolling: closed forms, and visits against another solver (MODEL.md, eq. 23)."""
 
 import closed_forms
 import numpy as np
 import pytest
-from walled_scenes import ROLLING, cloud
+from walled_scenes import cloud, on_circle
 
 from warpgrains import Scene, Simulation
+from warpgrains.arrays import FloatArray
 
 
 @pytest.mark.parametrize(
@@ -38,49 +39,6 @@ def test_disc_on_a_slope(tangent_of_slope: float, friction: float, rolling: floa
     )
 
 
-def test_three_discs() -> None:
-    """One on two stands if mu >= tan(15 deg) = 0.26795; the slope of the bowl changes that by 1e-4."""
-    simulation, fallen = closed_forms.three_discs(0.27)
-    assert fallen < 1e-4
-    contacts, half = simulation.contacts(), 9.81 / 2.0  # of a weight
-    assert contacts.pair.tolist() == [[0, 2], [1, 2]]
-    assert contacts.force == pytest.approx([half, half], rel=1e-3)
-    # both contacts of a lower disc have the same tangential force
-    expected = half * np.tan(np.radians(15.0)) * np.array([1.0, -1.0])
-    assert contacts.tangential_force == pytest.approx(expected, rel=1e-3)
-    assert not contacts.slides.any()
-
-
-@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
-def test_rolling_corrections_turn_grains_and_solve_their_law(method: str) -> None:
-    """Eqs. 37 and 38 in NumPy: spins are those of the corrections, and no residual is above eta."""
-    common = {"method": method, "stop": "residual", "tolerance": 1e-4, "max_iterations": 3000}
-    simulation = Simulation(cloud(spin_drag=0.0, **ROLLING, **common))
-    simulation.advance(99)
-    before, report = simulation.spin.copy(), simulation.step()
-    assert report.converged
-    scene, kept = simulation.scene, simulation.state().corrections
-    (i, j), (grain, wall), r, m = kept.pair.T, kept.wall.T, scene.radius, scene.mass
-    share, part = m[j] / (m[i] + m[j]), r[j] / (r[i] + r[j])
-    spin = np.array([scene.angular_velocity_out, scene.angular_velocity_in, 0.0, 0.0])[wall]
-    rim, turned = r * simulation.spin, np.zeros(scene.n)
-    np.add.at(turned, i, 2.0 * share * (kept.pair_friction + part * kept.pair_rolling))
-    np.add.at(turned, j, 2.0 * (1.0 - share) * (kept.pair_friction - (1.0 - part) * kept.pair_rolling))
-    np.add.at(turned, grain, 2.0 * (kept.wall_friction + kept.wall_rolling))
-    assert np.abs(r * before - turned - rim).max() <= 1e-13  # rim speeds up to 5 m/s, of some 10 sums
-    compliance = 2.0 * (part**2 * share + (1.0 - part) ** 2 * (1.0 - share))
-    rolls = part * rim[i] - (1.0 - part) * rim[j], rim[grain] - r[grain] * spin
-    for vr, k, dv, dvr, mu in (
-        (rolls[0], compliance, kept.pair_correction, kept.pair_rolling, scene.rolling_friction),
-        (rolls[1], 2.0, kept.wall_correction, kept.wall_rolling, scene.wall_rolling_friction),
-    ):
-        left = k * np.abs(np.clip(dvr + vr / k, -mu * dv, mu * dv) - dvr)
-        assert left.max() <= np.max(1.0 + k * mu) * report.residual  # a = dv_c + e_c in (38)
-        held = np.abs(dvr) < (1.0 - 1e-6) * mu * dv
-        assert held.any()
-        assert not held.all()
-
-
 def test_contacts_know_which_of_them_slide() -> None:
     """No tangential force exceeds Coulomb's bound, and those that reach it do so to rounding."""
     simulation = Simulation(cloud(max_iterations=2000))
@@ -97,3 +55,85 @@ def test_contacts_know_which_of_them_slide() -> None:
     for carried in (smooth.contacts(), smooth.wall_contacts()):
         assert carried.slides.all()
         assert not carried.tangential_force.any()
+
+
+PAIRS = 2500  # of each coefficient of friction: 20,000 in all
+
+
+def pairs(friction: float, seed: int) -> Scene:
+    """Return pairs of unlike discs far from each other, with random velocities, spins, and gaps around 0."""
+    rng = np.random.default_rng(seed)
+    side = int(np.ceil(np.sqrt(PAIRS)))
+    center = 10.0 * (np.stack(np.divmod(np.arange(PAIRS), side), axis=1) - side / 2.0 + 0.3)
+    radius, mass = rng.uniform(0.2, 1.0, (PAIRS, 2)), 10.0 ** rng.uniform(-2.0, 2.0, (PAIRS, 2))
+    angle, gap = rng.uniform(0.0, 2.0 * np.pi, PAIRS), rng.choice([0.0, -1e-2, 1e-2], PAIRS)
+    other = center + (radius.sum(axis=1) + gap)[:, np.newaxis] * on_circle(angle)
+    return Scene(
+        position=np.stack([center, other], axis=1).reshape(-1, 2),
+        velocity=rng.normal(0.0, 1.0, (2 * PAIRS, 2)),
+        spin=rng.normal(0.0, 2.0, 2 * PAIRS),
+        radius=radius.ravel(),
+        mass=mass.ravel(),
+        radius_out=20.0 * side,
+        gravity=(0.0, 0.0),
+        friction=friction,
+        tolerance=1e-12,
+        max_iterations=100,
+    )
+
+
+def by_de_saxce(scene: Scene, sweeps: int = 3000) -> FloatArray:
+    """Return the impulses (normal, tangential) of the pairs on their second discs [N s], shape (pairs, 2).
+
+    The impulse r is the fixed point of the projection of r - rho (u + mu |u_t| n) on Coulomb's cone, with the
+    relative velocity u at the contact after the impulse, and the gap divided by dt taken off its normal part
+    (De Saxce and Feng 1998). The matrix between impulses and velocities is assembled for three degrees of
+    freedom a disc, and its couplings are not assumed to vanish.
+    """
+    d = np.diff(scene.position.reshape(-1, 2, 2), axis=1)[:, 0]
+    distance, r, zero = np.hypot(*d.T), scene.radius.reshape(-1, 2), np.zeros(PAIRS)
+    n = d / distance[:, np.newaxis]
+    nx, ny = n.T
+    # of the velocity of the second surface relative to the first one: normal, and along (-ny, nx)
+    jacobian = np.array([[-nx, -ny, zero, nx, ny, zero], [ny, -nx, -r[:, 0], -ny, nx, -r[:, 1]]])
+    jacobian = np.moveaxis(jacobian, 2, 0)
+    mass = np.stack([scene.mass, scene.mass, scene.inertia], axis=1).reshape(PAIRS, 6)
+    velocity = np.column_stack([scene.velocity, scene.spin]).reshape(PAIRS, 6)
+    w = np.einsum("pai,pi,pbi->pab", jacobian, 1.0 / mass, jacobian)
+    free = np.einsum("pai,pi->pa", jacobian, velocity)
+    free[:, 0] += (distance - r.sum(axis=1)) / scene.dt
+    mu, rho = scene.friction, 1.0 / np.trace(w, axis1=1, axis2=2)
+    impulse = np.zeros((PAIRS, 2))
+    for _ in range(sweeps):
+        u, before = free + np.einsum("pab,pb->pa", w, impulse), impulse
+        shifted = u + np.stack([mu * np.abs(u[:, 1]), zero], axis=1)
+        impulse = on_cone(impulse - rho[:, np.newaxis] * shifted, mu)
+        if np.abs(impulse - before).max() <= 1e-13:
+            break
+    return impulse
+
+
+def on_cone(impulse: FloatArray, mu: float) -> FloatArray:
+    """Return the nearest points of the cone |r_t| <= mu r_n, shape (m, 2)."""
+    normal, tangential = impulse[:, 0], np.abs(impulse[:, 1])
+    along = (normal + mu * tangential) / (1.0 + mu * mu)
+    edge = np.stack([along, mu * along * np.sign(impulse[:, 1])], axis=1)
+    inside, polar = tangential <= mu * normal, mu * tangential <= -normal
+    return np.where(inside[:, np.newaxis], impulse, np.where(polar[:, np.newaxis], 0.0, edge))
+
+
+@pytest.mark.parametrize("friction", [0.01, 0.1, 0.2, 0.3, 0.5, 0.8, 1.0, 3.0])
+def test_visit_solves_the_problem_of_de_saxce(friction: float) -> None:
+    scene = pairs(friction, seed=int(100 * friction))
+    simulation = Simulation(scene)
+    assert simulation.step().residual <= 1e-12
+    contacts, found = simulation.contacts(), np.zeros((PAIRS, 2))
+    pair = contacts.pair[:, 0] // 2
+    assert (contacts.pair[:, 1] == contacts.pair[:, 0] + 1).all()
+    found[pair] = scene.dt * np.stack([contacts.force, contacts.tangential_force], axis=1)
+    expected = by_de_saxce(scene)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    touching = found[:, 0] > 0.0
+    assert 0.2 * PAIRS < touching.sum() < 0.8 * PAIRS
+    assert contacts.slides.any()
+    assert friction < 0.1 or not contacts.slides.all()

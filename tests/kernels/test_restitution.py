@@ -96,25 +96,6 @@ def test_a_ball_that_loses_nothing_keeps_its_energy(scheme: dict[str, str]) -> N
     assert np.ptp(kept) <= steps * 4.0 * EPS * 6.0
 
 
-def test_heights_and_time_of_bounces() -> None:
-    """e^2 a bounce and the end at sqrt(2 h / g) (1 + e) / (1 - e), of first order in dt; then it rests."""
-    g, h, e, dt = 9.81, 0.5, 0.5, 1e-3
-    scene = Scene(position=[(0.0, h + 0.1)], radius=0.1, mass=1.0, walls=[FLOOR], restitution=e, **FREE)
-    simulation = Simulation(scene.replace(gravity=(0.0, -g), dt=dt, scheme="leapfrog"))
-    end, height, top = np.sqrt(2.0 * h / g) * (1.0 + e) / (1.0 - e), [], 0.0
-    for _ in range(round(1.2 * end / dt)):
-        before = simulation.velocity[0, 1]
-        simulation.step()
-        top = max(top, simulation.position[0, 1] - 0.1)
-        if before < 0.0 < simulation.velocity[0, 1]:
-            height.append(top)
-            top = 0.0
-    assert np.abs(simulation.velocity).max() <= 1e-9
-    ratio = np.array(height[1:5]) / height[:4]
-    # a bounce comes v dt early: its speed is off by g dt, that is of 2 sqrt(2 g h) by e^4 at the fourth
-    assert np.abs(ratio - e**2).max() <= 4.0 * g * dt / np.sqrt(2.0 * g * height[4])
-
-
 @pytest.mark.parametrize(("e", "grows"), [(0.0, False), (1.0, True)])
 def test_energy_may_grow_with_friction(e: float, grows: bool) -> None:
     """Kane's paradox, where a grain meets a heavy one and the floor at once; the energy balance says so."""

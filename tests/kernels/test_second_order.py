@@ -1,17 +1,13 @@
-"""Half steps and a round wall: orders in dt, the circle, what contacts carry, and what is refused."""
+"""Half steps and a round wall: the circle, the first kick, and what is refused."""
 
 import warnings
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from same_bits import at_annulus
 from schemes import SECOND_ORDER, TEXTS
-from scipy.integrate import solve_ivp
 
 from warpgrains import Batch, Scene, Simulation, SimulationError
-from warpgrains.arrays import FloatArray
 
 
 def pendulum(dt: float) -> Scene:
@@ -28,41 +24,6 @@ def test_a_sliding_grain_stays_on_the_circle(dt: float) -> None:
     assert statistics.unconverged == 0
     assert statistics.overlap <= 1e-12 * 0.1
     assert abs(np.hypot(*simulation.position[0]) - 0.9) <= 1e-12 * 0.1
-
-
-def test_a_sliding_grain_is_carried() -> None:
-    """The wall's force on a pendulum with drag, m (g cos(angle) + l angle'^2), is of second order."""
-    length, rate, g = 0.9, 1.5, 9.81  # m, 1/s, m/s2
-
-    def law(_: float, state: FloatArray) -> list[float]:
-        return [state[1], -g / length * np.sin(state[0]) - rate * state[1]]
-
-    exact = solve_ivp(law, (0.0, 2.0), [1.0, 0.0], rtol=1e-12, atol=1e-12, dense_output=True).sol
-    errors = []
-    for dt in (0.02, 0.01, 0.005):
-        simulation, worst = Simulation(pendulum(dt), drag=rate * 0.2), 0.0
-        simulation.step()
-        for step in range(1, round(1.9 / dt)):
-            simulation.step()
-            angle, speed = exact(step * dt)
-            force = 0.2 * (g * np.cos(angle) + length * speed**2)
-            worst = max(worst, abs(at_annulus(simulation).force[0] - force))
-        errors.append(worst)
-    assert (np.log2(np.divide(errors[:-1], errors[1:])) >= 1.9).all()
-
-
-def test_a_state_says_of_which_moment_its_velocities_are() -> None:
-    scene = Scene.load("annulus").replace(**SECOND_ORDER)
-    simulation, wrong = Simulation(scene), Simulation(scene)
-    assert not simulation.state().staggered
-    simulation.advance(70)
-    kept = simulation.state()
-    assert kept.staggered
-    wrong.restore(replace(kept, staggered=False))
-    for own in (simulation, wrong):
-        own.advance(30)
-    assert not np.array_equal(wrong.position, simulation.position)
-    assert not Simulation(scene, **TEXTS).state().staggered
 
 
 def test_a_first_step_that_fails_leaves_the_first_kick_to_be_done() -> None:

@@ -1,11 +1,13 @@
 """Scenes drawn at random: from dense to spread, of all methods, orders, schemes, walls and laws."""
 
+from dataclasses import replace
 from math import pi
 from typing import Any
 
 import numpy as np
+from walled_scenes import CORNERS, OF_EVERY_KIND
 
-from warpgrains import Arc, Disc, Scene, Segment
+from warpgrains import Scene, Segment
 from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.scene.gravity import TurningGravity
 
@@ -97,18 +99,8 @@ def random_motion(rng: np.random.Generator, fastest: float) -> dict[str, Any]:
 def random_walls(rng: np.random.Generator, fastest: float) -> list[Any]:
     """Draw walls of every kind, and some with joints that move alike."""
     one = random_motion(rng, fastest)
-    joined = [
-        Segment((0.3, -0.45), (0.0, -0.5), **one),
-        Segment((-0.5, -0.3), (0.0, -0.5), **one),
-        Arc((0.0, -0.3), 0.2, -0.5 * pi, 0.5, **one),
-        Segment((0.3, -0.45), (0.35, -0.2), **one),
-    ]
-    apart = [
-        Segment(*map(tuple, rng.uniform(-1.0, 1.0, (2, 2))), **random_motion(rng, fastest)),
-        Disc(tuple(rng.uniform(-0.6, 0.6, 2)), 0.1, **random_motion(rng, fastest)),
-        Arc((0.1, -0.2), 0.6, -2.0, -0.4, **random_motion(rng, fastest)),
-        Disc((0.02, 0.0), 0.95, inside=True, **random_motion(rng, fastest)),
-    ]
-    return [wall for wall in apart if rng.random() < 0.4] + [
-        joined[k] for k in rng.permutation(4)[: rng.choice([0, 2, 4])]
-    ]
+    joined = [replace(wall, **one) for wall in CORNERS["chute"]]
+    crossing = Segment(*map(tuple, rng.uniform(-1.0, 1.0, (2, 2))))
+    apart = [replace(wall, **random_motion(rng, fastest)) for wall in (crossing, *OF_EVERY_KIND)]
+    kept = [wall for wall in apart if rng.random() < 0.3]
+    return kept + [joined[k] for k in rng.permutation(len(joined))[: rng.choice([0, 2, 5])]]

@@ -52,10 +52,6 @@ class Followed(NamedTuple):
     """Of the grains in the end."""
 
 
-def contacts_of(reference: Reference) -> int:
-    return np.count_nonzero(reference.pair_correction) + np.count_nonzero(reference.wall_correction)
-
-
 def worst_overlap(simulation: Simulation) -> float:
     """Measure the overlaps of all pairs and of all grains with the circles [m]."""
     now, x = simulation.present_scene, simulation.position
@@ -113,7 +109,8 @@ def follow_reference(
             assert (reports[-1].iterations, reports[-1].zeta) == reference.step(in_order)
             assert_same_bits(simulation, reference)
             if not scene.bodies.inside:
-                assert reports[-1].contacts == contacts_of(reference)
+                carried = reference.pair_correction, reference.wall_correction
+                assert reports[-1].contacts == sum(map(np.count_nonzero, carried))
                 assert reports[-1].overlap == worst_overlap(simulation)
             touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
         state = simulation.state()

@@ -158,15 +158,13 @@ BUMPS = {"radius": 0.02, "spacing": 0.1}
 LID = {"pressure": 30.0, "mass": 1.0, "velocity": (0.5, 0.0), "friction": 0.7}
 FALL = {"gravity": (1.0, -9.81)}
 BOXES: dict[str, dict[str, Any]] = {
-    "closed": FALL,
-    "periodic": {"periodic": "x", **FALL},
-    "everywhere": {"periodic": "xy"},
     "conveyor": {
         "periodic": "x",
         "bottom": {"velocity": (1.0, 0.0), "friction": 0.5},
         "friction": 0.3,
         **FALL,
     },
+    "everywhere": {"periodic": "xy"},
     "piston": {"left": {"velocity": (0.4, 0.0), "to_time": 0.2}, **FALL},
     "lid": {"periodic": "x", "top": LID, "friction": 0.4},
     "rough lid": {"periodic": "x", "top": {**LID, "roughness": BUMPS}, "friction": 0.4},
