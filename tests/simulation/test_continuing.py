@@ -12,7 +12,7 @@ from hard_scenes import SOON
 from same_bits import contents, run_of
 from sample_scenes import bullet, dense_start, random_scene
 
-from warpgrains import InputError, Scene, Simulation, SimulationError, analysis
+from warpgrains import Scene, Simulation, SimulationError, analysis
 from warpgrains.scene.fields import ORDERS
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import VERLET_NUMBERS
@@ -105,14 +105,6 @@ def failed(simulation):
     return simulation
 
 
-def refused(simulation):
-    with pytest.raises(InputError, match=r"must be less than radius_out, 0\.1 m"):
-        simulation.change(radius_out=0.1, friction=0.4)
-    with pytest.raises(InputError, match="of the state"):
-        simulation.restore(Simulation("annulus").state())
-    return simulation
-
-
 def forked(simulation):
     """Leave the steps to a child first."""
     expected = contents(run_of(simulation.scene, simulation.steps + 10).position)
@@ -126,7 +118,7 @@ def forked(simulation):
 
 @pytest.mark.parametrize("which", SCENES)
 @pytest.mark.parametrize(
-    "happens", [restored, interrupted, raised, failed, refused, forked], ids=lambda happens: happens.__name__
+    "happens", [restored, interrupted, raised, failed, forked], ids=lambda happens: happens.__name__
 )
 def test_nothing_of_it_stays(happens, which):
     whole, rebuilds = copy(started(which)), 0

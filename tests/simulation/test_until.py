@@ -7,7 +7,7 @@ import pytest
 from command import exit_code
 from same_bits import contents
 
-from warpgrains import InputError, Scene, Segment, Simulation
+from warpgrains import Scene, Segment, Simulation
 from warpgrains.analysis import kinetic_energy
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.simulation.until import TEST_INTERVAL
@@ -86,13 +86,6 @@ def test_a_callable_is_asked():
     twin = Simulation(Scene.load("annulus"))
     twin.run(steps=summary.steps - TEST_INTERVAL)
     assert twin.position[:, 1].min() >= -1.0
-
-
-def test_without_gravity_bounds_must_be_given():
-    scene = Scene(position=[[0.5, 0.0]], radius=0.1, mass=1.0, radius_out=1.0, gravity=(0.0, 0.0))
-    with pytest.raises(InputError, match="needs time, and speed or energy"):
-        Simulation(scene).run(until="rest")
-    assert Simulation(scene).run(until="rest,speed=1e-3,time=0.1", steps=100).steps == 20
 
 
 def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, stop_at):

@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 import warp as wp
 from same_bits import contents, run_of
+from stages import grains_apart
 
 from warpgrains import Scene, Simulation, SimulationError
 from warpgrains.cli.main import main
+from warpgrains.kernels.record import SceneRecord
 from warpgrains.solver import buffers, memory, sizes
+from warpgrains.solver.buffers import ALIGNMENT, BlockLayout, array_fields, bytes_needed
 from warpgrains.solver.records import SceneRecords
+from warpgrains.solver.sizes import Sizes
 
 
 def test_a_scene_that_does_not_fit_is_refused_with_the_estimate(monkeypatch):
@@ -116,3 +120,29 @@ def test_a_repeated_search_that_runs_out_of_memory_leaves_the_last_state(monkeyp
     assert contents(simulation.state().corrections) == contents(undisturbed.state().corrections)
     assert contents(simulation.step()) == contents(undisturbed.step())
     assert np.array_equal(simulation.position, undisturbed.position)
+
+
+@pytest.mark.parametrize(
+    ("accelerated", "friction", "team"), [(0, 0, 1), (1, 0, 1), (0, 0, 3), (1, 0, 3), (0, 1, 3)]
+)
+def test_arrays_do_not_overlap(accelerated, friction, team):
+    grains = np.array([1, 2, 7, 60])
+    kinds = [(1, 3, 2, 1), (0, 2, 0, 0), (0, 1, 0, 1), (0, 0, 1, 0), (1, 0, 0, 1), (0, 1, 0, 1), (0, 5, 0, 0)]
+    counts = (grains, np.full_like(grains, 11), *map(np.array, kinds))
+    wanted = Sizes(*counts, accelerated, *[friction] * 3, team, team)
+    layout = BlockLayout.of(wanted)
+    item = np.array([field.bytes for field in array_fields()])[:, None]
+    end = layout.offset + item * layout.length
+    assert (layout.offset % ALIGNMENT == 0).all()
+    assert (end[:-1] <= layout.offset[1:]).all()
+    assert (end[-1] <= layout.size).all()
+    assert (bytes_needed(wanted) == layout.size + SceneRecord.numpy_dtype()["itemsize"]).all()
+
+
+def test_every_scene_has_a_history_of_its_own():
+    scenes, device = [grains_apart(3)] * 2, wp.get_device("cpu")
+    records = SceneRecords(scenes, Sizes.first(scenes, 1, device), device)
+    records.keep_history(1, 7)
+    assert [len(records.array(k, "history.zeta")) for k in (0, 1)] == [0, 7]
+    records.keep_history(0, 7)
+    assert [len(records.array(k, "history.zeta")) for k in (0, 1)] == [7, 7]
