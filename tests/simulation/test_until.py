@@ -36,20 +36,18 @@ def test_by_default_nothing_moves_at_rest():
     assert np.hypot(*simulation.velocity.T).max() <= 1e-3 * np.sqrt(9.81 * 0.2)
 
 
-GATE = {"start": (-0.5, 0.0), "end": (0.5, 0.0)}
+def floor(**motion):
+    return {"walls": [Segment((-0.5, 0.0), (0.5, 0.0), **motion)]}
+
+
+PISTON = Segment((-0.5, -0.5), (0.5, -0.5), force=-0.1, mass=1.0)
 STIRRED = {
-    "a gate that will open": (
-        {"walls": [Segment(**GATE, velocity=(0.0, -0.5), from_time=3.0, to_time=3.5)]},
-        3.5,
-    ),
-    "a floor that creeps": ({"walls": [Segment(**GATE, velocity=(0.0, -4e-4))]}, np.inf),
-    "a plate that will turn": ({"walls": [Segment(**GATE, angular_velocity=0.1, from_time=30.0)]}, np.inf),
+    "a gate that will open": (floor(velocity=(0.0, -0.5), from_time=3.0, to_time=3.5), 3.5),
+    "a floor that creeps": (floor(velocity=(0.0, -4e-4)), np.inf),
+    "a plate that will turn": (floor(angular_velocity=0.1, from_time=30.0), np.inf),
     "gravity that turns": ({"gravity": {"rotate": 1e-5}}, np.inf),
-    "a piston that falls": (
-        {"walls": [Segment(**GATE), Segment(start=(-0.5, -0.5), end=(0.5, -0.5), force=-0.1, mass=1.0)]},
-        np.inf,
-    ),
-    "nothing": ({"walls": [Segment(**GATE)]}, 0.0),
+    "a piston that falls": ({"walls": [*floor()["walls"], PISTON]}, np.inf),
+    "nothing": (floor(), 0.0),
 }
 
 

@@ -55,14 +55,8 @@ def test_those_that_fit_are_not_named(method):
     wedged = chain(5, 1e-3)
     radius = wedged.radius[0].item()
     row = np.stack([1.99 * radius * (np.arange(9) - 4.0), np.full(9, 0.75)], axis=1)
-    scene = wedged.replace(
-        position=np.vstack([row, wedged.position]),
-        velocity=None,
-        spin=None,
-        radius=radius,
-        mass=0.1,
-        max_iterations=30,
-    )
+    grains = {"position": np.vstack([row, wedged.position]), "velocity": None, "spin": None}
+    scene = wedged.replace(**grains, radius=radius, mass=0.1, max_iterations=30)
     simulation = Simulation(scene, method=method)
     assert simulation.step().contacts == 14
     assert simulation.infeasible_grains() == (9, 10, 11, 12, 13)
