@@ -20,8 +20,7 @@ from warpgrains.solver.sizes import kind_of
 
 from ..support.same_bits import assert_same_bits
 from ..support.stages import kernel_of
-from .flow import SPLASHING, continued, flowing
-from .piles import ITERATIONS, settled_pile
+from .flow import ITERATIONS, SPLASHING, continued, flowing, settled_pile
 from .rows import SPEEDUP, Row, Subject, in_turn, row, seconds
 
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off")

@@ -12,7 +12,7 @@ from warpgrains.solver.threads import cores
 from warpgrains.warp_start import find_device
 
 from .against_c import COMPILER, CReference
-from .piles import pile
+from .flow import pile
 from .rows import SPEEDUP, Row, Subject, in_turn, row, seconds
 
 IN_C = 5  # scenes that are run in C, too

@@ -16,8 +16,7 @@ import numpy as np
 from warpgrains import Box, Disc, Scene, Simulation, State
 from warpgrains.scene.state import Corrections, first_state
 
-from .flow import ACCELERATED, flowing
-from .piles import ITERATIONS, SWEPT, settled_pile
+from .flow import ACCELERATED, ITERATIONS, SWEPT, flowing, settled_pile
 from .rows import Row, in_turn, say, seconds
 
 COLUMNS = ("scene", "feature", "with_us", "without_us", "ratio_min", "ratio_median", "ratio_max")

@@ -15,8 +15,7 @@ import numpy as np
 
 from warpgrains import Scene, Simulation
 
-from .flow import SOLVED, continued, flowing, splashing
-from .piles import ITERATIONS, SWEPT, settled_pile
+from .flow import ITERATIONS, SOLVED, SWEPT, continued, flowing, settled_pile, splashing
 from .rows import SPEEDUP, Row, Subject, in_turn, row, seconds
 
 FLOWING = {100: "<= 0.06", 1_000: "<= 0.9", 5_000: "<= 8", 10_000: "<= 20"}  # ms a step
