@@ -88,27 +88,21 @@ def test_states_of_a_batch_are_copies(simulation):
     assert np.array_equal(batch.position(0), expected)
 
 
+TWO = {"position": np.array([[0.5, 0.0], [0.0, 0.5]]), "radius": 0.1, "mass": 1.0, "radius_out": 1.0}
+
+
 class TestOverflow:
     @pytest.mark.parametrize("size", [1e-140, 1e150])
     def test_largest_and_smallest_domain(self, size):
-        scene = Scene(
-            position=[[0.2 * size, 0.0], [0.0, 0.3 * size]],
-            radius=0.1 * size,
-            mass=1.0,
-            radius_out=size,
-            gravity=(0.0, -size),
-            tolerance=1e-6 * size,
-        )
+        lengths = {name: size * TWO[name] for name in ("position", "radius", "radius_out")}
+        scene = Scene(**TWO | lengths, gravity=(0.0, -size), tolerance=1e-6 * size)
         summary = Simulation(scene).run(duration=3.0)
         assert summary.unconverged == 0
         assert summary.overlap < 1e-4 * size
 
     @pytest.mark.parametrize("speed", [1e200, 1e300])
     def test_velocity_whose_square_is_not_finite(self, speed):
-        velocity = [[0.0, 0.0], [speed, 0.0]]
-        scene = Scene(
-            position=[[0.5, 0.0], [0.0, 0.5]], velocity=velocity, radius=0.1, mass=1.0, radius_out=1.0
-        )
+        scene = Scene(**TWO, velocity=[[0.0, 0.0], [speed, 0.0]])
         path = f"{0.01 * speed:.3g}".replace("+", r"\+")
         reason = rf"grain 1 reached .*: in a step of 0.01 s it would move by {path} m, out of the domain"
         with pytest.raises(SimulationError, match=reason):

@@ -1,4 +1,7 @@
-"""A full disk, or standard output that cannot be written: one line that names it, and no half of a file."""
+"""A full disk, or standard output that cannot be written: one line that names it, and no half of a file.
+
+Half a file in the cache of compiled kernels, which others may have left there, is replaced.
+"""
 
 import os
 import subprocess
@@ -6,12 +9,15 @@ import sys
 
 import numpy as np
 import pytest
+import warp as wp
 from command import exit_code, small_disk
 
-from warpgrains import Scene, Simulation
+from warpgrains import Scene, Simulation, kernel_cache
 from warpgrains.pictures.film import encoding_of_frames
+from warpgrains.warp_start import start_warp
 
 COMMAND = [sys.executable, "-m", "warpgrains"]
+COMPILING = "compiling kernels for this kind of scene, the first time only ..."
 SWEEP = """
 scene = "annulus"
 [set]
@@ -37,8 +43,9 @@ def complaint(tmp_path, monkeypatch, capfd):
             assert exit_code(*words) == 1
         printed = capfd.readouterr()
         assert printed.out == ""
-        assert printed.err.count("\n") == 1, printed.err
-        return printed.err.strip().removeprefix("warpgrains: error: ")
+        said = printed.err.removeprefix(f"{COMPILING}\n")
+        assert said.count("\n") == 1, printed.err
+        return said.strip().removeprefix("warpgrains: error: ")
 
     return run
 
@@ -112,3 +119,43 @@ def test_an_export_that_does_not_fit_keeps_the_earlier_one(disk, tmp_path, compl
         assert said.startswith("'disk/run")
         assert "cannot be written" in said
         assert {path: path.read_bytes() for path in disk.rglob("*.*")} == before
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    start_warp()
+    monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
+    return tmp_path
+
+
+@wp.kernel(module="unique")
+def double(numbers: wp.array(dtype=wp.float64)):
+    numbers[0] = wp.float64(2.0) * numbers[0]
+
+
+def test_damaged_kernels_are_replaced(cache):
+    device = wp.get_device("cpu")
+    kernel_cache.load(double.module, device, 1)
+    (folder,) = cache.iterdir()
+    files = {file.suffix: file for file in folder.iterdir()}
+    for suffix, left in ((".o", 0.25), (".o", 0.0), (".meta", 0.01)):
+        whole = files[suffix].read_bytes()
+        files[suffix].write_bytes(whole[: int(left * len(whole))])
+        double.module.unload()
+        with pytest.warns(UserWarning, match=f"kernels in '{folder}' are damaged: compiling them again"):
+            kernel_cache.load(double.module, device, 1)
+        assert list(cache.iterdir()) == [folder]
+        assert files[suffix].read_bytes() == whole
+    numbers = np.array([2.0])
+    wp.launch(double, dim=1, inputs=[wp.array(numbers, device="cpu", copy=False)], device="cpu", block_dim=1)
+    assert numbers[0] == 4.0
+
+
+@pytest.mark.parametrize("most", [10_000, 2_000_000])
+def test_names_the_cache_of_kernels(most, cache, complaint):
+    """Also where only the end of the object file would not fit, at which LLVM ends the process."""
+    words = ["run", "annulus", "--steps", "1", "--set", "solver.method=accelerated"]
+    said = complaint(*words, most=most)
+    assert said.startswith(f"the cache of compiled kernels in '{cache}' cannot be written (")
+    assert said.endswith("): set WARP_CACHE_PATH to a writable folder")
+    assert not list(cache.iterdir())

@@ -140,26 +140,20 @@ def test_sequences(how):
 ORDERED = ["annulus", "--order", "color", "--forces"]
 
 
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
-    """Return the recording and the checkpoint of a run of 800 steps."""
-    output = tmp_path_factory.mktemp("undisturbed") / "run.usdc"
-    kept = output.with_suffix(".npz")
-    assert exit_code("run", *ORDERED, "-o", output, "--checkpoint", kept) == 0
-    return output.read_bytes(), read_checkpoint(kept)
-
-
 def start(*arguments):
     command = [sys.executable, "-m", "warpgrains", "run", *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
 
 @pytest.mark.parametrize("count", [1, pytest.param(trimmed(100), marks=pytest.mark.slow)])
-def test_processes(tmp_path, undisturbed, count):
+def test_processes(tmp_path, count):
     """Kill -9 at random steps, among processes that continue one run at once: nothing tells that there were.
 
     One of them does, or they do one after the other; those that are refused say so in one line.
     """
+    whole, end = tmp_path / "run.usdc", tmp_path / "run.npz"
+    assert exit_code("run", *ORDERED, "-o", whole, "--checkpoint", end) == 0
+    expected = read_checkpoint(end)
     for number in range(count):
         rng = np.random.default_rng(number)
         folder = tmp_path / str(number)
@@ -180,8 +174,8 @@ def test_processes(tmp_path, undisturbed, count):
         ends = [(process.communicate(timeout=600)[1], process.returncode) for process in processes]
         assert 0 in [code for _, code in ends]
         assert all(code == 0 or (code == 2 and said.count("\n") == 1) for said, code in ends)
-        (recording, expected), found = undisturbed, read_checkpoint(kept)
-        assert output.read_bytes() == recording
+        found = read_checkpoint(kept)
+        assert output.read_bytes() == whole.read_bytes()
         assert contents(found.state) == contents(expected.state)
         assert replace(found.statistics, seconds=0.0) == replace(expected.statistics, seconds=0.0)
         left = {path.name for path in folder.iterdir() if path.suffix != ".lock"}

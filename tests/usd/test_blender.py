@@ -151,9 +151,8 @@ class TestAsOpened:
 
     def test_colors_are_told_apart_by_the_view_that_is_default(self, rendered, tmp_path):
         scene = make_scene()
-        path = record(
-            tmp_path / "run.usdc", [(scene.position, scene.velocity)], color_by="palette", draw_as="discs"
-        )
+        still = [(scene.position, scene.velocity)]
+        path = record(tmp_path / "run.usdc", still, color_by="palette", draw_as="discs")
         (picture,), _ = rendered(path, [0], "AgX", SMALL)
         hue = [color - color.mean() for color in self.pixels_at(scene.position, picture)]
         meant = [color - color.mean() for color in GrainColors(scene, "palette").colors]

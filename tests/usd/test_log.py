@@ -35,11 +35,6 @@ def cut_short(path, frames, scene=None, **options):
     return log_of(path)
 
 
-def append(recorder, frames):
-    for frame in frames:
-        recorder.record(moment(*frame))
-
-
 def require_frames(path, frames):
     assert inspect_recording(path) == []
     stage = Usd.Stage.Open(str(path))
@@ -90,9 +85,10 @@ class TestLog:
         require_frames(tmp_path / "run.usdc", make_frames(3)[:2])
 
     def test_what_cannot_be_written_leaves_the_log_as_it_was(self, tmp_path):
-        frames = make_frames(9)
+        frames = make_frames(4)
         with recorder_of(tmp_path / "run.usdc") as recorder:
-            append(recorder, frames[:3])
+            for frame in frames[:3]:
+                recorder.record(moment(*frame))
             before = recorder.log.read_bytes()
             assert len(list(LogReader(recorder.log))) == 3  # a process that is killed now loses none
             too_large = pytest.raises(OSError, match=r"run.usdc.frames' cannot be written: File too large")
@@ -100,7 +96,7 @@ class TestLog:
                 recorder.record(moment(*frames[3]))
             assert recorder.log.read_bytes() == before
             assert recorder.frames == 3
-            append(recorder, frames[3:])
+            recorder.record(moment(*frames[3]))
         require_frames(tmp_path / "run.usdc", frames)
 
 
@@ -262,25 +258,29 @@ class TestAnotherRun:
             patch.setattr("warpgrains.usd.stage._SKY", 0.3)  # what is drawn around the grains may change, too
             (record if is_finished else cut_short)(path, frames[:6], draw_as="discs")
         with recorder_of(path, draw_as="discs", resume_at=5) as recorder:
-            append(recorder, frames[5:])
+            for frame in frames[5:]:
+                recorder.record(moment(*frame))
         assert inspect_recording(path) == []
         assert Usd.Stage.Open(str(path)).GetEndTimeCode() == 8.0
 
     @pytest.mark.parametrize(
-        ("fields", "options", "complaint"),
+        ("fields", "options"),
         [
-            ({"text": "other"}, {}, "holds frames of another scene"),
-            ({"radius": 1.5 * RADIUS}, {}, "holds frames of another scene"),
-            ({"mass": 2.0}, {}, "holds frames of another scene"),
-            ({}, {"color_by": "radius"}, "holds frames of another scene"),
-            ({}, {"forces": True}, "holds frames of another scene"),
-            ({}, {"fps": 25}, "holds frames of another scene"),
-            ({}, {"first_step": 3}, "holds frames of another scene"),
-            ({}, {"draw_as": "spheres"}, "holds frames of another scene"),
-            ({}, {"resume_at": 5}, "holds 4 of the 5 frames"),
+            ({"text": "other"}, {}),
+            ({"radius": 1.5 * RADIUS}, {}),
+            ({"mass": 2.0}, {}),
+            ({}, {"color_by": "radius"}),
+            ({}, {"forces": True}),
+            ({}, {"fps": 25}),
+            ({}, {"first_step": 3}),
+            ({}, {"draw_as": "spheres"}),
         ],
     )
-    def test_of_another_scene_or_drawing_is_refused(self, four_frames, fields, options, complaint):
-        options = {"draw_as": "discs", "resume_at": 4} | options
-        with pytest.raises(InputError, match=complaint):
-            recorder_of(four_frames.with_suffix(""), make_scene(**fields), **options)
+    def test_of_another_scene_or_drawing_is_refused(self, four_frames, fields, options):
+        options, path = {"draw_as": "discs"} | options, four_frames.with_suffix("")
+        with pytest.raises(InputError, match="holds frames of another scene"):
+            recorder_of(path, make_scene(**fields), resume_at=4, **options)
+
+    def test_with_fewer_frames_is_refused(self, four_frames):
+        with pytest.raises(InputError, match="holds 4 of the 5 frames"):
+            recorder_of(four_frames.with_suffix(""), draw_as="discs", resume_at=5)
