@@ -211,9 +211,11 @@ class TestNothingIsLost:
         before = path.read_bytes()
         log = cut_short(path, make_frames(5))
         frames = log.read_bytes()
-        for _ in range(2):  # a failed beginning leaves no lock
-            with pytest.raises(InputError, match=r"run.usdc.frames' holds frames of another run"):
+        refusals = []  # which keep what has failed from being collected: it has no lock any more
+        for _ in range(2):
+            with pytest.raises(InputError, match=r"run.usdc.frames' holds frames of another run") as refusal:
                 recorder_of(path)
+            refusals.append(refusal)
         assert {each: each.read_bytes() for each in tmp_path.iterdir()} == {path: before, log: frames}
 
     def test_frames_lost_in_writing_the_file_are_noticed(self, tmp_path, monkeypatch):
