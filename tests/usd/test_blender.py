@@ -127,7 +127,7 @@ class TestAsOpened:
         speed = speed_scale(scene) * np.array([[0.0, 0.1, 0.4, 0.7, 1.0], [1.0, 0.3, 0.2, 0.1, 0.0]])
         frames = [(scene.position, np.stack([one, 0.0 * one], axis=1)) for one in speed]
         path = record(tmp_path / "run.usdc", frames, color_by=color_by, draw_as=draw_as)
-        pictures, imported = rendered(path, [0, 1], "Standard")
+        pictures, imported = rendered(path, [0, 1], "Standard", SMALL)
         assert imported["frames"] == [0, 1]
         colors = GrainColors(scene, color_by)
         for picture, frame in zip(pictures, frames, strict=True):
@@ -164,7 +164,7 @@ class TestAsOpened:
         scene = make_scene(gravity=(0.0, -1.0))
         still = [(scene.position, scene.velocity)]
         path = record(tmp_path / "run.usdc", still, scene, draw_as="discs", forces=True)
-        (picture,), imported = rendered(path, [0], "Standard")
+        (picture,), imported = rendered(path, [0], "Standard", SMALL)
         assert imported["types"]["Forces"] == "MESH"
         middle = scene.position[:2].mean(axis=0, keepdims=True)
         assert np.allclose(self.pixels_at(middle, picture), CHAIN_COLOR, atol=0.01)
