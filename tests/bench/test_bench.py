@@ -101,7 +101,7 @@ def test_mutants_are_changes_of_the_kernels_as_they_are():
 
 @pytest.mark.slow
 def test_a_mutant_is_detected(tmp_path, monkeypatch):
-    file, test = tmp_path / "mutations.csv", "tests/kernels/test_verlet.py::test_sample"
+    file, test = tmp_path / "mutations.csv", "tests/kernels/test_verlet.py::test_stage"
     monkeypatch.setattr(mutations, "test_file", lambda name: test)
     monkeypatch.setattr(mutations, "mutants", partial(list, mutations.mutants()[:1]))
     with pytest.raises(SystemExit, match="0"):

@@ -33,12 +33,9 @@ OF_EVERY_STAGE = [kind for kind in KINDS if kind.method != "accelerated" and all
 
 def checked(call: str) -> str:
     """Return what a function of this file prints, called in checked mode, which a process reads once."""
-    path = os.pathsep.join(sys.path)
-    environment = {**os.environ, "PYTHONPATH": path, "WARPGRAINS_CHECK_BOUNDS": "1"}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "WARPGRAINS_CHECK_BOUNDS": "1"}
     command = [sys.executable, "-c", f"import test_check_bounds as own; own.{call}"]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return subprocess.run(command, stdout=subprocess.PIPE, text=True, env=environment, check=True).stdout
 
 
 def with_length(name: str, length: int) -> Callable[[Any], Any]:

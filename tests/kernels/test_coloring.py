@@ -57,7 +57,7 @@ def first_fit_colors(pairs: IntArray) -> list[int]:
 def grouped(pairs: IntArray, at_walls: IntArray, by_color: bool, merge: bool = False) -> OneRecord:
     """Return the record with every contact at its index."""
     record = record_of_graph(pairs, at_walls)
-    record.record["by_color"], record.record["merge"] = by_color, merge
+    record.write({"by_color": by_color, "merge": merge})
     record.run(Serial(choose_sets), Serial(place_contacts))
     return record
 
@@ -81,7 +81,7 @@ def test_sets(name: str, by_color: bool, most: int, merge: bool) -> None:
     assert np.array_equal(index[~at_wall][np.argsort(group, kind="stable")], np.arange(len(pairs)))
     assert np.array_equal(index[at_wall], len(pairs) + np.arange(walls))
     sizes = [len(pairs)] if merge else np.bincount(group).tolist()
-    assert record.record["contacts"]["count"].tolist() == (len(pairs), len(sizes), walls)
+    assert record["contacts.count"].tolist() == [(len(pairs), len(sizes), walls)]
     ends = record["contacts.set_start"][: len(sizes) + 2]
     assert ends.tolist() == [0, *np.cumsum([*sizes, walls])]
 
@@ -112,7 +112,7 @@ def test_every_contact_has_one_thread(size: int, driven: bool) -> None:
     grain[pairs - 1] = grain[pairs]  # the last pair is of the first grain with a wall
     record["contacts.contact"]["i"][:total] = 2 * grain
     record["workspace.old_place"][:] = 0
-    record.record["walls"]["drive"]["shape"][0] = int(driven)
+    record.records.host["walls"]["drive"]["shape"][0, 0] = int(driven)
     wp.launch(note_threads, dim=1, inputs=(record.records.device, size), device="cpu")
     thread = record["workspace.old_place"][:total]
     everyone = set(range(1, size + 1))

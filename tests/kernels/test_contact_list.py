@@ -17,7 +17,7 @@ from warpgrains.kernels.step import ORDER, SAVE, SEARCH, searching
 N, WIDE, NARROW, NOTHING = 120, 0.35, 0.05, 0.0
 EXPIRE = [*SAVE, Serial(contact_list.expire)]
 LISTED = [While(searching, SEARCH), *ORDER]
-NOW, START, LAST = "contacts.dv", "contacts.dv_start", "contacts.last_dv"
+NOW, START, LAST, SKIN = "contacts.dv", "contacts.dv_start", "contacts.last_dv", "verlet.skin"
 Bodies = tuple[int, int]  # a grain, and another one or the wall, which is body N
 
 
@@ -36,28 +36,25 @@ def cloud(order: str = "sequential", method: str = "gauss-seidel", equal: bool =
     )
 
 
-class Listed:
+class Listed(OneRecord):
     """A record with a list for a skin, and what its contacts carry."""
 
     def __init__(self, scene: Scene, skin: float):
-        self.scene, self.record = scene, OneRecord(scene, contacts=N * N)
-        self.names = [NOW, START] + [LAST] * (scene.method == "accelerated")
-        self.record["grains.position"][:], self.record["grains.radius"][:] = scene.position, scene.radius
-        self.record["grains.contact_mass"][:] = scene.contact_mass
-        self.record["verlet.reference_velocity"][:] = 0.0
-        self.record.verlet_numbers["lifetime"] = scene.dt
+        super().__init__(scene, contacts=N * N)
+        self.scene, self.names = scene, [NOW, START] + [LAST] * (scene.method == "accelerated")
+        self.write({"grains.position": scene.position, "grains.radius": scene.radius})
+        self.write({"grains.contact_mass": scene.contact_mass, "verlet.reference_velocity": 0.0})
+        self.write({"verlet.numbers.lifetime": scene.dt})
         self.search(skin)
 
     def search(self, skin: float) -> None:
-        self.record["verlet.skin"][:], self.record.verlet_numbers["frame_skin"] = skin, skin
-        self.record.record["control"]["phase"] = Phase.SEARCH
-        self.record.run(*LISTED)
-        assert self.record.record["control"]["phase"] == Phase.START
-
-        rows = self.record["neighbors.start"]
-        first, second = np.repeat(np.arange(N), np.diff(rows)), self.record["neighbors.neighbor"][: rows[-1]]
+        self.write({SKIN: skin, "verlet.numbers.frame_skin": skin, "control.phase": Phase.SEARCH})
+        self.run(*LISTED)
+        self.assert_holds({"control.phase": Phase.START})
+        rows = self["neighbors.start"]
+        first, second = np.repeat(np.arange(N), np.diff(rows)), self["neighbors.neighbor"][: rows[-1]]
         self.bodies: list[Bodies] = list(zip(first.tolist(), second.tolist(), strict=True))
-        self.index: IntArray = self.record["workspace.sweep_index"][: rows[-1]].copy()
+        self.index: IntArray = self["workspace.sweep_index"][: rows[-1]].copy()
 
     def carry(self) -> None:
         """Let half of the contacts carry: now, at the step's start or a sweep back alone, or at all times."""
@@ -65,26 +62,22 @@ class Listed:
         which = rng.integers(0, 2 * (times + 1), count)
         for k, name in enumerate(self.names):
             carries = (which == k) | (which == times)
-            self.record[name][:count] = np.where(carries, rng.uniform(0.5, 1.0, count), 0.0)
+            self[name][:count] = np.where(carries, rng.uniform(0.5, 1.0, count), 0.0)
 
     def carried(self) -> dict[Bodies, list[float]]:
         """Return what every listed contact carries, by its bodies, once those are found to be in order."""
-        bodies, swept = self.bodies, self.record["contacts.contact"][self.index]
+        swept = self["contacts.contact"][self.index]
         found = np.stack([swept["i"], swept["j"]], axis=1) // 2
-        assert [tuple(pair) for pair in found.tolist()] == bodies == sorted(bodies)
-        dv = np.stack([self.record[name][self.index] for name in self.names], axis=1)
-        return dict(zip(bodies, dv.tolist(), strict=True))
+        assert [tuple(pair) for pair in found.tolist()] == self.bodies == sorted(self.bodies)
+        dv = np.stack([self[name][self.index] for name in self.names], axis=1)
+        return dict(zip(self.bodies, dv.tolist(), strict=True))
 
     def expire(self) -> None:
         """Set the list aside, and spoil what is left of older ones, and what a new one has to write."""
-        for name in ("start", "neighbor"):
-            self.record[f"workspace.old.{name}"][:] = -7
-        self.record["workspace.old_dv"][:] = 9.0
-        self.record.run(*EXPIRE)
-        for name in (*self.names, "contacts.weights"):
-            self.record[name][:] = np.nan
-        self.record["contacts.contact"]["i"], self.record["contacts.contact"]["j"] = 7, 7
-        self.record["workspace.sweep_index"][:] = -7
+        self.write({"workspace.old.start": -7, "workspace.old.neighbor": -7, "workspace.old_dv": 9.0})
+        self.run(*EXPIRE)
+        self.write(dict.fromkeys((*self.names, "contacts.weights"), np.nan) | {"workspace.sweep_index": -7})
+        self["contacts.contact"]["i"], self["contacts.contact"]["j"] = 7, 7
 
 
 def within(scene: Scene, skin: float) -> set[Bodies]:
@@ -122,7 +115,7 @@ def test_what_contacts_carry_is_found_again(equal: bool, order: str, method: str
         nothing = [0.0] * len(listed.names)
         assert listed.carried() == {bodies: before.get(bodies, nothing) for bodies in listed.bodies}
     if skin == NARROW and equal:
-        assert len(listed.record["contacts.weights"]) == 0
+        assert len(listed["contacts.weights"]) == 0
 
 
 @pytest.mark.parametrize("carrying", [None, NOW, START, LAST])
@@ -130,31 +123,30 @@ def test_skins_are_widened_for_pairs_that_carry_alone(carrying: str | None) -> N
     """A grain that its wall holds, or held, stays listed there with any skin."""
     listed = Listed(cloud(method="accelerated"), WIDE)
     at_wall = {bodies: k for bodies, k in zip(listed.bodies, listed.index, strict=True) if bodies[1] == N}
-    for name in listed.names:
-        listed.record[name][:] = 0.0
+    listed.write(dict.fromkeys(listed.names, 0.0))
     held = set(at_wall if carrying else ())
     if carrying:
-        listed.record[carrying][list(at_wall.values())] = -1.0
+        listed[carrying][list(at_wall.values())] = -1.0
     listed.expire()
     listed.search(NARROW)
     near = within(listed.scene, NARROW)
     assert set(listed.bodies) == near | held
     assert len(held - near) > 8 or not carrying
-    assert (listed.record["verlet.skin"] == NARROW).all()
+    listed.assert_holds({SKIN: NARROW})
 
 
 def test_shares_and_their_sums() -> None:
     """A grain takes m_j / (m_i + m_j) of a pair, and all of its walls."""
     listed = Listed(cloud(equal=False), NARROW)
     m, row_sum = listed.scene.mass, np.zeros(N)
-    weights = listed.record["contacts.weights"][listed.index].tolist()
+    weights = listed["contacts.weights"][listed.index].tolist()
     for (i, j), share in zip(listed.bodies, weights, strict=True):
         assert share == ([1.0, 0.0] if j == N else [m[j] / (m[i] + m[j]), m[i] / (m[i] + m[j])])
-        row_sum[[i, j % N]] += share
-    assert listed.record.verlet_work["max_row_sum"] == pytest.approx(row_sum.max(), rel=1e-14)
+        np.add.at(row_sum, [i, j % N], share)
+    assert listed["verlet.work.max_row_sum"] == pytest.approx(row_sum.max(), rel=1e-14)
     equal = Listed(cloud(), NARROW)
     halves = np.bincount(np.ravel([(i, i if j == N else j) for i, j in equal.bodies]), minlength=N)
-    assert equal.record.verlet_work["max_row_sum"] == halves.max() / 2.0
+    equal.assert_holds({"verlet.work.max_row_sum": halves.max() / 2.0})
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
@@ -162,14 +154,12 @@ def test_shares_and_their_sums() -> None:
 def test_list_that_expires(iterations: int, method: str) -> None:
     """Accelerated sweeps that were begun resume; plain ones begin again."""
     listed = Listed(cloud(method=method), NARROW)
-    control, step = listed.record.record["control"], listed.record.record["step"]
-    step["iterations"], step["rebuilds"], step["restarts"] = iterations, 3, 5
-    control["resuming"], control["phase"] = int(iterations == 0), Phase.EXPIRE
-    listed.record.run(Serial(contact_list.expire))
+    listed.write({"step.iterations": iterations, "step.rebuilds": 3, "step.restarts": 5})
+    listed.write({"control.resuming": int(iterations == 0), "control.phase": Phase.EXPIRE})
+    listed.run(Serial(contact_list.expire))
     begun, resumes = iterations > 0, method == "accelerated"
-    assert control["resuming"] == int(begun and resumes)
-    assert step["restarts"] == 5 + int(begun and not resumes)
-    assert (control["phase"], step["rebuilds"]) == (Phase.SEARCH, 4)
+    listed.assert_holds({"control.resuming": begun and resumes, "control.phase": Phase.SEARCH})
+    listed.assert_holds({"step.restarts": 5 + int(begun and not resumes), "step.rebuilds": 4})
 
 
 @wp.func
@@ -184,16 +174,15 @@ def test_pairs_of_a_row_end_where_its_walls_begin(at_walls: list[int]) -> None:
         record.run(Each(grain_count, note_pair_end))
         bodies = listed(pairs, np.array(at_walls)).tolist()
         ends = [sum(k < i or (k == i and j < 4) for k, j in bodies) for i in range(4)]
-        assert record["grid.bucket"].tolist() == ends
+        record.assert_holds({"grid.bucket": ends})
 
 
 def test_step_waits_for_capacity() -> None:
     listed = Listed(cloud(), NARROW)
-    control, step = listed.record.record["control"], listed.record.record["step"]
-    capacity = len(listed.record["neighbors.neighbor"])
+    capacity = len(listed["neighbors.neighbor"])
     for total, phase, outcome in ((capacity, Phase.START, 0), (capacity + 1, Phase.FULL, WITHOUT_ROOM)):
-        step["outcome"], control["phase"], control["unordered"] = 0, Phase.SEARCH, 1
-        listed.record["neighbors.places"][0], listed.record["neighbors.empty"][0] = total + 3, 3
-        listed.record.run(Serial(neighbors.check_capacity))
-        assert (control["phase"], step["outcome"]) == (phase, outcome)
-        assert control["unordered"] == (phase == Phase.START)
+        listed.write({"step.outcome": 0, "control.phase": Phase.SEARCH, "control.unordered": 1})
+        listed["neighbors.places"][0], listed["neighbors.empty"][0] = total + 3, 3
+        listed.run(Serial(neighbors.check_capacity))
+        listed.assert_holds({"control.phase": phase, "step.outcome": outcome})
+        listed.assert_holds({"control.unordered": phase == Phase.START})

@@ -37,9 +37,11 @@ def mirrored(x: FloatArray, velocity: FloatArray, mass: object = 1.0, **changes:
     return scene_of(position + np.array([0.0, 10.0]), velocity, np.append(masses[::-1], masses), **changes)
 
 
-def step_both(make: MakeReference, scene: Scene, steps: int) -> list[StepReport]:
+def step_both(make: MakeReference, scene: Scene, steps: int, **tuned: float) -> list[StepReport]:
     """Hold every step against the reference, and return what the steps report."""
     simulation, reference, reports = Simulation(scene, threads=1), make(scene), []
+    for name, value in tuned.items():
+        simulation._engine.records.host["tuning"][name] = value
     for _ in range(steps):
         reports.append(simulation.step())
         assert (reports[-1].iterations, reports[-1].zeta) == reference.step()
@@ -71,26 +73,30 @@ BEYOND = [(JUST, 0.5 * JUST), (0.01, 0.1), (0.1, 1e-3), (0.28, 0.5 * JUST), (0.4
 """How far beyond the list a grain is, and how much faster than needed it is pushed, in skins."""
 
 
-@pytest.mark.parametrize("threshold", [tuning.MONITOR_THRESHOLD, 5.0])
+TUNED: dict[str, dict[str, float]] = {
+    "as it is": {},
+    "all monitored": {"MONITOR_THRESHOLD": 0.0},
+    "too small to be monitored": {"MONITOR_THRESHOLD": 5.0},
+    "lists without skin": {"BASE_SKIN": 1e-12},
+}
+
+
+@pytest.mark.parametrize("tuned", TUNED)
 @pytest.mark.parametrize("before", [0.0, 0.1])
+@pytest.mark.parametrize("to", ["a grain", "the outer wall", "the inner wall"])
 def test_grain_from_just_outside_the_list(
-    reference: MakeReference, monkeypatch: pytest.MonkeyPatch, before: float, threshold: float
+    reference: MakeReference, monkeypatch: pytest.MonkeyPatch, to: str, before: float, tuned: str
 ) -> None:
-    """p_i, seen where the push is large, and where it is too small to be monitored; |w_i - w_j| is listed."""
-    monkeypatch.setattr(tuning, "MONITOR_THRESHOLD", threshold)
+    """p_i, also at walls, and where lists are built before every step; |w_i - w_j| is listed."""
+    for name, value in TUNED[tuned].items():
+        monkeypatch.setattr(tuning, name, value)
+    moving = 2.0 if to == "a grain" else 1.0
     for beyond, faster in BEYOND:
-        gap = 2.0 * before + 2.0 * SKIN * (1.0 + beyond)
-        speed = 0.5 * gap - before + SKIN * faster
-        assert step_both(reference, pushed(gap, speed, before), steps=3)[0].restarts >= 1
-
-
-@pytest.mark.parametrize("outer", [True, False])
-@pytest.mark.parametrize("before", [0.0, 0.1])
-def test_wall_from_just_outside_the_list(reference: MakeReference, before: float, outer: bool) -> None:
-    """p_i at walls."""
-    for beyond, faster in BEYOND:
-        gap = before + 2.0 * SKIN * (1.0 + beyond)
-        scene = pushed_to_wall(gap, gap - before + SKIN * faster, before, outer)
+        gap = moving * before + 2.0 * SKIN * (1.0 + beyond)
+        speed = gap / moving - before + SKIN * faster
+        scene = pushed(gap, speed, before)
+        if to != "a grain":
+            scene = pushed_to_wall(gap, speed, before, to == "the outer wall")
         assert step_both(reference, scene, steps=3)[0].restarts >= 1
 
 
@@ -100,9 +106,8 @@ def test_grain_that_creeps_below_the_threshold(reference: MakeReference) -> None
     for beyond in (JUST, 0.05, 0.2):
         gap = 2.0 * SKIN * (1.0 + beyond)
         velocity = -2.0 * (0.5 * gap + 0.002) * k / k[-1]
-        reports = step_both(
-            reference, mirrored(0.5 * gap + 1.0 + 2.0 * k, velocity, max_iterations=2000), steps=2
-        )
+        scene = mirrored(0.5 * gap + 1.0 + 2.0 * k, velocity, max_iterations=2000)
+        reports = step_both(reference, scene, steps=2)
         assert reports[0].iterations > 100
         assert sum(report.restarts for report in reports) > 0
 
@@ -127,22 +132,15 @@ def test_list_that_outlives_its_time(reference: MakeReference) -> None:
 @pytest.mark.parametrize("grains", [1, 12])
 @pytest.mark.parametrize(("share", "farthest"), [(0.0, 1.5), (0.25, 7.0)])
 def test_frame_that_falls_while_grains_hardly_separate(
-    reference: MakeReference, monkeypatch: pytest.MonkeyPatch, share: float, farthest: float, grains: int
+    reference: MakeReference, share: float, farthest: float, grains: int
 ) -> None:
     """|U| + dt |u|: thrown up, at rest when the list is built, and down again to the wall.
 
     The frame's skin covers a fall by gravity, and is never needed; here it covers a share of one.
     """
-    g, original = 0.005, Simulation.__init__
-
-    def less(self: Simulation, *arguments: object, **options: object) -> None:
-        original(self, *arguments, **options)
-        self._engine.records.host["tuning"]["acceleration"] = share * g
-
-    monkeypatch.setattr(Simulation, "__init__", less)
-    offset = np.arange(grains) * 2.01 - grains * 1.005
+    g, offset = 0.005, np.arange(grains) * 2.01 - grains * 1.005
     for gap in np.linspace(2.0 * SKIN + JUST, farthest, 5):
         x = np.stack([offset, -np.sqrt((500.0 - 1.0 - gap) ** 2 - offset**2)], axis=1)
         scene = scene_of(x, np.tile([0.0, g], (grains, 1)), gravity=(0.0, -g), drag=0.0)
-        reports = step_both(reference, scene, steps=int(np.sqrt(2.0 * gap / g)) + 4)
-        assert reports[-1].contacts > 0
+        steps = int(np.sqrt(2.0 * gap / g)) + 4
+        assert step_both(reference, scene, steps, acceleration=share * g)[-1].contacts > 0

@@ -4,12 +4,10 @@ All numbers are short sums of powers of two and sides of right triangles: no sta
 met exactly. Every term is far larger than the step beyond the bound, so that none of them can be left out.
 """
 
-from typing import Any
-
 import numpy as np
 import pytest
 import warp as wp
-from stages import OneRecord, grains_apart
+from stages import OneRecord, Values, grains_apart
 
 from warpgrains.kernels import skins, verlet
 from warpgrains.kernels.record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
@@ -23,36 +21,24 @@ POSITION = X0 + ELAPSED * W + U_PATH + np.array([3.0, 4.0]) / 8.0
 VELOCITY = W + U + np.array([3.0, 4.0])
 DISPLACEMENT, DEVIATION = 0.625, 5.0  # of (3, 4) / 8 m and (3, 4) m/s
 UNMONITORED = 1.0
-
-
-def record_with(accelerated: bool = False, **numbers: Any) -> OneRecord:
-    """Return two grains on their way, with more skin than they ever need."""
-    method = "accelerated" if accelerated else "gauss-seidel"
-    record = OneRecord(grains_apart(2).replace(dt=DT, method=method), contacts=4)
-    record["verlet.reference_velocity"][:], record["verlet.reference_position"][:] = W, X0
-    record["grains.position"][:], record["grains.next_velocity"][:] = POSITION, VELOCITY
-    for name in ("peak_square", "recent_deviation", "peak_limit"):
-        record[f"verlet.{name}"][:] = 0.0
-    record["verlet.skin"][:] = 1e3
-    record.record["tuning"]["rounding"], record.record["tuning"]["reserve"] = ROUNDING, RESERVE
-    known = {
-        "elapsed": ELAPSED,
-        "frame_shift": U_PATH,
-        "frame_velocity": U,
-        "unmonitored_change": UNMONITORED,
-        "base_skin": BASE_SKIN,
-        "frame_skin": 1e3,
-        "lifetime": 1e3,
-    }
-    for name, value in (known | numbers).items():
-        part = record.verlet_work if name in record.verlet_work.dtype.names else record.verlet_numbers
-        part[name] = value
-    flags(record)["list_expired"], flags(record)["bad_body"] = 0, -1
-    return record
-
-
-def flags(record: OneRecord) -> Any:
-    return record.record["verlet"]["flags"]
+PEAK, SEEN, SKIN = "verlet.peak_square", "verlet.recent_deviation", "verlet.skin"
+FRAME, CHANGES = "verlet.work.frame_velocity", "verlet.work.unmonitored_change"
+SHIFT, TIME, LIFETIME = "verlet.numbers.frame_shift", "verlet.numbers.elapsed", "verlet.numbers.lifetime"
+EXPIRES, BAD, OUTCOME = "verlet.flags.list_expired", "verlet.flags.bad_body", "step.outcome"
+TWO_GRAINS: Values = {
+    "grains.position": POSITION,
+    "grains.next_velocity": VELOCITY,
+    "verlet.reference_position": X0,
+    "verlet.reference_velocity": W,
+    "verlet.peak_limit": 0.0,
+    "verlet.numbers.base_skin": BASE_SKIN,
+    "verlet.numbers.frame_skin": 1e3,
+    "tuning.rounding": ROUNDING,
+    "tuning.reserve": RESERVE,
+    **{PEAK: 0.0, SEEN: 0.0, SKIN: 1e3, EXPIRES: 0, BAD: -1},
+    **{FRAME: U, CHANGES: UNMONITORED, SHIFT: U_PATH, TIME: ELAPSED, LIFETIME: 1e3},
+}
+"""On their way, with more skin than they ever need."""
 
 
 @wp.func
@@ -65,138 +51,121 @@ def find_outcome(s: Scene):
     s.step.outcome = verlet.outcome_of_check(s)
 
 
-EACH: dict[str, Stage] = {
-    "verify": Each(grain_count, verlet.verify),
-    "begin_check": Each(grain_count, verlet.begin_check),
-}
+VERIFY, BEGIN = Each(grain_count, verlet.verify), Each(grain_count, verlet.begin_check)
+CHECK, TELL = Serial(check_all), Serial(find_outcome)
+CLEAR, FIND, SHIFTED = Serial(verlet.clear_check), Serial(verlet.find_frame), Serial(verlet.shift_frame)
+SAMPLE, REMEMBER = Each(grain_count, verlet.sample), Each(grain_count, verlet.remember)
+ADD, SAMPLED = Serial(verlet.add_unmonitored), If(verlet.is_sampling_due, [Serial(verlet.end_sampling)])
+RENEW, AGAIN = Each(grain_count, skins.renew_skin), Serial(skins.renew_numbers)
+WIDEN, START = Each(grain_count, skins.widen_for_start), Each(grain_count, verlet.monitor_start)
+
+
+def assert_after(stages: list[Stage], given: Values, found: Values, method: str = "gauss-seidel") -> None:
+    """Run stages for two grains, some of whose values are given, and hold what they write."""
+    record = OneRecord(grains_apart(2).replace(dt=DT, method=method), contacts=4)
+    record.write(TWO_GRAINS | given)
+    record.run(*stages)
+    record.assert_holds(found)
+
+
+def of_one(grain: int, value: float, other: float) -> list[float]:
+    return [value if k == grain else other for k in range(2)]
+
+
 BEFORE = ROUNDING + RESERVE * BASE_SKIN
-CHECKS = {
-    "the peak of the iteration": ("verify", 0, 6.0, 100.0, 6.0, ROUNDING),
-    "the same, for sweeps that resumed": ("verify", 1, 6.0, 100.0, 6.0, ROUNDING),
-    "the velocity now": ("begin_check", 0, 100.0, 0.0, DEVIATION, BEFORE),
-    "the last step's peak": ("begin_check", 0, 0.0, 16.0, 16.0 - UNMONITORED, BEFORE),
-    "a peak before the list": ("begin_check", 1, 7.0, 100.0, 7.0, BEFORE),
-    "a peak that is surpassed": ("begin_check", 1, 2.0, 100.0, DEVIATION, BEFORE),
+SKINS = {
+    "the peak of the iteration": (VERIFY, 0, 6.0, 100.0, 6.0, ROUNDING),
+    "the same, for sweeps that resumed": (VERIFY, 1, 6.0, 100.0, 6.0, ROUNDING),
+    "the velocity now": (BEGIN, 0, 100.0, 0.0, DEVIATION, BEFORE),
+    "the last step's peak": (BEGIN, 0, 0.0, 16.0, 16.0 - UNMONITORED, BEFORE),
+    "a peak before the list": (BEGIN, 1, 7.0, 100.0, 7.0, BEFORE),
+    "a peak that is surpassed": (BEGIN, 1, 2.0, 100.0, DEVIATION, BEFORE),
 }
 
 
 @pytest.mark.parametrize("grain", [0, 1])
-@pytest.mark.parametrize("case", CHECKS)
+@pytest.mark.parametrize("case", SKINS)
 def test_skin(case: str, grain: int) -> None:
     """s_i + dt p_i <= skin_i, with room for rounding, and for a reserve before the iteration."""
-    stage, resuming, seen, last, peak, spare = CHECKS[case]
+    stage, resuming, seen, last, peak, spare = SKINS[case]
     enough = DISPLACEMENT + DT * (peak + UNMONITORED) + spare
     for skin, expired in ((enough, 0), (np.nextafter(enough, 0.0), 1), (np.nan, 1)):
-        record = record_with()
-        record.record["control"]["resuming"] = resuming
-        record["verlet.peak_square"][grain], record["verlet.recent_deviation"][grain] = seen**2, last
-        record["verlet.skin"][grain] = skin
-        record.run(EACH[stage])
-        assert flags(record)["list_expired"] == expired
-        assert flags(record)["bad_body"] == -1
+        given = {PEAK: of_one(grain, seen**2, 0.0), SEEN: of_one(grain, last, 0.0)}
+        given |= {SKIN: of_one(grain, skin, 1e3), "control.resuming": resuming}
+        assert_after([stage], given, {EXPIRES: expired, BAD: -1})
 
 
-def test_what_a_skin_still_allows() -> None:
-    for skin, limit in ((2.625, 8.0), (0.625, 0.0), (0.5, 0.0)):
-        record = record_with()
-        record["verlet.skin"][:] = skin
-        record.run(EACH["begin_check"])
-        assert record["verlet.peak_limit"].tolist() == [limit, limit]
+@pytest.mark.parametrize("grain", [0, 1])
+def test_the_velocity_before_the_step_counts_in_the_proof(grain: int) -> None:
+    """A peak of 10 m/s, twice that of the velocity now, and what a skin allows of it."""
+    before = W + U + np.array([[6.0, 8.0], [0.0, 0.0]])[[grain, 1 - grain]]
+    for limit, expired in ((10.0, 0), (np.nextafter(10.0, 0.0), 1)):
+        given = {"grains.velocity": before, "verlet.peak_limit": limit}
+        assert_after([START], given, {PEAK: of_one(grain, 100.0, 0.0), EXPIRES: expired})
 
 
-@pytest.mark.parametrize("name", ["position", "next_velocity"])
+@pytest.mark.parametrize("name", ["grains.position", "grains.next_velocity"])
 @pytest.mark.parametrize("grain", [0, 1])
 def test_grain_that_is_no_longer_finite_is_named(name: str, grain: int) -> None:
-    record = record_with()
-    record[f"grains.{name}"][grain, 1] = np.inf
-    record.run(EACH["verify"], Serial(check_all), Serial(find_outcome))
-    assert flags(record)["bad_body"] == grain
-    flags(record)["list_expired"] = 1  # what is not finite is refused, not solved again with another list
-    record.run(Serial(find_outcome))
-    assert record.record["step"]["outcome"] == NOT_FINITE
+    """It is refused, and not solved again with another list."""
+    bad = TWO_GRAINS[name] + np.array([[0.0, np.inf], [0.0, 0.0]])[[grain, 1 - grain]]
+    assert_after([VERIFY, CHECK], {name: bad}, {BAD: grain})
+    assert_after([TELL], {EXPIRES: 1, BAD: grain}, {OUTCOME: NOT_FINITE})
 
 
-FALLING = {"frame_shift": (3.0, -4.0), "frame_velocity": (0.0, 8.0)}
-FRAME_SKIN = 5.0 + DT * 8.0 + ROUNDING
-SERVES = [
-    (FALLING | {"frame_skin": FRAME_SKIN}, SOLVED),
-    (FALLING | {"frame_skin": np.nextafter(FRAME_SKIN, 0.0)}, EXPIRED),
-    (FALLING | {"frame_skin": np.nan}, EXPIRED),
-]
-for steps in (0, 1, 7):
+COMING = {"grains.next_velocity": W + np.array([[2.0, 8.0], [4.0, -4.0]]), FRAME: np.nan}
+STARTED = {"grains.velocity": W + np.array([3.0, 4.0]), SKIN: (2.5, 9.0)}
+FAST = {"verlet.reference_velocity": [[1e6, 0.0], [-1e6, 0.0]]}
+ON = {SHIFT: (0.5 + DT * 3.0, 0.25 + DT * 2.0), TIME: ELAPSED + DT}
+CASES: dict[str, tuple[list[Stage], Values, Values]] = {
+    "what a skin still allows": ([BEGIN], {SKIN: 2.625}, {"verlet.peak_limit": 8.0}),
+    "a skin that is used up": ([BEGIN], {SKIN: 0.625}, {"verlet.peak_limit": 0.0}),
+    "a skin that was too narrow": ([BEGIN], {SKIN: 0.5}, {"verlet.peak_limit": 0.0}),
+    "the check is cleared": ([CLEAR], {EXPIRES: 1, BAD: 1}, {EXPIRES: 0, BAD: -1, CHANGES: 0.0}),
+    "the frame is the mean": ([FIND], COMING | {"control.resuming": 0}, {FRAME: (3.0, 2.0)}),
+    "references have the frame": ([FIND], COMING | {"control.resuming": 1}, {FRAME: 0.0}),
+    "the frame moves on": ([SHIFTED], {FRAME: (3.0, 2.0)}, ON),
+    "a step leaves its peaks": (
+        [REMEMBER],
+        {PEAK: (4.0, 9.0)},
+        {SEEN: (2.0 + UNMONITORED, 3.0 + UNMONITORED)},
+    ),
+    "a new skin covers the velocity before": ([WIDEN], STARTED, {SKIN: (2.0 + 1.2 * 0.25 * 5.0, 9.0)}),
+    "a list of fast grains serves a step": ([AGAIN], FAST, {LIFETIME: DT}),
+}
+for seen, peak in ((0.0, 6.5), (6.0, 6.5), (7.0, 7.0)):  # the velocity now, and what was not monitored
+    CASES[f"sample after {seen}"] = ([SAMPLE], {CHANGES: 1.5, PEAK: seen**2}, {PEAK: peak**2})
+ROW_SUM, MOST = 3.0, 2.0  # a sweep adds max_row_sum zeta, or what is monitored, if that is less
+for zeta, change in ((0.25, 1.75), (1.0 / 3.0, 2.0), (0.5, 2.5), (MOST / ROW_SUM, 3.0), (9.0, 3.0)):
+    swept = {
+        "verlet.work.max_row_sum": ROW_SUM,
+        "tuning.monitor_threshold": MOST / BASE_SKIN,
+        "step.zeta": zeta,
+    }
+    CASES[f"not monitored, {zeta}"] = ([ADD], swept, {CHANGES: change})
+    CASES[f"sampled beyond most, {zeta}"] = (
+        [ADD, SAMPLED],
+        swept,
+        {CHANGES: change if change <= MOST else 0.0},
+    )
+FRAME_SKIN = 5.0 + DT * 8.0 + ROUNDING  # |U| + dt |u| <= frame skin
+for skin, outcome in ((FRAME_SKIN, SOLVED), (np.nextafter(FRAME_SKIN, 0.0), EXPIRED), (np.nan, EXPIRED)):
+    falling = {SHIFT: (3.0, -4.0), FRAME: (0.0, 8.0), "verlet.numbers.frame_skin": skin}
+    CASES[f"frame skin {skin}"] = ([CHECK, TELL], falling, {OUTCOME: outcome})
+for steps in (0, 1, 7):  # of a list for one step more, whatever rounding makes of their sum
     for lifetime, outcome in (
         (steps + 1, SOLVED),
         ((steps + 1) * (1.0 - 0.9e-13), SOLVED),
         ((steps + 1) * (1.0 - 1.1e-13), EXPIRED),
         (steps, EXPIRED),
     ):
-        SERVES.append(({"elapsed": steps * DT, "lifetime": lifetime * DT}, outcome))
+        times = {TIME: steps * DT, LIFETIME: lifetime * DT}
+        CASES[f"{steps} steps of {lifetime}"] = ([CHECK, TELL], times, {OUTCOME: outcome})
 
 
-@pytest.mark.parametrize(("numbers", "outcome"), SERVES)
-def test_how_long_a_list_serves(numbers: dict[str, Any], outcome: int) -> None:
-    """|U| + dt |u| <= frame skin; k steps, whatever rounding makes of their sum, and no step more."""
-    record = record_with(**numbers)
-    record.run(Serial(check_all), Serial(find_outcome))
-    assert record.record["step"]["outcome"] == outcome
-
-
-def test_check_is_cleared() -> None:
-    record = record_with()
-    flags(record)["list_expired"], flags(record)["bad_body"] = 1, 1
-    record.run(Serial(verlet.clear_check))
-    assert (flags(record)["list_expired"], flags(record)["bad_body"]) == (0, -1)
-    assert record.verlet_work["unmonitored_change"] == 0.0
-
-
-def test_frame_is_the_mean_and_moves_on() -> None:
-    record = record_with(frame_velocity=(np.nan, np.nan))
-    record["grains.next_velocity"][:] = W + np.array([[2.0, 8.0], [4.0, -4.0]])
-    for resuming, u in ((1, [0.0, 0.0]), (0, [3.0, 2.0])):
-        record.record["control"]["resuming"] = resuming
-        record.run(Serial(verlet.find_frame))
-        assert record.verlet_work["frame_velocity"].tolist() == u
-    record.run(Serial(verlet.shift_frame))
-    assert record.verlet_numbers["frame_shift"].tolist() == [0.5 + DT * 3.0, 0.25 + DT * 2.0]
-    assert record.verlet_numbers["elapsed"] == ELAPSED + DT
-
-
-def test_sample() -> None:
-    """A grain may have been further from its velocity now by what was not monitored."""
-    for seen, peak in ((0.0, 6.5), (6.0, 6.5), (7.0, 7.0)):
-        record = record_with(unmonitored_change=1.5)
-        record["verlet.peak_square"][:] = seen**2
-        record.run(Each(grain_count, verlet.sample))
-        assert record["verlet.peak_square"].tolist() == [peak**2, peak**2]
-
-
-MOST, ROW_SUM = 2.0, 3.0
-
-
-@pytest.mark.parametrize(
-    ("zeta", "change", "sampling"),
-    [(0.25, 1.75, 0), (1.0 / 3.0, 2.0, 0), (0.5, 2.5, 1), (MOST / ROW_SUM, 3.0, 1), (9.0, 3.0, 1)],
-)
-def test_changes_that_are_not_monitored_add_up(zeta: float, change: float, sampling: int) -> None:
-    """A sweep adds max_row_sum zeta, or max_row_sum d = MOST if that is less; beyond MOST all is sampled."""
-    record = record_with(max_row_sum=ROW_SUM)
-    record.record["tuning"]["monitor_threshold"] = MOST / BASE_SKIN
-    record.record["step"]["zeta"] = zeta
-    record.run(Serial(verlet.add_unmonitored), If(verlet.is_sampling_due, [Serial(verlet.end_sampling)]))
-    assert record.verlet_work["unmonitored_change"] == (0.0 if sampling else change)
-
-
-@pytest.mark.parametrize("grain", [0, 1])
-def test_the_velocity_before_the_step_counts_in_the_proof(grain: int) -> None:
-    """A peak of 10 m/s, twice that of the velocity now, and what a skin allows of it."""
-    for limit, expired in ((10.0, 0), (np.nextafter(10.0, 0.0), 1)):
-        record = record_with()
-        record["grains.velocity"][:] = W + U
-        record["grains.velocity"][grain] += (6.0, 8.0)
-        record["verlet.peak_limit"][:] = limit
-        record.run(Each(grain_count, verlet.monitor_start))
-        assert record["verlet.peak_square"][grain] == 100.0
-        assert flags(record)["list_expired"] == expired
+@pytest.mark.parametrize("case", CASES)
+def test_stage(case: str) -> None:
+    assert_after(*CASES[case])
 
 
 NEW = {  # iterations before, the margin of the skin, the deviations it covers, and the reference velocity
@@ -210,36 +179,7 @@ NEW = {  # iterations before, the margin of the skin, the deviations it covers, 
 def test_new_list_begins_now(how: str) -> None:
     """Its v0_i are the present velocities, or the old ones with v_f where plain sweeps begin again."""
     iterations, margin, needed, velocity = NEW[how]
-    record = record_with(accelerated=how == "resumes")
-    record.record["step"]["iterations"] = iterations
-    record["verlet.peak_square"][:], record["verlet.recent_deviation"][:] = (4.0, 9.0), 0.5
-    record.run(Each(grain_count, skins.renew_skin), Serial(skins.renew_numbers))
-    assert (record["verlet.reference_velocity"] == velocity).all()
-    assert (record["verlet.reference_position"] == POSITION).all()
-    assert (record["verlet.skin"] == BASE_SKIN + float(margin) * DT * np.array(needed)).all()
-    numbers = record.verlet_numbers
-    assert (numbers["frame_shift"].tolist(), numbers["elapsed"]) == ([0.0, 0.0], 0.0)
-    assert numbers["lifetime"] >= DT
-
-
-def test_a_new_skin_covers_the_velocity_before_the_step() -> None:
-    record = record_with()
-    record["grains.velocity"][:] = W + np.array([3.0, 4.0])
-    record["verlet.skin"][:] = 2.5, 9.0
-    record.run(Each(grain_count, skins.widen_for_start))
-    assert record["verlet.skin"].tolist() == [2.0 + 1.2 * 0.25 * 5.0, 9.0]
-
-
-def test_step_leaves_its_peaks_for_the_next_list() -> None:
-    record = record_with()
-    record["verlet.peak_square"][:] = 4.0, 9.0
-    record.run(Each(grain_count, verlet.remember))
-    assert record["verlet.recent_deviation"].tolist() == [2.0 + UNMONITORED, 3.0 + UNMONITORED]
-
-
-def test_list_serves_one_step_at_least() -> None:
-    """However fast its grains are: one that served none would be built anew for ever."""
-    record = record_with()
-    record["verlet.reference_velocity"][:] = [[1e6, 0.0], [-1e6, 0.0]]
-    record.run(Serial(skins.renew_numbers))
-    assert record.verlet_numbers["lifetime"] == DT
+    given = {"step.iterations": iterations, PEAK: (4.0, 9.0), SEEN: 0.5}
+    found = {"verlet.reference_velocity": velocity, "verlet.reference_position": POSITION}
+    found |= {SKIN: BASE_SKIN + float(margin) * DT * np.array(needed), SHIFT: 0.0, TIME: 0.0}
+    assert_after([RENEW, AGAIN], given, found, "accelerated" if how == "resumes" else "gauss-seidel")

@@ -6,6 +6,7 @@ order; the sums of (14), which only decide, are added in another. Vectors are co
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 from math import inf, sqrt
 
 import numpy as np
@@ -90,8 +91,7 @@ class AcceleratedTwin:
         self.scene = scene
         self.position, self.velocity = scene.position.copy(), scene.velocity.copy()
         self.staggered = False
-        self.pair_correction = np.zeros(scene.n * (scene.n - 1) // 2)
-        self.wall_correction = np.zeros(scene.n)
+        self.corrections = [0.0] * (scene.n * (scene.n + 1) // 2)  # of all pairs, and at the walls
         self.iterations, self.zeta, self.residual = 0, 0.0, 0.0
 
     def step(self) -> None:
@@ -104,18 +104,17 @@ class AcceleratedTwin:
         self.velocity = np.array([[v.real, v.imag] for v in self._v])
         self.position = self.position + scene.dt * self.velocity
         self.staggered = scene.scheme == "leapfrog"
-        dv = np.array([c.dv for c in self._contacts])
-        self.pair_correction, self.wall_correction = dv[: -scene.n], dv[-scene.n :]
+        self.corrections = [c.dv for c in self._contacts]
 
     def _listed(self) -> Iterator[Contact]:
         """Yield the contacts of all pairs, and then those of all grains with the walls."""
         scene, x, dt = self.scene, [complex(*x) for x in self.position], self.scene.dt
-        m, r = contact_mass(scene).tolist(), scene.radius.tolist()
-        for i, j, dv in zip(*np.triu_indices(scene.n, 1), self.pair_correction.tolist(), strict=True):
-            n, distance = normal(x[j] - x[i])
+        m, r, carried = contact_mass(scene).tolist(), scene.radius.tolist(), iter(self.corrections)
+        for i, j in combinations(range(scene.n), 2):
+            (n, distance), dv = normal(x[j] - x[i]), next(carried)
             share = m[j] / (m[i] + m[j]), m[i] / (m[i] + m[j])
             yield Contact(i, j, n, (distance - (r[i] + r[j])) / dt, m[i] * share[0], dv, dv, share)
-        for i, dv in enumerate(self.wall_correction.tolist()):
+        for i, dv in enumerate(carried):
             n, distance = normal(x[i])
             inner = (distance - scene.radius_in - r[i]) / dt if scene.radius_in > 0.0 else inf
             reach = (scene.radius_out - r[i]) / dt if scene.wall == "round" else inf

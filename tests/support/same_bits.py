@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpgrains import Scene, Simulation
-from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.arrays import FloatArray
 from warpgrains.reference.reference import Reference, pair_index
 from warpgrains.scene.annulus import INNER
 
@@ -18,19 +18,13 @@ class AtAnnulus(NamedTuple):
     force: FloatArray
 
 
-def by_grain(wall: IntArray, values: FloatArray, n: int) -> FloatArray:
-    """Return values of contacts with walls by grain, shape (n,)."""
-    every = np.zeros(n)
-    every[wall[:, 0]] = np.where(wall[:, 1] == INNER, -values, values)
-    return every
-
-
 def at_annulus(simulation: Simulation) -> AtAnnulus:
     """Return what the grains of a simulation carried during the last step."""
     contacts, n = simulation.wall_contacts(), simulation.scene.n
-    return AtAnnulus(
-        *(by_grain(contacts.wall, values, n) for values in (contacts.correction, contacts.force))
-    )
+    grain, wall = contacts.wall.T
+    sign, (correction, force) = np.where(wall == INNER, -1.0, 1.0), np.zeros((2, n))
+    correction[grain], force[grain] = sign * contacts.correction, sign * contacts.force
+    return AtAnnulus(correction, force)
 
 
 def contents(record: Any) -> Any:

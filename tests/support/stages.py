@@ -1,6 +1,7 @@
 """Single stages of a step, run on the record of a scene whose arrays a test has written, or poisoned."""
 
-from functools import partial
+from functools import partial, reduce
+from operator import getitem
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.sizes import Sizes
 from warpgrains.solver.threads import run_threads
 
+Values = dict[str, Any]
+"""Values of a record by the names of its arrays and numbers."""
 KERNELS: dict[str, wp.Kernel] = {}
 
 
@@ -41,12 +44,22 @@ class OneRecord:
         device = wp.get_device("cpu")
         self.records = SceneRecords([scene], Sizes.first([scene], threads, device), device)
         self.records.reserve_contacts(0, contacts)
-        self.record, self.team = self.records.host[0], team_records(threads)
-        self.verlet_numbers = self.record["verlet"]["numbers"]
-        self.verlet_work = self.record["verlet"]["work"]
+        self.team = team_records(threads)
 
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
-        return self.records.array(0, name)
+        """Return an array of the scene, or a number of its record, such as `step.zeta`, an array of one."""
+        try:
+            return self.records.array(0, name)
+        except KeyError:
+            return reduce(getitem, name.split("."), self.records.host)
+
+    def write(self, values: Values) -> None:
+        for name, value in values.items():
+            self[name][:] = value
+
+    def assert_holds(self, values: Values) -> None:
+        for name, value in values.items():
+            assert np.array_equal(self[name], np.broadcast_to(value, self[name].shape)), name
 
     def run(self, *stages: Stage) -> None:
         kernel, records = kernel_of(*stages), self.records.device
@@ -92,9 +105,6 @@ def record_of_graph(pairs: IntArray, at_walls: IntArray) -> OneRecord:
     record = OneRecord(scene.replace(wall="round"), len(contacts) + 1)  # whose walls have limits
     record["neighbors.start"][:] = np.searchsorted(contacts[:, 0], np.arange(scene.n + 1))
     record["neighbors.neighbor"][: len(contacts)] = contacts[:, 1]
-    for name in ("set_of", "sweep_index"):
-        record[f"workspace.{name}"][:] = -7
-    record["workspace.taken"][:] = 2**64 - 1
-    record["contacts.set_start"][:] = -7
-    record.record["contacts"]["count"] = -7, -7, -7
+    record.write({"workspace.set_of": -7, "workspace.sweep_index": -7, "workspace.taken": 2**64 - 1})
+    record.write({"contacts.set_start": -7, "contacts.count": (-7, -7, -7)})
     return record
