@@ -146,6 +146,7 @@ def test_damaged_part_that_another_process_renames(tmp_path, done, meanwhile, be
     shutil.copytree(done, out)
     (part,) = out.glob("parts/[0-9]*.csv")
     part.write_bytes(b"1")
+    (out / "results.csv").unlink()
     rename = partial(part.rename, part.with_name(f"{part.name}.damaged"))
     meanwhile(Path, "read_bytes", rename, before, when=part.__eq__)
     assert batch(write(tmp_path), "-o", out, "--resume") == 1

@@ -126,15 +126,11 @@ def test_folder_of_scenes(tmp_path):
     assert names == [("a", 0.1), ("a", 0.2), ("b", 0.1), ("b", 0.2)]
 
 
-def test_scene_beside_the_sweep_wins_over_a_shipped_one(tmp_path):
+def test_files_beside_the_sweep_win_over_shipped_ones_but_folders_do_not(tmp_path, monkeypatch):
     (tmp_path / "annulus").write_text(SCENE)
     assert load(tmp_path, 'scene = "annulus"').runs[0].base.sections["grains"]["radius"] == 0.1
     (tmp_path / "annulus").unlink()
-    assert load(tmp_path, 'scene = "annulus"').runs[0].base.sections["grains"]["layout"] == "rows"
-
-
-def test_folders_of_results_hide_no_shipped_name(tmp_path, monkeypatch):
-    (tmp_path / "annulus").mkdir()
+    (tmp_path / "annulus").mkdir()  # of results
     assert load(tmp_path, 'scene = "annulus"').runs[0].base.sections["grains"]["layout"] == "rows"
     monkeypatch.chdir(tmp_path)
     (tmp_path / "iterations").mkdir()

@@ -1,7 +1,7 @@
 """Which runs of a sweep are executed together: as many as time, memory and threads allow."""
 
 import gc
-import weakref
+from collections import deque
 from contextlib import ExitStack
 from types import SimpleNamespace
 from weakref import WeakSet
@@ -10,6 +10,7 @@ import pytest
 from sweeps import SMALL, batch, parts, results, rows, write
 
 from warpgrains.batch import loaded_scenes
+from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.solver import memory, sizes, tuning
 from warpgrains.solver.memory import OutOfMemoryError
 from warpgrains.solver.records import SceneRecords
@@ -18,43 +19,34 @@ from warpgrains.sweep.group import Group
 from warpgrains.usd.check import inspect_recording
 
 
-class FakeRunner:
-    """Runs that take one millisecond each, on a clock of their own."""
-
-    narrowest, widest = 2, 4096
-
-    def __init__(self, grains, runs):
-        self.scene, self.runs = SimpleNamespace(n=grains), runs
-        self.time, self.sizes, self.reasons, self.held = 0.0, [], {}, ExitStack()
-
-    def choose(self, width):
-        self.runs, chosen = self.runs[width:], self.runs[:width]
-        return chosen
-
-    def prepare(self, chosen):
-        return SimpleNamespace(members=[SimpleNamespace(scene=self.scene)] * len(chosen))
-
-    def load(self, group):
-        pass
-
-    def carry_out(self, group):
-        self.sizes.append(len(group.members))
-        self.time += 1e-3 * len(group.members)
-
-
 @pytest.mark.parametrize(
     ("grains", "settled"), [(15, 1000), (2000, 100), (10**6, 1)], ids=["by time", "by grains", "large"]
 )
 def test_sizes_settle(monkeypatch, grains, settled):
+    """Of runs that take one millisecond each."""
     count = 20_000 if settled == 1000 else 1000
-    runs = FakeRunner(grains, range(count))
-    monkeypatch.setattr(runner, "perf_counter", lambda: runs.time)
-    monkeypatch.setattr(runner, "Runner", lambda *_: runs)
+    waiting, found = deque(range(count)), []
+
+    def prepare(chosen):
+        return SimpleNamespace(members=[SimpleNamespace(scene=SimpleNamespace(n=grains))] * len(chosen))
+
+    fake = SimpleNamespace(
+        narrowest=2,
+        widest=4096,
+        held=ExitStack(),
+        reasons={},
+        choose=lambda width: [waiting.popleft() for _ in range(min(width, len(waiting)))],
+        prepare=prepare,
+        load=lambda group: None,
+        carry_out=lambda group: found.append(len(group.members)),
+    )
+    monkeypatch.setattr(runner, "perf_counter", lambda: 1e-3 * sum(found))
+    monkeypatch.setattr(runner, "Runner", lambda *_: fake)
     runner.finish_runs(None, [], None, None)
-    later = runs.sizes[6:-1]
+    later = found[6:-1]
     assert len(later) > 3
     assert all(size == pytest.approx(settled, rel=0.01) for size in later)
-    assert sum(runs.sizes) == count
+    assert sum(found) == count
 
 
 def test_a_group_that_does_not_fit_beside_another_stays_whole(tmp_path, monkeypatch):
@@ -100,7 +92,7 @@ def test_runs_that_do_not_fit_in_memory(tmp_path, done, monkeypatch, options):
 @pytest.mark.parametrize("options", [(), ("--folders",)])
 def test_memory_that_is_lacking_for_a_longer_list(tmp_path, done, monkeypatch, options):
     """The run continues alone, when nothing refers to the scenes of its group any more."""
-    resize, refused, groups = SceneRecords._resize, [], []
+    resize, refused, groups, counts = SceneRecords._resize, [], WeakSet(), []
 
     def resize_alone(records, *given):
         if len(records.host) > 1 and not refused:
@@ -108,15 +100,16 @@ def test_memory_that_is_lacking_for_a_longer_list(tmp_path, done, monkeypatch, o
             raise OutOfMemoryError("no room beside others")
         return resize(records, *given)
 
-    class Scenes(loaded_scenes.LoadedScenes):
-        def __init__(self, *given):
-            assert [scenes() for scenes in groups if scenes() is not None] == []
-            groups.append(weakref.ref(self))
-            super().__init__(*given)
+    def load(*given):
+        assert not groups
+        scenes = LoadedScenes(*given)
+        groups.add(scenes)
+        counts.append(len(scenes.scenes))
+        return scenes
 
     monkeypatch.setattr(sizes, "first_pairs", lambda n: n // 4)
     monkeypatch.setattr(SceneRecords, "_resize", resize_alone)
-    monkeypatch.setattr(group, "LoadedScenes", Scenes)
+    monkeypatch.setattr(group, "LoadedScenes", load)
     gc.collect()
     gc.disable()
     try:
@@ -124,7 +117,7 @@ def test_memory_that_is_lacking_for_a_longer_list(tmp_path, done, monkeypatch, o
     finally:
         gc.enable()
     assert refused
-    assert len(groups) > 1
+    assert len(counts) > 1
     assert results(tmp_path / "out") == results(done)
 
 

@@ -3,14 +3,12 @@
 import os
 import shutil
 import sys
-from contextlib import contextmanager
 
 import pytest
 from sweeps import LONG, SMALL, Interrupted, Slices, batch, results, rows, steps_kept, write
 
 from warpgrains.frame_log import FrameLog, LogReader
 from warpgrains.locks import Lock
-from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import group
 from warpgrains.sweep.group import Group
@@ -19,8 +17,7 @@ from warpgrains.sweep.sweep_folder import SweepFolder
 from warpgrains.usd.writer import reopen_log
 
 
-@pytest.mark.parametrize("options", [[], ["--until", "rest,speed=0.05,time=0.35"]])
-def test_run_that_takes_long_gets_a_folder(tmp_path, monkeypatch, capfd, options):
+def test_run_that_takes_long_gets_a_folder(tmp_path, monkeypatch, capfd):
     """It goes on from where it is when the time is over, even if the process is killed then."""
     sweep, out, advance, clock = write(tmp_path, LONG), tmp_path / "out", Group.advance, [0.0]
 
@@ -38,50 +35,47 @@ def test_run_that_takes_long_gets_a_folder(tmp_path, monkeypatch, capfd, options
         patch.setattr(group, "perf_counter", lambda: clock[0])
         patch.setattr(engine, "BRIEF", 0)
         patch.setattr(threads, "GLANCE", 1e-4)  # before the runs are over, on any machine
-        assert batch(sweep, "-o", out, *options) == 130
+        assert batch(sweep, "-o", out) == 130
     assert capfd.readouterr().err.endswith("interrupted; to continue: the same command with --resume\n")
     first = steps_kept(out)
-    assert batch(sweep, "-o", out, *options, "--resume") == 0
-    assert 0 < first < steps_kept(out)
-    kept = read_checkpoint(out / "runs" / "00000" / "checkpoint.npz")
-    assert str(kept.statistics.steps) == rows(out)[0]["steps"]
-    assert batch(sweep, "-o", tmp_path / "short", *options) == 0
+    assert batch(sweep, "-o", out, "--resume") == 0
+    assert 0 < first < steps_kept(out) == 12 * 800
+    assert batch(sweep, "-o", tmp_path / "short") == 0
     assert not (tmp_path / "short" / "runs").exists()
     assert results(out) == results(tmp_path / "short")
 
 
-@pytest.mark.parametrize("options", [[], ["--folders"]])
-def test_a_run_whose_extra_is_missing_is_left_to_another_machine(tmp_path, monkeypatch, capfd, options):
+def test_a_run_whose_extra_is_missing_is_left_to_another_machine(tmp_path, monkeypatch, capfd):
     sweep = write(tmp_path, SMALL.replace("[axes]", '[axes]\nsolver.method = ["gauss-seidel", "exact"]'))
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, "warpgrains.solver.exact.convex", None)
-        assert batch(sweep, "-o", tmp_path / "out", *options) == 1
+        assert batch(sweep, "-o", tmp_path / "out") == 1
     said = capfd.readouterr().out
     assert "not finished      4 (continue with --resume), first run 6: method 'exact' needs" in said
     assert len(rows(tmp_path / "out")) == 8
-    assert batch(sweep, "-o", tmp_path / "out", "--resume", *options) == 1  # two have too much drag
+    assert batch(sweep, "-o", tmp_path / "out", "--resume") == 1  # two have too much drag
     assert len(rows(tmp_path / "out")) == 12
 
 
-@contextmanager
-def locked(run, patch, kept):
+def lock(run, patch, kept):
     run.mkdir(parents=True)
-    with Lock(run / "checkpoint.npz"):
-        yield
+    held = Lock(run / "checkpoint.npz")
+
+    def end():
         assert list(run.iterdir()) == [run / ".checkpoint.npz.lock"]
+        held.release()
+
+    return end
 
 
-@contextmanager
-def a_file(run, patch, kept):
+def put_a_file(run, patch, kept):
     run.parent.mkdir(parents=True)
     run.touch()
-    yield
-    run.unlink()
+    return run.unlink
 
 
-@contextmanager
-def no_folder(run, patch, kept):
-    """After a while, the run needs one."""
+def refuse_folder(run, patch, kept):
+    """Which the run needs after a while."""
     open_folder = FolderRun.open
 
     def open_others(folder, *given):
@@ -91,39 +85,38 @@ def no_folder(run, patch, kept):
 
     Slices(patch, of_all=True)
     patch.setattr(FolderRun, "open", open_others)
-    yield
+    return patch.undo
 
 
-@contextmanager
-def begun_elsewhere(run, patch, kept):
+def begin_elsewhere(run, patch, kept):
     """On a file system without locks, after this process has begun the run without a folder."""
     shutil.copytree(kept / "runs" / run.name, run)
     Slices(patch, of_all=True)
     patch.setattr(SweepFolder, "with_folders", lambda folder: set())
-    yield
+    return patch.undo
 
 
 @pytest.mark.parametrize(
-    ("obstacle", "reason"),
+    ("hinder", "reason"),
     [
-        (locked, f".npz' is being written by process {os.getpid()} on"),
-        (a_file, "File exists"),
-        (no_folder, "permission denied\n"),
-        (begun_elsewhere, "another process has begun it\n"),
+        (lock, f".npz' is being written by process {os.getpid()} on"),
+        (put_a_file, "File exists"),
+        (refuse_folder, "permission denied\n"),
+        (begin_elsewhere, "another process has begun it\n"),
     ],
 )
-def test_a_run_that_cannot_be_done_is_left(tmp_path, done, kept, monkeypatch, capfd, obstacle, reason):
+def test_a_run_that_cannot_be_done_is_left(tmp_path, done, kept, monkeypatch, capfd, hinder, reason):
     sweep, out = write(tmp_path), tmp_path / "out"
-    with monkeypatch.context() as patch, obstacle(out / "runs" / "00001", patch, kept):
-        assert batch(sweep, "-o", out, "--index", 1, "--count", 6) == 1
-        left_alone = capfd.readouterr().out
-        assert batch(sweep, "-o", out, "--resume") == 1
-    printed = capfd.readouterr().out
-    for said in (left_alone, printed):
+    end = hinder(out / "runs" / "00001", monkeypatch, kept)
+    assert batch(sweep, "-o", out, "--index", 1, "--count", 6) == 1
+    alone = capfd.readouterr().out
+    assert batch(sweep, "-o", out, "--resume") == 1
+    for said in (alone, capfd.readouterr().out):
         assert "not finished      1 (continue with --resume), first run 1: " in said
         assert reason in said
-    assert "results" not in left_alone
+    assert "results" not in alone
     assert [row["run"] for row in rows(out)] == ["0", "2", "3", "4", "5"]
+    end()
     assert batch(sweep, "-o", out, "--resume") == 1
     assert results(out) == results(done)
 

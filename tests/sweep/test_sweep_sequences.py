@@ -176,7 +176,36 @@ class Sequences(RuleBasedStateMachine):
             self.written = sound
 
 
-@few_or_many(5, 200, stateful_step_count=6)
+@pytest.mark.parametrize(
+    ("folders", "until", "of_all"),
+    [((), UNTIL, True), (("--folders",), (), False), (("--usd",), UNTIL, True), (FOLDERS[3], UNTIL, False)],
+)
+def test_one_sequence_of_every_rule(folders, until, of_all):
+    sweep = Sequences()
+    try:
+        sweep.begin(folders, until, 2, of_all)
+        for happen, *given in (
+            (sweep.shared, 1),
+            (sweep.checkpoints_are_not_there_yet,),
+            (sweep.series_are_beyond_their_checkpoints,),
+            (sweep.folder_is_gone, 4),
+            (sweep.interrupted_in_writing, 7, False),
+            (sweep.shards_are_gone,),
+            (sweep.shards_are_back,),
+            (sweep.shards_are_damaged,),
+            (sweep.resumed_by_hand,),
+            (sweep.all_but_the_folders_of_runs_is_gone,),
+            (sweep.folders_are_no_longer_asked_for,),
+        ):
+            happen(*given)
+            sweep.no_result_is_written_again()
+            sweep.interrupted(2)
+            sweep.no_result_is_written_again()
+    finally:
+        sweep.teardown()
+
+
+@few_or_many(2, 200, stateful_step_count=6)
 def test_sequences(how):
     run_state_machine_as_test(Sequences, settings=how)
 
