@@ -1,7 +1,7 @@
 """Joints of walls: which there are, how the host finds them, and what corners hold (MODEL.md, eq. 8c)."""
 
 from ctypes import CDLL
-from math import pi, tau
+from math import tau
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from swept_order import follow_reference
 from trimmed import trimmed
 from walled_scenes import alone, chained, on_circle
 
-from warpgrains import Arc, Disc, Scene, Segment, Simulation
+from warpgrains import Disc, Scene, Segment, Simulation
 from warpgrains.analysis import kinetic_energy
 from warpgrains.scene.bodies import Joints
 from warpgrains.solver import tuning
@@ -27,17 +27,6 @@ def test_a_change_of_walls_changes_their_joints() -> None:
     simulation.change(walls=[line[0], Segment((0.0, 0.0), (2.0, 0.0), velocity=(1.0, 0.0))])
     assert simulation.scene.joints.others == []
     simulation.advance(20)
-
-
-def test_two_half_arcs_are_a_ring() -> None:
-    halves = [Arc((0.0, 0.0), 1.0, 0.0, pi), Arc((0.0, 0.0), 1.0, pi, tau - 1e-12)]
-    half, whole = (
-        alone((0.9, 0.0), walls, (0.0, 1.0), gravity=(0.0, 0.0))
-        for walls in (halves, [Disc((0.0, 0.0), 1.0, inside=True)])
-    )
-    for simulation in (half, whole):
-        simulation.advance(2800)  # five rounds
-    assert half.velocity[0] == pytest.approx(whole.velocity[0], abs=1e-9)  # 2800 steps of 1e-12 m/s each
 
 
 def test_a_wall_whose_tangent_may_act_is_listed(c_library: CDLL, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -96,20 +85,12 @@ def polygon_scene(seed: int) -> Scene:
         is_clear = all(wall.side(x, np.array([radius])).gap > 0.0 for wall in walls)
         if len(position) < 12 and is_clear and (np.hypot(*(x - position).T) > 2.0 * radius).all():
             position = np.append(position, x, axis=0)
-    speed = radius / 0.01 * rng.uniform(0.1, 1.0, (len(position), 1))
-    return Scene(
-        position=position,
-        velocity=speed * on_circle(rng.uniform(0.0, tau, len(position))),
-        radius=radius,
-        mass=rng.uniform(0.5, 2.0, len(position)),
-        radius_out=50.0,
-        walls=walls,
-        gravity=(0.0, -9.81 * (seed % 2)),
-        friction=0.4 * (seed % 3 == 0),
-        tolerance=1e-9,
-        stop="residual",
-        max_iterations=20_000,
-    )
+    n = len(position)
+    velocity = radius / 0.01 * rng.uniform(0.1, 1.0, (n, 1)) * on_circle(rng.uniform(0.0, tau, n))
+    grains = {"position": position, "velocity": velocity, "radius": radius, "mass": rng.uniform(0.5, 2.0, n)}
+    laws: dict[str, Any] = {"gravity": (0.0, -9.81 * (seed % 2)), "friction": 0.4 * (seed % 3 == 0)}
+    solver: dict[str, Any] = {"tolerance": 1e-9, "stop": "residual", "max_iterations": 20_000}
+    return Scene(**grains, **laws, **solver, walls=walls, radius_out=50.0)
 
 
 @pytest.mark.parametrize("count", [6, pytest.param(trimmed(1000), marks=pytest.mark.slow)])

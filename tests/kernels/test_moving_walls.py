@@ -190,25 +190,6 @@ def integral(rate: complex, time: float) -> complex:
     return (np.exp(rate * time) - 1.0) / rate if rate else time
 
 
-@pytest.mark.parametrize("scheme", ["text", "leapfrog"])
-def test_walls_carry_a_grain_at_rest(scheme: str) -> None:
-    """A grain in a corner weighs on both walls with the components of m g, until g leaves the corner."""
-    corner = [Segment((-5.0, 0.0), (5.0, 0.0)), Segment((0.75, -5.0), (0.75, 5.0))]
-    turning = {"vector": (0.0, -8.0), "rotate": 1.0}
-    scene = grain(walls=corner, scheme=scheme, tolerance=1e-13, gravity=turning)
-    simulation = Simulation(scene)
-    for step in range(1, 150):
-        simulation.step()
-        start = (step - 1) * scene.dt
-        found = simulation.wall_contacts()
-        if step > 1:
-            assert found.force == pytest.approx(4.0 * np.array([np.cos(start), np.sin(start)]), rel=1e-12)
-            assert found.wall[:, 1].tolist() == [2, 3]
-    assert np.abs(simulation.position - scene.position).max() < 1e-14
-    simulation.advance(30)  # past a quarter turn, g lifts it
-    assert simulation.position[0, 1] > 0.25
-
-
 def test_heights_and_energies_follow_gravity() -> None:
     scene = grain(gravity={"vector": (0.0, -8.0), "rotate": np.pi / 2.0}, drag=49.0, dt=0.01)
     simulation = Simulation(scene)

@@ -35,10 +35,10 @@ def full_order(simulation: Simulation) -> IntArray:
     n, swept = simulation.scene.n, swept_pairs(simulation)
     is_silent = np.ones(n * (n - 1) // 2, bool)
     is_silent[pair_index(swept, n)] = False
-    scene = simulation.scene
-    bodies = len(scene.bodies)
-    walls = np.stack([np.repeat(np.arange(n), bodies), np.tile(-1 - np.arange(bodies), n)], axis=1)
-    return np.concatenate([swept, np.stack(np.triu_indices(n, 1), axis=1)[is_silent], walls]).astype(np.int32)
+    grain, wall = np.indices((n, len(simulation.scene.bodies)))
+    walls = np.stack([grain.ravel(), -1 - wall.ravel()], axis=1)
+    silent = np.stack(np.triu_indices(n, 1), axis=1)[is_silent]
+    return np.concatenate([swept, silent, walls]).astype(np.int32)
 
 
 class Followed(NamedTuple):
