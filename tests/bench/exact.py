@@ -128,8 +128,7 @@ def with_friction(options: argparse.Namespace) -> Iterator[Row]:
     for scene, tolerance in (*product(scenes, (1e-4, 1e-6)), (flow, 1e-4)):
         scene = scene.replace(tolerance=tolerance)
         steps = min(scene.steps, options.steps or scene.steps)
-        short: list[int] = []
-        taken: list[float] = []
+        short, taken = [], []
         for method in ("exact", "accelerated"):
             simulation = Simulation(scene.replace(method=method), threads=1)
             simulation.compile()
@@ -138,7 +137,7 @@ def with_friction(options: argparse.Namespace) -> Iterator[Row]:
             taken.append(process_time() - begun)
         subject = Subject(f"{scene.name}, {steps} steps to {tolerance:g} m/s", scene.n, scene.order)
         most = f"<= {steps // 500}" if tolerance == 1e-6 else ""
-        swept = Subject(f"{subject.name}, accelerated", scene.n, scene.order)
-        yield row(subject, [short[0]], "steps not there", target=most)
-        yield row(swept, [short[1]], "steps not there")
+        swept = subject._replace(name=f"{subject.name}, accelerated")
+        yield row(subject, short[:1], "steps not there", target=most)
+        yield row(swept, short[1:], "steps not there")
         yield row(subject, [taken[0]], "s", "accelerated", [taken[1]])

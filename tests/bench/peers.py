@@ -35,13 +35,9 @@ WHOLE, SPLASH = 200, 5  # frames of 10 ms
 SHORT, PASSES = 2.0, 5  # s of CPU time up to which the window is measured again, so often, in one go
 SPRINGS = [(f"stiff for {overlap:g} radii", {"overlap": overlap}) for overlap in (0.1, 0.035, 0.01, 0.001)]
 SUBSTEPS = [
-    (f"{substeps} sub-steps of {iterations} iterations", {"substeps": substeps, "iterations": iterations})
-    for substeps, iterations in ((1, 10), (10, 10), (20, 10), (40, 10), (80, 10))
+    (f"{k} sub-steps of 10 iterations", {"substeps": k, "iterations": 10}) for k in (1, 10, 20, 40, 80)
 ]
-SEARCHES = [
-    (f"{steps} searches, {steps * substeps} sub-steps", {"steps": steps, "substeps": substeps})
-    for steps, substeps in ((1, 4), (4, 4), (10, 4), (20, 4), (40, 4), (80, 4))
-]
+SEARCHES = [(f"{k} searches, {4 * k} sub-steps", {"steps": k, "substeps": 4}) for k in (1, 4, 10, 20, 40, 80)]
 
 
 def peers(box2d3: Path | None) -> dict[str, tuple[Callable[..., Any], list[tuple[str, dict[str, Any]]]]]:

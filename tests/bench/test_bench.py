@@ -97,6 +97,7 @@ def test_mutants_are_changes_of_the_kernels_as_they_are():
         assert mutant.effect in ("result", "speed", "nothing")
         assert bool(mutant.reason) == (mutant.effect != "result")
         ast.parse(mutant.changed)
+        assert all((ROOT / mutations.test_file(name)).exists() for name in mutations.DECIDING[mutant.file])
 
 
 @pytest.mark.slow
