@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from moments import EPS, far_away, moment_of, random_moment
 from scipy.special import j0
-from walled_scenes import chained
+from walled_scenes import chained, on_circle
 
 from warpgrains import Box, Disc, analysis
 
@@ -72,8 +72,8 @@ def test_pairs_by_kinds_are_those_of_a_twin(mixture, region):
     np.fill_diagonal(apart, np.inf)
     # centers reach the walls to within the smallest radius
     reached = {"distance": (0.3 + radius.min(), 1.0 - radius.min()), **region}
-    space, angle = analysis.region_of(mixture, reached), 2.0 * np.pi * np.arange(2000) / 2000
-    middle, circle = 0.5 * (found.edges[1:] + found.edges[:-1]), np.stack([np.cos(angle), np.sin(angle)], 1)
+    space, circle = analysis.region_of(mixture, reached), on_circle(2.0 * np.pi * np.arange(2000) / 2000)
+    middle = 0.5 * (found.edges[1:] + found.edges[:-1])
     assert found.kinds.tolist() == [-1, 0, 1]
     for b in (3, 11, 29):
         share = space.contains(position[:, np.newaxis] + middle[b] * circle).mean(axis=1)
@@ -126,8 +126,8 @@ def test_evenly_spaced_waves_are_those_computed_one_by_one(dense):
     """The default spacing, whose waves are products, in a region with more directions than one."""
     sector = {"angle": (0.0, 2.5)}
     found = analysis.structure_factor(dense, directions=5, region=sector)
-    position, angle = dense.position[analysis.grains_in(dense, sector)], np.pi * np.arange(5) / 5
-    phase = position @ np.stack([np.cos(angle), np.sin(angle)])
+    position = dense.position[analysis.grains_in(dense, sector)]
+    phase = position @ on_circle(np.pi * np.arange(5) / 5).T
     sums = np.exp(-1j * found.k[:, np.newaxis, np.newaxis] * phase).sum(axis=1)
     assert found.s == pytest.approx((np.abs(sums) ** 2).mean(axis=1) / len(position), rel=1e-9)
     assert found.k[[0, -1]] == pytest.approx([np.pi, 100.0 * np.pi])

@@ -166,8 +166,6 @@ def test_a_simulation_as_tables(recorded):
         assert np.array_equal(expected.tangential_force, contacts.tangential_force)
         assert found.equals(expected[list(found)][expected.force > 0.0].reset_index(drop=True))
         assert len(found) > 0
-    with pytest.raises(InputError, match="did you mean 'contacts'"):
-        moment.to_pandas("contact")
     other = Simulation("annulus")
     report = other.step()
     values = {name: value for name, value in asdict(report).items() if name != "history"}

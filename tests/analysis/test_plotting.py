@@ -5,6 +5,7 @@ import pytest
 from command import exit_code
 from matplotlib.image import imread
 from recordings import RADIUS, bands_of, make_contacts, make_frames, make_scene, moment, record, recorder_of
+from walled_scenes import on_circle
 from walls_seen import View
 
 from warpgrains import InputError
@@ -14,14 +15,13 @@ from warpgrains.usd.recording import Recording, painter_of
 
 WHITE = np.ones(3)
 WALL = np.full(3, 0.35)
-AROUND = np.stack([np.cos(np.arange(16) * np.pi / 8), np.sin(np.arange(16) * np.pi / 8)], axis=1)
+AROUND = on_circle(np.arange(16) * np.pi / 8)
 
 
 @pytest.fixture(scope="module")
 def frames():
     """Five grains that touch nothing, in three frames."""
-    angle = np.linspace(0.0, 6.0, 5)[:, np.newaxis] + np.arange(3)[:, np.newaxis, np.newaxis]
-    position = 1.2 * np.concatenate([np.cos(angle), np.sin(angle)], axis=2)
+    position = 1.2 * on_circle(np.linspace(0.0, 6.0, 5) + np.arange(3)[:, np.newaxis])
     return np.stack([position, make_frames(3)[:, 1]], axis=1)
 
 

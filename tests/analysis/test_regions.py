@@ -7,6 +7,7 @@ from math import acos, pi, sqrt
 import numpy as np
 import pytest
 from moments import EPS, moment_of
+from walled_scenes import chained, on_circle
 
 from warpgrains import Disc, analysis
 from warpgrains.scene.annulus import Annulus
@@ -77,13 +78,12 @@ def test_areas_and_shares_of_circles_are_those_of_points(pile, region):
     deviation = np.sqrt(share * (1.0 - share) / len(points))
     assert found.contains(points).mean() == pytest.approx(share, abs=4.0 * deviation)
     assert 0.05 < found.area < 2.2
-    center, angle = points[:20], 2.0 * pi * np.arange(2_000) / 2_000
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    center, circle = points[:20], on_circle(2.0 * pi * np.arange(2_000) / 2_000)
     disc = np.sqrt(rng.random((2_000, 1))) * circle
     for r in (0.03, 0.2, 0.7):
         along, inside = (center[:, np.newaxis] + r * place for place in (circle, disc))
         share = found.angles(center, np.full(20, r)) / (2.0 * pi)
-        assert share == pytest.approx(found.contains(along).mean(axis=1), abs=20 / len(angle))  # of 20 arcs
+        assert share == pytest.approx(found.contains(along).mean(axis=1), abs=20 / 2_000)  # of 20 arcs
         share = found.areas(center, np.full(20, r)) / (pi * r**2)
         deviation = 5.0 * np.sqrt(np.clip(share * (1.0 - share), 0.0, 1.0) / 2_000) + 1.0 / 2_000
         assert (np.abs(found.contains(inside).mean(axis=1) - share) <= deviation).all()
@@ -103,8 +103,7 @@ def test_areas_of_discs_that_touch():
     square = Part(np.minimum(2.0 * corner, (2.0, 1.0 - depth)), ())
     assert square.areas(np.zeros((1, 2)), np.ones(1)) == pytest.approx(pi - cap, rel=64 * EPS)
     ring = Part(2.0 * corner, Annulus(0.5, 1.0).borders)
-    angle = 2.0 * pi * np.arange(16) / 16
-    along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    along = on_circle(2.0 * pi * np.arange(16) / 16)
     for distance in (0.6, 0.9):
         assert ring.areas(distance * along, np.full(16, 0.1)) == pytest.approx(pi * 0.01, rel=1e-12)
 
@@ -170,18 +169,19 @@ def test_profiles_of_parts_add_up(now, profile):
     assert weighted[1:].sum(axis=0) == pytest.approx(weighted[0], abs=1e-12)
 
 
-@pytest.mark.parametrize(("in_flight", "gravity"), [(False, (9.81, 0.0)), (True, (0.0, -9.81))])
-def test_below_the_surface_of_steps(in_flight, gravity):
-    """Layers of 4 and 8 grains: the region ends a diameter below the uppermost centers."""
+@pytest.mark.parametrize("in_flight", [False, True])
+@pytest.mark.parametrize("turn", [np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]])])
+def test_below_the_surface_of_steps(in_flight, turn):
+    """Layers of 4 and 8 grains in a box: the region ends a diameter below the uppermost centers."""
     layers = [4] * 16 + [8] * 16  # between -0.32 and 0.32 m, in columns of two grains
     centers = [(0.02 * k - 0.31, -0.5 + 0.02 * one) for k, top in enumerate(layers) for one in range(top)]
     position = np.array(centers + [(0.1, 0.8)] * in_flight)
     pair = np.array([[k, k + 1] for k in range(len(centers) - 1)], np.int32)
-    turn = np.eye(2) if gravity[0] == 0.0 else np.array([[0.0, 1.0], [-1.0, 0.0]])
-    pile = of(position @ turn, 0.01, radius_in=0.0, radius_out=0.96, gravity=gravity)
+    box = np.array([(-0.32, 0.85), (-0.32, -0.51), (0.32, -0.51), (0.32, 0.85)])
+    fields = {"radius_in": 0.0, "radius_out": 0.96, "walls": chained(box @ turn)}
+    pile = of(position @ turn, 0.01, **fields, gravity=np.array([0.0, -9.81]) @ turn)
     pile = replace(pile, pair=pair, force=np.ones(len(pair)), tangential_force=np.zeros(len(pair)))
-    floor = {"y": (-0.51, 1.0)} if gravity[0] == 0.0 else {"x": (-1.0, 0.51)}
-    region = analysis.region_of(pile, {"below": "surface", **floor})
+    region = analysis.region_of(pile, {"below": "surface"})
     assert region.area == pytest.approx(0.32 * (0.05 + 0.13), rel=64 * EPS)
     points = np.array([(x, -0.5 + 0.02 * one + 0.001) for x in (-0.33, -0.2, 0.2, 0.33) for one in range(10)])
     assert region.contains(points @ turn).reshape(4, 10).sum(axis=1).tolist() == [0, 2, 6, 0]

@@ -1,7 +1,6 @@
 """Packings at rest: what `pack` returns, by Python and by the command."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -98,12 +97,6 @@ def test_the_command_prints_and_saves_the_same(rest, tmp_path, monkeypatch, capf
     assert np.array_equal(table.mass, rest.simulation.scene.mass)
     with pytest.raises(InputError, match=r"packing 'rest\.txt' must end in \.npz, \.csv"):
         rest.save("rest.txt")
-
-
-def test_a_missing_extra_is_named_at_once(scene, monkeypatch):
-    monkeypatch.setitem(sys.modules, "warpgrains.solver.exact.convex", None)
-    with pytest.raises(InputError, match=r"method 'exact' needs"):
-        wg.pack(scene, steps=1)
 
 
 def test_grains_that_do_not_rest_are_an_error(scene):
