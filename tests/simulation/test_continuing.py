@@ -2,9 +2,11 @@
 
 import os
 import re
+import signal
 from copy import copy
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -16,7 +18,6 @@ from warpgrains import Scene, Simulation, SimulationError, analysis
 from warpgrains.scene.fields import ORDERS
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import VERLET_NUMBERS
-from warpgrains.solver import engine, threads
 
 COLOR, ROUGH, FAST = {"order": "color"}, {"friction": 0.3}, {"method": "accelerated"}
 SCENES = {
@@ -45,23 +46,13 @@ def restored(simulation):
 
 
 def interrupted(simulation):
-    """Interrupt its steps ten times, the first after five; it then tells of the start of the last one."""
+    """Interrupt it after five steps: what it tells of contacts belongs to the start of the last one."""
 
     def interrupt(done):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         simulation.advance(5, interrupt)
-    with pytest.MonkeyPatch.context() as patch:
-        for module, name, value in (
-            (engine, "BRIEF", 0),
-            (threads, "GLANCE", 1e-4),
-            (threads, "GRACE", 60.0),
-        ):
-            patch.setattr(module, name, value)
-        for _ in range(9):
-            with pytest.raises(KeyboardInterrupt):
-                simulation.advance(10**6, interrupt)
     scene, start, contacts = simulation.scene, simulation.last_start().position, simulation.contacts()
     assert np.array_equal(start + scene.dt * simulation.velocity, simulation.position)
     i, j = contacts.pair.T
@@ -110,16 +101,17 @@ def forked(simulation):
     expected = contents(run_of(simulation.scene, simulation.steps + 10).position)
     child = os.fork()
     if child == 0:
+        signal.alarm(60)  # ends it if it waits for a thread that it has not
         simulation.advance(10)
         os._exit(0 if contents(simulation.position) == expected else 1)
     assert os.waitpid(child, 0)[1] == 0
     return simulation
 
 
-@pytest.mark.parametrize("which", SCENES)
-@pytest.mark.parametrize(
-    "happens", [restored, interrupted, raised, failed, forked], ids=lambda happens: happens.__name__
-)
+CASES = [*product((restored, interrupted, raised, failed), SCENES), (forked, "plain")]
+
+
+@pytest.mark.parametrize(("happens", "which"), CASES)
 def test_nothing_of_it_stays(happens, which):
     whole, rebuilds = copy(started(which)), 0
     simulation = happens(copy(whole))
@@ -130,7 +122,7 @@ def test_nothing_of_it_stays(happens, which):
         report = simulation.step()
         assert report == whole.step()
         rebuilds += report.rebuilds
-    assert rebuilds > 0 or happens is interrupted  # after any number of steps
+    assert rebuilds > 0
 
 
 SMALL = random_scene(1).replace(tolerance=1e-6, max_iterations=200)

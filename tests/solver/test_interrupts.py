@@ -97,6 +97,24 @@ def test_a_gpu_returns_the_scene(monkeypatch):
     assert copied == ["push", "pull"]
 
 
+def test_short_steps_are_ended(monkeypatch):
+    """In color order, bits depend on the list: an interrupt must not change it."""
+    monkeypatch.setattr(engine, "BRIEF", 0)
+    monkeypatch.setattr("warpgrains.solver.threads.GLANCE", 1e-4)
+    monkeypatch.setattr("warpgrains.solver.threads.GRACE", 60.0)
+    interrupted, whole = (Simulation("annulus", threads=1, order="color", drag=0.1) for _ in range(2))
+
+    def interrupt(steps):
+        raise KeyboardInterrupt
+
+    for _ in range(20):
+        before = interrupted.steps
+        with pytest.raises(KeyboardInterrupt):
+            interrupted.advance(10**6, interrupt)
+        whole.advance(interrupted.steps - before)
+        assert contents(interrupted.state()) == contents(whole.state())
+
+
 def test_an_endless_batch():
     Simulation(Scene.load("annulus")).step()  # so that nothing has to be compiled
     batch = Batch([Scene.load("polydisperse").replace(**ENDLESS), Scene.load("annulus")], threads=2)
