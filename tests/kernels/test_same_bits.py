@@ -1,6 +1,7 @@
 """The same bits in every way to run a scene: by threads, launches, batches, files and processes."""
 
 import pickle
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,19 +17,7 @@ import pytest
 from hard_scenes import SOON, drum, heap
 from same_bits import contents
 from schemes import SECOND_ORDER
-from walled_scenes import (
-    BOXES,
-    CORNERS,
-    DRIVEN,
-    ROLLING,
-    TURNING,
-    around,
-    boxed,
-    cloud,
-    cornered,
-    pressed,
-    stirred,
-)
+from walled_scenes import DRIVEN, ROLLING, WALLED, cloud, pressed
 
 from warpgrains import Batch, Scene, Simulation, State
 from warpgrains.scene.fields import METHODS, ORDERS
@@ -38,10 +27,9 @@ SEQUENTIAL = "polydisperse, gauss-seidel, sequential"
 
 
 def scenes(**order: str) -> dict[str, Callable[[], Scene]]:
-    """Grains that fall and settle: of many sizes, with friction, in a bowl, in a box, on moving walls."""
+    """Grains that fall and settle, by every method that takes them."""
     sizes = partial(Scene.load("polydisperse").replace, max_iterations=100, **order)
     bowl = partial(Scene.load("no_inner_wall").replace, max_iterations=30, **order, **SECOND_ORDER)
-    stirring = partial(stirred, 90, max_iterations=60, **TURNING, **order)
     made: dict[str, Callable[[], Scene]] = {}
     for method in METHODS:
         made[f"polydisperse, {method}"] = partial(sizes, method=method)
@@ -51,18 +39,14 @@ def scenes(**order: str) -> dict[str, Callable[[], Scene]]:
         made[f"driven walls, {method}"] = partial(pressed, 80, walls=[DRIVEN], method=method, **order)
         made[f"rolling friction, {method}"] = partial(cloud, 100, method=method, **order, **ROLLING)
     return made | {
-        "friction": partial(cloud, 100, **order),
-        "moving walls": partial(stirring, time=-0.2),
-        "walls begin to move": partial(stirring, time=0.05),
-        "box": partial(boxed, "lid", **order),
-        "walls": partial(around, 110, **order),
         "exact": partial(heap, 60, spacing=2.0, **order, **SOON),
         "exact, rough": partial(drum, **order),
-        "corners": partial(cornered, CORNERS["chute"], 40, **order),
     }
 
 
 SCENES = {f"{kind}, {order}": make for order in ORDERS for kind, make in scenes(order=order).items()}
+for k, (walls, make) in enumerate(WALLED.items()):
+    SCENES[walls] = partial(make, max_iterations=60, order=ORDERS[k % 2])
 
 
 @cache
@@ -147,7 +131,6 @@ FOR_KIND = {
     "poly": ("2 threads", "3 threads"),
     "bowl": ("2 threads", "batch"),
     "exac": ("2 threads", "batch", "saved"),
-    "box": (*WAYS,),
 }
 CASES = [
     (f"{kind}, {order}", way)
@@ -155,7 +138,8 @@ CASES = [
     for kind in scenes()
     for way in FOR_KIND.get(kind[:4], ("saved", "batch"))[k::2]
 ]
-"""Every way with every kind of scene, in one order of the two."""
+CASES += [(walls, [*WAYS][k % len(WAYS)]) for k, walls in enumerate(WALLED)]
+"""Every way with every kind of scene, in one order of the two, and walls by one way each."""
 
 
 @pytest.mark.parametrize(("which", "way"), CASES)
@@ -163,8 +147,7 @@ def test_same_bits(tmp_path: Path, which: str, way: str) -> None:
     assert contents(WAYS[way](SCENES[which](), tmp_path)) == expected(which)
 
 
-ON_GPU = {which: make for which, make in SCENES.items() if "mov" not in which}
-ON_GPU |= {f"box, {kind}": partial(boxed, kind) for kind in BOXES}
+ON_GPU = {which: make for which, make in SCENES.items() if not re.search("moving|drum", which)}
 
 
 @pytest.mark.gpu

@@ -62,7 +62,7 @@ def test_steps_are_solved_and_no_overlap_exceeds_dt_eta(which: str) -> None:
             if number == OUTER or isinstance(wall, Arc) or getattr(wall, "inside", False):
                 room = (now.radius_out if wall is None else wall.radius) - now.radius.max()
                 beyond += 0.5 * slide**2 / room  # sqrt(a^2 + b^2) <= a + b^2 / (2 a) along a hollow wall
-            gap = now.side(number, simulation.position, now.radius).gap.min()
+            gap = now.side(number, simulation.position, now.radius, time=now.time).gap.min()
             assert gap >= -now.dt * report.residual - beyond, number
         converged += report.converged
     assert converged > 25

@@ -226,7 +226,7 @@ WALLED: dict[str, Callable[..., Scene]] = {
     "smooth grains": partial(cloud, friction=0.0),
     "moving": stirred,
     "moving, every law": partial(stirred, **OF_ALL_LAWS, radius_in=0.05),
-    "moving, turning gravity": partial(stirred, gravity=TURNING["gravity"]),
+    "moving, turning gravity": partial(stirred, gravity=TURNING["gravity"], time=-0.2),
     "moving, from a time": partial(stirred, **TURNING, time=0.6),
     "pressure": pressed,
     "pressure, a light wall": partial(pressed, wall_mass=1.0, drag=0.5, dt=2e-2, walls=[DRIVEN]),
