@@ -113,6 +113,8 @@ def rows(options: argparse.Namespace) -> Iterator[Row]:
     """Every setting of every program, for each number of grains, with and without friction."""
     programs = peers(options.box2d3)
     chosen = options.programs or programs
+    if unknown := [name for name in chosen if name not in programs]:
+        raise SystemExit(f"--programs: no program is named {unknown[0]!r}: there are {'; '.join(programs)}")
     for n, friction, name in product(options.grains or GRAINS, FRICTIONS, chosen):
         if n > SLOW.get(name, n):
             continue

@@ -77,6 +77,11 @@ def test_a_folder_without_box2d_is_refused(tmp_path, capsys):
     assert capsys.readouterr().err.endswith(f"error: {told}\n")
 
 
+def test_a_program_that_is_none_is_refused(tmp_path):
+    with pytest.raises(SystemExit, match="no program is named 'Box3D': there are warpgrains, accelerated; "):
+        rows_of("peers", tmp_path, "--programs", "Box3D")
+
+
 def test_benchmark_of_peers(tmp_path, monkeypatch):
     monkeypatch.setattr(peers, "FRICTIONS", [0.5])
     monkeypatch.setattr(peers, "PASSES", 1)
