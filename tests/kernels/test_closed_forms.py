@@ -165,6 +165,14 @@ def bouncing() -> Iterator[tuple[str, Form]]:
         for method in METHODS[:2]:
             how = FREE | common | {"method": method} | fields
             yield f"{what}, {method}", Form(walls, start, 1e-3, known, (0.0, -2.0), fields=how)
+    # from h it rises to e^2 h, and rests at sqrt(2 h / g) (1 + e) / (1 - e); a bounce is early by up to v dt
+    fall, off = sqrt(2.0 * 0.5 / G), 1.5 * sqrt(2.0 * 0.5 * G) * 1e-3
+    fields = {"wall_restitution": 0.5, "dt": 1e-3}
+    for what, time, known in (
+        ("rises", 1.5 * fall, {"position": ((0.0, 0.1 + 0.5**2 * 0.5), off)}),
+        ("rests", 1.2 * 3.0 * fall, {"velocity": (0.0, 1e-9), "position": ((0.0, 0.1), 1e-5)}),
+    ):
+        yield what, Form([Segment((-1.0, 0.0), (1.0, 0.0))], (0.0, 0.6), time, known, fields=fields)
 
 
 KINDS = (resting, sliding, moving, driven, joined, bouncing)
