@@ -53,7 +53,6 @@ def save_contact(s: Scene, k: int):
     dv = wp.vec3d(at(contacts.dv, c), at(contacts.dv_start, c), value_at(contacts.last_dv, c))
     put(s.workspace.old_dv, k, dv)
     put(s.workspace.old.neighbor, k, at(s.neighbors.neighbor, k))
-    put(s.workspace.old_place, k, k)
     if has_friction(s):
         dvt = wp.vec3d(at(contacts.dvt, c), at(contacts.dvt_start, c), value_at(contacts.last_dvt, c))
         put(s.workspace.old_dvt, k, dvt)
