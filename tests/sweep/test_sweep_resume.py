@@ -99,7 +99,7 @@ def begin_elsewhere(run, patch, kept):
 @pytest.mark.parametrize(
     ("hinder", "reason"),
     [
-        (lock, f".npz' is being written by process {os.getpid()} on"),
+        (lock, ".npz' is being written by process PID on"),
         (put_a_file, "File exists"),
         (refuse_folder, "permission denied\n"),
         (begin_elsewhere, "another process has begun it\n"),
@@ -113,7 +113,7 @@ def test_a_run_that_cannot_be_done_is_left(tmp_path, done, kept, monkeypatch, ca
     assert batch(sweep, "-o", out, "--resume") == 1
     for said in (alone, capfd.readouterr().out):
         assert "not finished      1 (continue with --resume), first run 1: " in said
-        assert reason in said
+        assert reason.replace("PID", str(os.getpid())) in said
     assert "results" not in alone
     assert [row["run"] for row in rows(out)] == ["0", "2", "3", "4", "5"]
     end()
