@@ -33,7 +33,7 @@ DECIDING = {
     "neighbors": ("contact_list", "driven_walls"),
     "wall_sweep": ("driven_walls", "reference"),
     "contact_list": ("contact_list", "missing_contacts"),
-    "working_set": ("accelerated_stages", "accelerated", "friction"),
+    "working_set": ("accelerated_stages", "accelerated", "friction", "reference"),
     "momentum": ("momentum", "accelerated_stages", "accelerated"),
     "stopping": ("momentum", "accelerated_stages", "accelerated", "monitoring", "missing_contacts"),
     "coloring": ("coloring",),

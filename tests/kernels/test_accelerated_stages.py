@@ -11,7 +11,7 @@ from stages import OneRecord, Values, grains_apart
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels import attempt, momentum, stopping, working_set
 from warpgrains.kernels.contacts import chunk_count
-from warpgrains.kernels.record import CANCELLED, SOLVED, Asking, Phase, grain_count
+from warpgrains.kernels.record import CANCELLED, NOT_FINITE, SOLVED, Asking, Phase, grain_count
 from warpgrains.kernels.stages import Each, Serial, Sets, Stage
 from warpgrains.kernels.stopping import StopOn
 
@@ -204,6 +204,10 @@ MET |= {"verlet.numbers.frame_skin": 1.0, "verlet.numbers.lifetime": 1.0}
 for cancelled, measured, outcome in ((0, 4, SOLVED), (1, 4, SOLVED), (1, 3, CANCELLED)):
     canceled = {"control.cancelled": cancelled, "step.measured": measured}
     CASES[f"canceled {cancelled}, measured {measured}"] = (JUDGE, MET | canceled, {"step.outcome": outcome})
+# threads find grains that are no longer finite in any order
+lost = np.where(np.isin(np.arange(N), (2, 7)), np.inf, 0.0)[:, np.newaxis]
+found = {"verlet.flags.bad_body": 7, "step.outcome": NOT_FINITE}
+CASES["the last that is not finite"] = (JUDGE, MET | {"verlet.flags.bad_body": 2, VELOCITY: lost}, found)
 # by zeta, what contacts outside the set are violated by is a change to come
 for iterations, on, rejected, violation, zeta, left in (
     (0, StopOn.ZETA, 0, 9.0, 0.03, 1),
