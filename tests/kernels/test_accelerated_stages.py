@@ -38,9 +38,9 @@ def eighths(rng: np.random.Generator, low: int, high: int, shape: object) -> Flo
 class Accelerated(OneRecord):
     """A record of random contacts: three sets of pairs, and one of contacts with a wall."""
 
-    def __init__(self, equal: bool = False, inner: bool = True, slides: bool = True):
+    def __init__(self, equal: bool = False, inner: bool = True, slides: bool = True, **laws: float):
         rng = np.random.default_rng(3)
-        scene = grains_apart(N).replace(method="accelerated", stop="zeta", tolerance=TOLERANCE)
+        scene = grains_apart(N).replace(method="accelerated", stop="zeta", tolerance=TOLERANCE, **laws)
         if inner or slides:
             scene = scene.replace(wall="round")  # whose contacts with the wall have limits
         if not equal:
@@ -137,12 +137,26 @@ def test_largest_violation_is_found_wherever_it_is(side: str) -> None:
         assert record[VIOLATION][0] == (3.0 if found else 0.0)
 
 
-@pytest.mark.parametrize("equal", [True, False], ids=["equal masses", "masses"])
-def test_working_contacts_are_copies_that_are_put_back(equal: bool) -> None:
-    record = Accelerated(equal)
+@pytest.mark.parametrize(
+    ("equal", "laws", "kept"),
+    [
+        (True, {}, ["dv"]),
+        (False, {}, ["dv"]),
+        (False, {"friction": 0.5, "rolling_friction": 0.2}, ["dv", "dvt", "dvr"]),
+    ],
+    ids=["equal masses", "masses", "rolling"],
+)
+def test_working_contacts_are_copies_that_are_put_back(
+    equal: bool, laws: dict[str, float], kept: list[str]
+) -> None:
+    record = Accelerated(equal, **laws)
+    for times, name in enumerate(kept, start=1):
+        record[f"contacts.{name}"][:] = times * record[NOW]
+        record[f"contacts.last_{name}"][:] = times * record[LAST]
+    kept = [*kept, *(f"last_{name}" for name in kept)]
     at = record.select()
     k = record["working.index"][at]
-    for name in ("contact", "dv", "last_dv"):
+    for name in ("contact", *kept):
         assert np.array_equal(record[f"working.contacts.{name}"][at], record[f"contacts.{name}"][k])
     wall, limits = k >= PAIRS, record["working.contacts.limits"]
     assert np.array_equal(limits[at[wall] - PAIRS], record.limits[k[wall] - PAIRS])
@@ -151,7 +165,7 @@ def test_working_contacts_are_copies_that_are_put_back(equal: bool) -> None:
         mu = share[:, 0] * record["grains.contact_mass"][record.contact["i"][k] // 2]
         assert np.array_equal(record["working.contacts.weights"][at], share)
         assert np.array_equal(record["working.mass"][at], mu)
-    expected = {name: record[name].copy() for name in (NOW, LAST)}
+    expected = {name: record[name].copy() for name in (f"contacts.{own}" for own in kept)}
     for seed, (name, array) in enumerate(expected.items()):
         array[k] = record[f"working.{name}"][at] = np.random.default_rng(seed).uniform(1.0, 2.0, len(k))
     record.run(Each(chunk_count, working_set.scatter))

@@ -128,7 +128,7 @@ def test_every_frame_equals_the_float32_state_and_passes_checks(tmp_path, suffix
         ("shear", {"draw_as": "discs"}),
         ("everywhere", {"draw_as": "spheres", "color_by": "radius"}),
         ("walls", {}),
-        ("closed", {}),
+        ("ramp", {}),
     ],
 )
 def test_a_box_is_recorded_with_images_and_read_back_without(tmp_path, kind, options):
@@ -153,7 +153,7 @@ def test_a_box_is_recorded_with_images_and_read_back_without(tmp_path, kind, opt
     expected = np.column_stack([images, reach])[crosses]
     shown = np.column_stack([points, radius])[n:]
     assert shown[np.lexsort(shown.T)] == pytest.approx(expected[np.lexsort(expected.T)], abs=2e-7)
-    assert len(expected) or kind == "closed"
+    assert len(expected) or kind == "ramp"
 
 
 @pytest.mark.parametrize("suffix", RECORDINGS)
