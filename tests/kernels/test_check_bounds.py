@@ -116,7 +116,7 @@ def fuzz(steps: int, file: str) -> None:
 
 @pytest.mark.slow
 def test_hard_scenes_stay_within_their_arrays(tmp_path: Path) -> None:
-    steps = 250 if trimmed(10_000) < 10_000 else 10_000
+    steps = 100 if trimmed(10_000) < 10_000 else 10_000
     checked(f"fuzz({steps}, {str(tmp_path / 'state.npz')!r})")
 
 
