@@ -163,7 +163,7 @@ PATIENT = {
 HINTED = ("a wrong index", "a forged answer", "before main, a full pipe")
 
 
-@pytest.mark.parametrize("what", some({what: what for what in HOSTILE}, 6))
+@pytest.mark.parametrize("what", some({what: what for what in HOSTILE}, 7))
 def test_hostile_ones_do_no_harm_and_are_named(grader, grade, what, tmp_path):
     said, *text = HOSTILE[what]
     verdict = grade(contact_that(*text), _limits=PATIENT.get(what, grader._limits))
@@ -203,7 +203,7 @@ def test_what_it_prints_is_no_verdict(grade):
 ONLY = {"iterMax": "only steps that iterMax ends", "28": "only scenes of 42 or more grains"}
 
 
-@pytest.mark.parametrize("what", some({what: what for what in UNKNOWN}, 2))
+@pytest.mark.parametrize("what", some({what: what for what in UNKNOWN}, 3))
 def test_a_mistake_without_a_name_gets_none(grade, what):
     function, right, instead, first = UNKNOWN[what]
     part = parts(grade(changed((right, instead))))[function]

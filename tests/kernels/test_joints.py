@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from swept_order import follow_reference
 from trimmed import trimmed
-from walled_scenes import alone, chained, on_circle
+from walled_scenes import CORNERS, alone, chained, cornered, on_circle
 
 from warpgrains import Disc, Scene, Segment, Simulation
 from warpgrains.analysis import kinetic_energy
 from warpgrains.scene.bodies import Joints
 from warpgrains.solver import tuning
+from warpgrains.solver.exact.listed import listed_walls
 
 
 def test_a_change_of_walls_changes_their_joints() -> None:
@@ -41,6 +42,24 @@ def test_a_wall_whose_tangent_may_act_is_listed(c_library: CDLL, monkeypatch: py
         position, velocity = [(x, 0.125), (x, 3.0)], [(0.0, -1.0), (0.0, 1.0)]
         scene = Scene(position=position, velocity=velocity, walls=walls, **fields)
         assert follow_reference(scene, 10, c_library).touched == {3}
+
+
+@pytest.mark.parametrize("corners", ["zigzag", "chute"])
+def test_the_host_has_normal_and_gap_of_the_kernels(corners: str) -> None:
+    """To the bit, of all that are listed: they choose the same wall at a joint."""
+    scene, dropped = cornered(CORNERS[corners]), 0
+    simulation = Simulation(scene, threads=1)
+    for _ in range(60):
+        simulation.step()
+        body, index = listed_walls(simulation._records, 0)
+        inside = body[:, 1] > 0  # the annulus is body 0
+        wall = body[inside] + (0, 1)
+        frozen = simulation._records.array(0, "contacts.contact")[index[inside]]
+        normal, gap = scene.wall_frames(simulation.last_start().position, wall)
+        assert np.array_equal(normal, frozen["n"])
+        assert np.array_equal(gap / scene.dt, frozen["gap_rate"])
+        dropped += np.count_nonzero(gap >= scene.annulus.diameter)
+    assert dropped > 0
 
 
 def test_ends_on_walls_are_joints_if_the_walls_move_alike() -> None:
