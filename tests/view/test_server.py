@@ -4,7 +4,6 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 from contextlib import suppress
 
 import msgspec
@@ -43,13 +42,9 @@ def sliders(page, expected=None):
 
 @pytest.fixture(scope="module")
 def port():
-    others = {*threading.enumerate()}
     page = Simulation(Scene.load("annulus")).view(port=8330)
-    own = {*threading.enumerate()} - others
     yield int(page.url.rpartition(":")[2])
     page.close()
-    for thread in own:  # it redirects what this process prints until it has ended
-        thread.join(timeout=10.0)
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:{port}", "localhost:{port}", "localhost:9000"])

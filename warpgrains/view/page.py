@@ -84,7 +84,9 @@ class Page:
         return self
 
     def close(self) -> None:
+        """Stop the server, and wait until it has: meanwhile, what this process prints is suppressed."""
         self._asked.put(None)
+        self._thread.join()
 
     def _repr_html_(self) -> str:
         return f'<iframe src="{self.url}" width="100%" height="600"></iframe>'
