@@ -10,7 +10,7 @@ from warpgrains.scene.box import Box
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import first_state
-from warpgrains.scene.wall import Wall
+from warpgrains.scene.wall import StraightWall, Wall
 from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.statistics import named
@@ -123,8 +123,7 @@ def _wide(box: Box) -> Box:
 
 
 def _at_rest(wall: Wall) -> Wall:
-    """Return a wall without a name that neither moves nor has friction."""
-    laws = ("friction", "rolling_friction", "restitution")
-    given = ("velocity", "angular_velocity", "force", "mass", "name", *laws)
-    changes: dict[str, Any] = {own.name: own.default for own in fields(wall) if own.name in given}
+    """Return a wall of the same shape, without anything that all kinds may have: motion, laws, a name."""
+    shared = {own.name for own in fields(StraightWall)}
+    changes: dict[str, Any] = {own.name: own.default for own in fields(wall) if own.name in shared}
     return replace(wall, **changes)
