@@ -24,6 +24,7 @@ from .record import (
 )
 from .stopping import is_measured, meets_tolerance, phase_of_next_sweep
 from .verlet import check_all, outcome_of_check, reserve
+from .walls import wall_velocity
 
 f64 = wp.float64
 
@@ -93,7 +94,8 @@ def grain_beyond_wall(s: Scene) -> int:
         v, n = at(velocity, i), contact.n
         path, most = wp.abs(law.speed_along(v, n)), limits_at(s.contacts.limits, w)[1]
         if wp.length_sq(n) == f64(0.0):
-            path, most = wp.length(v), f64(contact.gap_rate)
+            x, b = at(s.grains.position, i), j - grain_count(s)
+            path, most = wp.length(v - wall_velocity(b, x, s.walls)), f64(contact.gap_rate)
             if is_driven(s):
                 path = path + closing_speed(s, velocity, i, j, n)
         if path > most and found < 0:

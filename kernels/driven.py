@@ -16,7 +16,6 @@ import warp as wp
 
 from . import law
 from .access import at, put
-from .motion import pose_at
 from .record import Scene, grain_count, is_driven
 from .types import DriveOf, PoseOf, Vectors
 
@@ -70,11 +69,10 @@ def acceleration_of_wall(s: Scene, j: int) -> wp.vec2d:
 
 
 @wp.func
-def place_driven_walls(s: Scene, begin: f64, end: f64):
-    """Place driven walls where they are now; a step freezes its contacts there.
+def place_driven_walls(s: Scene):
+    """Move driven walls from where they are placed as given to where the force has taken them.
 
-    What moves as given besides, along the wall, is where it is at the end of a step from time begin to time
-    end [s]. The surface of a circle that turns has the speed of its present radius (eq. 23).
+    The surface of a circle that turns has the speed of its present radius (eq. 23).
     """
     if not is_driven(s):
         return
@@ -87,7 +85,7 @@ def place_driven_walls(s: Scene, begin: f64, end: f64):
         drive = at(s.walls.drive, b)
         if drive[DriveOf.INVERSE_MASS] > f64(0.0):
             path = at(s.grains.position, leader_of(s, grain_count(s) + b))[0]
-            pose = pose_at(at(s.walls.motion, b - 1), begin, end)
+            pose = at(s.walls.pose, b - 1)
             pose[PoseOf.SHIFT_X] = pose[PoseOf.SHIFT_X] + path * drive[DriveOf.DIRECTION_X]
             pose[PoseOf.SHIFT_Y] = pose[PoseOf.SHIFT_Y] + path * drive[DriveOf.DIRECTION_Y]
             put(s.walls.pose, b - 1, pose)

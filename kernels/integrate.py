@@ -16,9 +16,14 @@ def begin_step(s: Scene):
     """Turn gravity, and place the walls that move."""
     if s.turning.rate != f64(0.0):
         s.gravity = law.turned_gravity(s.turning.start, s.turning.rate, time_after(s, s.steps))
-    begin, end = time_after(s, s.steps), time_after(s, s.steps + wp.int64(1))
-    place_walls(s.walls, begin, end)
-    place_driven_walls(s, begin, end)
+    place_mobile_walls(s)
+
+
+@wp.func
+def place_mobile_walls(s: Scene):
+    """Place the walls that move where they are at the start of the next step."""
+    place_walls(s.walls, time_after(s, s.steps), time_after(s, s.steps + wp.int64(1)), s.dt)
+    place_driven_walls(s)
 
 
 @wp.func
@@ -65,7 +70,7 @@ def move(s: Scene, i: int):
 def end_step(s: Scene):
     """Count the step; after one of the leapfrog, velocities are half a step behind the positions."""
     s.steps = s.steps + wp.int64(1)
-    place_driven_walls(s, time_after(s, s.steps - wp.int64(1)), time_after(s, s.steps))
+    place_mobile_walls(s)
     s.scheme.last_staggered = s.scheme.staggered
     if s.scheme.leapfrog != 0:
         s.scheme.staggered = 1

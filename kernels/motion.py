@@ -1,7 +1,7 @@
 """Walls that move as given in advance: translation, and rotation about a pivot (eq. 26).
 
 Kinds of walls know nothing of it: a grain is put into the frame in which the wall is as the scene gives it,
-and the normal that is found there is turned back.
+and the normal that is found there is turned back. Points of the wall move in a step at its velocity there.
 """
 
 import warp as wp
@@ -19,24 +19,30 @@ def moving_time(motion: Motion, time: f64) -> f64:
 
 
 @wp.func
-def pose_at(motion: Motion, begin: f64, end: f64) -> Pose:
-    """Return the pose of a wall at the end of a step from time begin to time end [s].
-
-    It has a velocity if it moves for more than half of the step.
-    """
+def pose_at(motion: Motion, begin: f64, end: f64, dt: f64) -> Pose:
+    """Return where a wall is at the start of a step from time begin to end [s], and what it moves in it."""
     px, py, w = motion[MotionOf.PIVOT_X], motion[MotionOf.PIVOT_Y], motion[MotionOf.ANGULAR_VELOCITY]
     vx, vy = motion[MotionOf.VELOCITY_X], motion[MotionOf.VELOCITY_Y]
-    moved, before = moving_time(motion, end), moving_time(motion, begin)
-    c, s = wp.cos(w * moved), wp.sin(w * moved)
+    moved = moving_time(motion, begin)
+    share = wp.min(end, motion[MotionOf.TO_TIME]) - wp.max(begin, motion[MotionOf.FROM_TIME])
+    share = wp.max(f64(0.0), share) / (end - begin)  # of the step in which it moves
+    x, y = px + vx * moved, py + vy * moved
+    c, s, along, across = f64(1.0), f64(0.0), f64(0.0), f64(0.0)
+    if w != f64(0.0):
+        c, s = wp.cos(w * moved), wp.sin(w * moved)
+        turn = w * (share * dt)
+        half = wp.sin(f64(0.5) * turn)
+        along, across = f64(-2.0) * (half * half) / dt, wp.sin(turn) / dt
     pose = Pose()
     pose[PoseOf.COSINE] = c
     pose[PoseOf.SINE] = s
-    pose[PoseOf.SHIFT_X] = px - (c * px - s * py) + vx * moved
-    pose[PoseOf.SHIFT_Y] = py - (s * px + c * py) + vy * moved
-    if moved - before > f64(0.5) * (end - begin):
-        pose[PoseOf.VELOCITY_X] = vx + w * (py + vy * moved)
-        pose[PoseOf.VELOCITY_Y] = vy - w * (px + vx * moved)
-        pose[PoseOf.ANGULAR_VELOCITY] = w
+    pose[PoseOf.SHIFT_X] = x - (c * px - s * py)
+    pose[PoseOf.SHIFT_Y] = y - (s * px + c * py)
+    pose[PoseOf.VELOCITY_X] = vx * share - (along * x - across * y)
+    pose[PoseOf.VELOCITY_Y] = vy * share - (across * x + along * y)
+    pose[PoseOf.ALONG] = along
+    pose[PoseOf.ACROSS] = across
+    pose[PoseOf.ANGULAR_VELOCITY] = w * share
     return pose
 
 
@@ -57,6 +63,9 @@ def from_frame(pose: Pose, n: wp.vec2d) -> wp.vec2d:
 
 @wp.func
 def velocity_at(pose: Pose, x: wp.vec2d) -> wp.vec2d:
-    """Return the velocity of a wall at a point x of it [m/s]."""
-    w = pose[PoseOf.ANGULAR_VELOCITY]
-    return wp.vec2d(pose[PoseOf.VELOCITY_X] - w * x[1], pose[PoseOf.VELOCITY_Y] + w * x[0])
+    """Return what a point x of a wall moves in the step, over dt [m/s]."""
+    along, across = pose[PoseOf.ALONG], pose[PoseOf.ACROSS]
+    return wp.vec2d(
+        pose[PoseOf.VELOCITY_X] + (along * x[0] - across * x[1]),
+        pose[PoseOf.VELOCITY_Y] + (across * x[0] + along * x[1]),
+    )

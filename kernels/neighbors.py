@@ -190,7 +190,7 @@ def find_walls(s: Scene, free: int, i: int) -> int:
     path = lifetime * wp.length(at(s.verlet.reference_velocity, i))
     own = at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
-    now = time_after(s, s.steps + wp.int64(1))  # walls are where they are at the end of the step
+    now = time_after(s, s.steps)
     old = s.workspace.old
     k_old, end_old = pair_end(old, i), at(old.start, i + 1)
     skipping = not (are_mobile(s.walls) or is_periodic(s.walls) or k_old < end_old)

@@ -53,6 +53,20 @@ def shape_normal(x: wp.vec2d, shape: Shape) -> wp.vec2d:
 
 
 @wp.func
+def hollow_radius(x: wp.vec2d, shape: Shape) -> f64:
+    """Return the radius of a wall that is hollow where a grain at x touches it [m]; < 0 where it bulges.
+
+    It is 0 at ends and at straight walls, and at rows, which do not turn.
+    """
+    if shape[0] == disc.KIND:
+        return wp.where(shape[4] != f64(0.0), shape[3], -shape[3])
+    if shape[0] == arc.KIND and arc.end_of(x, shape) < 0:
+        inside = law.distance(x, wp.vec2d(shape[1], shape[2])) < shape[3]
+        return wp.where(inside, shape[3], -shape[3])
+    return f64(0.0)
+
+
+@wp.func
 def end_of(x: wp.vec2d, shape: Shape) -> int:
     """Return which end of a wall is nearest to x, 0 or 1; -1 where another point is, or there is no end."""
     if shape[0] == segment.KIND:

@@ -28,10 +28,7 @@ class MotionOf(IntEnum):
 
 
 class PoseOf(IntEnum):
-    """The numbers of a `Pose`: in a step, a driven wall is where it is at the start, and others at the end.
-
-    So is what a driven wall moves as given besides.
-    """
+    """The numbers of a `Pose`: where a wall is at the start of a step, and what it moves in it (eq. 26)."""
 
     COSINE = 0  # of the angle
     SINE = 1
@@ -39,7 +36,9 @@ class PoseOf(IntEnum):
     SHIFT_Y = 3
     VELOCITY_X = 4  # that a point of it at the origin would have in the step [m/s]
     VELOCITY_Y = 5
-    ANGULAR_VELOCITY = 6  # [rad/s]
+    ALONG = 6  # what a point at unit distance from there moves along this way besides,
+    ACROSS = 7  # and to the left of it [1/s]
+    ANGULAR_VELOCITY = 8  # [rad/s]
 
 
 class DriveOf(IntEnum):

@@ -2,8 +2,8 @@
 
 Body 0 is the annulus (annulus.py), whose circles are the two sides of one wall; then come the other
 walls, each with a `Shape` (shapes.py). Everything else treats contacts with walls and with grains alike
-(contacts.py). For a step, a wall is its tangent. A wall that moves as given in advance is where it is at the
-end of the step (motion.py). A driven one is where the force has taken it at its start (driven.py).
+(contacts.py). For a step, a wall is its tangent, taken at the start as grains are. A wall that moves as given
+(motion.py), or is driven (driven.py), has a velocity in the step, which counts in that of its contacts.
 """
 
 import warp as wp
@@ -12,8 +12,8 @@ from . import annulus, law
 from .access import at, checked, put
 from .annulus import Annulus
 from .motion import from_frame, moving_time, pose_at, to_frame, velocity_at
-from .shapes import end_of, face_normal, inwards, nearest_on, shape_gap, shape_normal
-from .types import MOST_NUMBERS, Drive, Floats, Ints, Motion, MotionOf, Pose, Shape
+from .shapes import end_of, face_normal, hollow_radius, inwards, nearest_on, shape_gap, shape_normal
+from .types import MOST_NUMBERS, Drive, Floats, Ints, Motion, MotionOf, Pose, PoseOf, Shape
 
 f64 = wp.float64
 CIRCLE_RADIUS = wp.constant(1 + MOST_NUMBERS + 2)  # index of this number of a shape
@@ -30,7 +30,7 @@ class Walls:
     joint_start: Ints  # of their ends, 0 and 1 of each: where the walls of the joint begin in `joint`,
     joint: Ints  # which has walls by the index of their shape; both empty if no end is a joint
     motion: wp.array(dtype=Motion)  # of these, and
-    pose: wp.array(dtype=Pose)  # where they are; both empty if none is mobile
+    pose: wp.array(dtype=Pose)  # where they are at the start of a step; both empty if none is mobile
     drive: wp.array(dtype=Drive)  # of all walls; empty if none is driven
     surface: wp.array(dtype=wp.vec2d)  # friction, and speed along the tangent [m/s]; empty without friction
     restitution: Floats  # of all walls; empty if no contact bounces
@@ -50,10 +50,10 @@ def are_mobile(walls: Walls) -> bool:
 
 
 @wp.func
-def place_walls(walls: Walls, begin: f64, end: f64):
-    """Place mobile walls where they are at the end of a step, from time begin to time end [s]."""
+def place_walls(walls: Walls, begin: f64, end: f64, dt: f64):
+    """Place mobile walls where they are at the start of a step, from time begin to time end [s]."""
     for k in range(walls.motion.shape[0]):
-        put(walls.pose, k, pose_at(at(walls.motion, k), begin, end))
+        put(walls.pose, k, pose_at(at(walls.motion, k), begin, end, dt))
 
 
 @wp.func
@@ -197,20 +197,25 @@ def wall_contact(b: int, x: wp.vec2d, radius: f64, walls: Walls):
 
 
 @wp.func
-def surface_speed(b: int, x: wp.vec2d, n: wp.vec2d, walls: Walls) -> f64:
-    """Return the speed of wall b at a point x of it along the tangent of a normal n [m/s] (eq. 23)."""
-    surface = at(walls.surface, b)
-    if b > 0:
-        return surface[1] + law.speed_along(velocity_at(at(walls.pose, b - 1), x), n)
-    return surface[1]
+def wall_velocity(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
+    """Return what a point x of wall b moves in the step, over dt [m/s]."""
+    if b > 0 and are_mobile(walls):
+        return velocity_at(at(walls.pose, b - 1), x)
+    return wp.vec2d()
 
 
 @wp.func
-def normal_speed(b: int, x: wp.vec2d, n: wp.vec2d, walls: Walls) -> f64:
-    """Return the speed of wall b at a point x of it along a normal n [m/s] (eq. 35)."""
-    if b > 0 and are_mobile(walls):
-        return wp.dot(velocity_at(at(walls.pose, b - 1), x), n)
-    return f64(0.0)
+def surface_velocity(b: int, x: wp.vec2d, reach: f64, n: wp.vec2d, walls: Walls) -> wp.vec2d:
+    """Return how fast wall b moves along normal and tangent of a contact [m/s] (eq. 26b).
+
+    A grain at x touches it at x + reach n. What is round there turns about its center.
+    """
+    if not (b > 0 and are_mobile(walls)):
+        return wp.vec2d()
+    hollow = hollow_radius(place_at(b, x, walls), at(walls.shape, b - 1))
+    u = wall_velocity(b, x + (reach - hollow) * n, walls)
+    turning = hollow * at(walls.pose, b - 1)[PoseOf.ANGULAR_VELOCITY]
+    return wp.vec2d(wp.dot(u, n), law.speed_along(u, n) + turning)
 
 
 @wp.func

@@ -12,7 +12,7 @@ from .record import Kind, Scene, grain_count, is_driven, pair_count, rotates
 from .rolling import apply_rolling
 from .threads import Team
 from .types import Contact
-from .walls import normal_speed, surface_speed, wall_contact, way
+from .walls import are_mobile, surface_velocity, wall_contact, way
 
 f64 = wp.float64
 
@@ -26,13 +26,13 @@ def begin_velocity(s: Scene, i: int):
 
 
 @wp.func
-def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, point: wp.vec2d, rates: wp.vec3d) -> wp.vec3d:
-    """Return gap / dt on both sides of wall j for a grain that may bounce, and A / dt [m/s].
+def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, surface: f64, rates: wp.vec3d) -> wp.vec3d:
+    """Return gap rates on both sides of wall j for a grain that may bounce, and A / dt [m/s].
 
-    They are given for one that may not, with the normal, and the point at which the grain would touch.
+    They are given for one that may not, with the normal, and the speed of the surface along it.
     """
     v, b, least = at(s.grains.velocity, i), j - grain_count(s), s.restitution_speed
-    vn, surface, e = wp.dot(v, n), normal_speed(b, point, n, s.walls), at(s.walls.restitution, b)
+    vn, e = wp.dot(v, n), at(s.walls.restitution, b)
     if is_driven(s):
         vn = closing_speed(s, s.grains.velocity, i, j, n)
     rate = law.round_gap_rate(rates[0], law.speed_along(v, n), rates[2])
@@ -59,13 +59,16 @@ def starting(kind: Kind) -> wp.Function:
             if wp.isnan(normal[0]) and wp.min(gap, back) > f64(0.0):
                 normal = wp.vec2d()  # no force: `grain_beyond_wall` checks that none is due
                 s.verlet.flags.without_normal = 1
-            point, rates = x + (radius + gap) * normal, wp.vec3d(gap / s.dt, back / s.dt, circle / s.dt)
+            rates, surface = wp.vec3d(gap / s.dt, back / s.dt, circle / s.dt), wp.vec2d()
+            if are_mobile(s.walls):
+                surface = surface_velocity(b, x, radius + gap, normal, s.walls)
+                rates[0] = rates[0] + surface[0]
             if wp.static(kind.has_restitution):
-                rates = rebound_at_wall(s, i, j, normal, point, rates)
+                rates = rebound_at_wall(s, i, j, normal, surface[0], rates)
             contact.n = normal
             contact.gap_rate = rates[0]
             if s.contacts.wall_speed.shape[0] > 0:
-                put(s.contacts.wall_speed, c - pair_count(s), surface_speed(b, point, normal, s.walls))
+                put(s.contacts.wall_speed, c - pair_count(s), at(s.walls.surface, b)[1] + surface[1])
             if s.contacts.limits.shape[0] > 0:
                 put(s.contacts.limits, c - pair_count(s), wp.vec2d(rates[1], rates[2]))
         else:

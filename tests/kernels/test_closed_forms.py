@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import permutations
-from math import acos, cos, cosh, hypot, pi, sin, sinh, sqrt
+from math import acos, cos, cosh, exp, hypot, pi, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from walled_scenes import alone, chained
 
-from warpgrains import Arc, Disc, Line, Segment
+from warpgrains import Arc, Disc, Line, Scene, Segment, Simulation
 from warpgrains.scene.fields import METHODS
 from warpgrains.scene.wall import Wall
 
@@ -78,11 +78,13 @@ def moving() -> Iterator[tuple[str, Form]]:
         ("rolls", 0.3, {"velocity": ((0.5, 0.0), 1e-9), "spin": (10.0, 1e-8)}),
     ):
         yield f"belt, {what}", Form([belt], (0.0, 0.1), time, known, fields=short)
-    # along a rod that turns about its end, the way is s cosh(w t), here of first order in dt
-    rod, way = Segment((0.0, 0.0), (2.5, 0.0), angular_velocity=1.0, pivot=(0.0, 0.0)), 0.5 * cosh(1.0)
-    out = np.array([way * cos(1.0) - 0.1 * sin(1.0), way * sin(1.0) + 0.1 * cos(1.0)])
-    known = {"position": (out, 2e-3), "force": (sinh(1.0) - 0.1, 3e-3)}  # m (2 w s' - w^2 r)
-    yield "rod", Form([rod], (0.5, 0.1), 1.0, known, (-0.1, 0.5), 1e-6, FREE | short)
+    # in a step in which it starts or stops, it moves for a part of the time
+    plate = Segment((-1.0, 0.0), (1.0, 0.0), velocity=(0.0, 0.5), from_time=0.1004, to_time=0.3002)
+    for what, time, known in (
+        ("starts", 0.101, {"position": ((0.0, 0.1 + 0.5 * 0.6e-3), 1e-12), "velocity": ((0.0, 0.3), 1e-9)}),
+        ("has stopped", 0.9, {"position": ((0.0, 0.1 + 0.5 * 0.1998), 1e-12), "force": (G, 1e-5)}),
+    ):
+        yield f"plate, {what}", Form([plate], (0.0, 0.1), time, known, fields=short)
 
 
 def driven() -> Iterator[tuple[str, Form]]:
@@ -190,6 +192,49 @@ def test_a_grain(which: str) -> None:
         found = np.ravel(getattr(contacts if hasattr(contacts, name) else simulation, name))
         assert found.size > 0
         assert (np.abs(found - np.ravel(value)) <= tolerance).all(), (name, found)
+
+
+TURN: dict[str, Any] = {"angular_velocity": 1.0, "pivot": (0.0, 0.0)}
+ROUGH: dict[str, Any] = {"friction": 5.0, "spin": 1.0}
+TURNING: dict[str, tuple[Wall, complex, complex, complex, dict[str, Any]]] = {
+    # along a rod the way is s (cosh(w t) + sinh(w t)); on a face it rolls off by s cosh(sqrt(2/3) w t)
+    "a rod": (Segment((0.0, 0.0), (4.0, 0.0), **TURN), 0.5 + 0.1j, 0.5, 0.5 * exp(1.0) + 0.1j, {}),
+    "a face": (Segment((1, -2), (1, 2), **TURN), 0.9 + 0.3j, 0.0, 0.9 + 0.3j * cosh(sqrt(2 / 3)), ROUGH),
+    # and at rest in a drum, and behind a disc that goes round, it turns with them
+    "an arc": (Arc((0.0, 0.0), 1.0, -1.0, 1.0, **TURN), 0.9 + 0j, 0.0, 0.9 + 0j, ROUGH),
+    "a disc": (Disc((1.0, 0.0), 0.3, **TURN), 0.6 + 0j, 0.0, 0.6 + 0j, ROUGH),
+}
+"""A wall that turns; where a grain begins, its velocity, and its place after 1 s, seen by one who turns."""
+
+
+@pytest.mark.parametrize("scheme", ["text", "leapfrog"])
+@pytest.mark.parametrize("which", TURNING)
+def test_walls_that_turn_are_of_second_order(which: str, scheme: str) -> None:
+    """So is what is left as an overlap: (26b) bounds it."""
+    wall, place, slip, end, fields = TURNING[which]
+    off, overlaps, velocity = [], [], slip + 1j * place
+    for dt in (0.02, 0.01):
+        start = (place.real, place.imag), [wall], (velocity.real, velocity.imag)
+        simulation = alone(*start, **FREE, dt=dt, scheme=scheme, **fields)
+        overlaps.append(simulation.advance(round(1.0 / dt)).overlap)
+        off.append(abs(complex(*simulation.position[0]) - end * np.exp(1j)))
+    assert np.log2(off[0] / off[1]) == pytest.approx(2.0, abs=0.1)
+    assert max(overlaps) == 0.0 if which == "a disc" else overlaps[1] < 0.26 * overlaps[0]
+
+
+def test_grains_at_rest_in_a_drum_that_turns_stay_there() -> None:
+    """Inertia presses a grain into each corner, off both sides by half the square of the angle of a step."""
+    dt, corners = 0.01, np.exp(2j * pi * np.arange(7) / 6)
+    walls = chained(np.stack([corners.real, corners.imag], axis=1), **TURN)
+    place = corners[:6] * (1.0 - 0.1 / cos(pi / 6))
+    given: Any = [np.stack([own.real, own.imag], axis=1) for own in (place, 1j * place)]
+    grains = {"position": given[0], "velocity": given[1], "radius": 0.1, "mass": 1.0, "spin": np.ones(6)}
+    scene = Scene(**grains, **FREE, radius_out=3.0, walls=walls, friction=0.5, dt=dt, scheme="leapfrog")
+    simulation = Simulation(scene.replace(tolerance=1e-12, max_iterations=10_000))
+    simulation.advance(628)
+    off = simulation.position @ (1.0, 1.0j) * np.exp(-1j * simulation.time) - place
+    assert np.abs(off).max() <= 1.1 * 0.1 * 0.5 * dt**2 / cos(pi / 6)
+    assert np.abs(simulation.spin - 1.0).max() <= dt**2
 
 
 @pytest.mark.parametrize(

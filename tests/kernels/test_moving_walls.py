@@ -74,7 +74,8 @@ def test_a_scene_of_the_present_goes_on(tmp_path: Path) -> None:
     whole.advance(300)
     scene = whole.present_scene
     assert (scene.time, scene.walls[0].from_time) == (whole.time, whole.time)
-    assert np.allclose(scene.walls[0].side(whole.position, scene.radius).gap, 0.0, atol=1e-9)
+    # a step turns the blade by 2e-4: half the square of that times 0.1 m is left, and what slips (26b)
+    assert np.allclose(scene.walls[0].side(whole.position, scene.radius).gap, 0.0, atol=3e-9)
     assert scene.text == whole.scene.text
     anew = Simulation(scene.replace(name="anew"))
     for simulation in (whole, anew):

@@ -55,13 +55,16 @@ def test_steps_are_solved_and_no_overlap_exceeds_dt_eta(which: str) -> None:
     simulation = Simulation(make(stop="residual", max_iterations=1000, method=method, **(BOUNCY, {})[k % 2]))
     for _ in range(30):
         report, now = simulation.step(), simulation.present_scene
-        slide = now.dt * np.hypot(*simulation.velocity.T).max()
+        fastest = np.hypot(*simulation.velocity.T).max()
         for number in now.wall_numbers if report.converged else ():
             wall = now.numbered_walls.get(number)
-            beyond = 1e-14
+            beyond, slide = 1e-14, now.dt * (fastest + (0.0 if wall is None else wall.speed))
             if number == OUTER or isinstance(wall, Arc) or getattr(wall, "inside", False):
                 room = (now.radius_out if wall is None else wall.radius) - now.radius.max()
                 beyond += 0.5 * slide**2 / room  # sqrt(a^2 + b^2) <= a + b^2 / (2 a) along a hollow wall
+            if isinstance(wall, Segment):  # that turns by an angle (26b)
+                angle = abs(wall.angular_velocity) * now.dt
+                beyond += 0.5 * now.radius.max() * angle**2 + slide * angle
             gap = now.side(number, simulation.position, now.radius, time=now.time).gap.min()
             assert gap >= -now.dt * report.residual - beyond, number
         converged += report.converged

@@ -79,7 +79,8 @@ def certify(simulation: Simulation) -> ErrorBound:
     velocity = simulation.velocity
     if simulation.scene.has_friction:
         velocity = np.column_stack([velocity, simulation.scene.radius * simulation.spin])
-    problem = StepProblem(simulation.scene, *simulation.last_start(), time=simulation.time)
+    start = simulation.scene.time_after(simulation.steps - 1)
+    problem = StepProblem(simulation.scene, *simulation.last_start(), time=start)
     exact = solve_exactly(problem, velocity)
     difference = float(np.abs(velocity - exact.velocity).max())
     return ErrorBound(

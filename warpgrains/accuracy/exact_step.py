@@ -63,12 +63,12 @@ class StepProblem:
     spin: FloatArray | None = None
     """Angular velocities [rad/s], shape (n,); only with friction."""
     time: float = 0.0
-    """Time of the end of the step [s], at which walls that move are taken; gravity is that of its start."""
+    """Time of the start of the step [s]."""
 
     @property
     def free_velocity(self) -> FloatArray:
         """v* (eq. 2, or 16 and 17) [m/s], shape (n, 2)."""
-        return free_velocity(self.scene, self.velocity, self.staggered, self.time - self.scene.dt)
+        return free_velocity(self.scene, self.velocity, self.staggered, self.time)
 
     @property
     def free_rim(self) -> FloatArray:

@@ -154,14 +154,14 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     if now.steps == 0:
         return EnergyBalance(0.0, 0.0, 0.0)
     scene = now.start_scene
-    mass, start = scene.mass[:, np.newaxis], scene.time_after(now.steps - 1)
+    mass, start = scene.mass[:, np.newaxis], now.start_time
     normal_force = _sums(now, now.loads.force, now.loads.normal)
     free = now.velocity - scene.dt * contact_forces(now) / scene.contact_mass[:, np.newaxis]
     kick = kick_of(scene, free, now.velocity, staggered=now.start_staggered, time=start)
     mean = 0.5 * (kick.before + now.velocity)
     pushed = 0.0  # work of the normal forces of walls that move
     if scene.has_moving_walls:
-        speed = scene.wall_speeds(now.start, now.wall, now.end)[:, 0]
+        speed = scene.wall_speeds(now.start, now.wall, start)[:, 0]
         pushed = float(-scene.dt * (now.wall_force * speed).sum())
     balance = EnergyBalance(
         gravity_work=float((kick.time * mass * mean * scene.gravity_at(start)).sum()),
@@ -181,7 +181,7 @@ def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> E
     spin = 0.5 * (kick.before + now.spin)
     surface = (mean[grain] * left_of(normal)).sum(axis=1) + (scene.radius * spin)[grain]
     work = -scene.dt * tangential * surface  # on the grains
-    speed = scene.wall_speeds(now.start, now.wall, now.end)[:, 1]
+    speed = scene.wall_speeds(now.start, now.wall, now.start_time)[:, 1]
     wall_work = float(-scene.dt * (now.wall_tangential_force * speed).sum())
     friction_loss = wall_work - float(work.sum())
     return balance._replace(

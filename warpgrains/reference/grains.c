@@ -205,7 +205,7 @@ static double contactDriven(femGrains *g, int i, int k, double nx, double ny, do
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny - into * *own;
         double restitution = !g->bouncy ? 0.0 : k == 0 ? g->restitutionOut : g->restitutionWalls[k - 1];
-        double rate = reboundAtWall(g, i, nx, ny, gap / dt, 0.0, g->bouncy ? into * g->speedsBefore[lead] : 0.0, away, restitution);
+        double rate = reboundAtWall(g, i, nx, ny, gap / dt + away, 0.0, g->bouncy ? into * g->speedsBefore[lead] : 0.0, away, restitution);
         dv = fmax(0.0, *dvw + (vn - rate) / compliance) - *dvw;
         *dvw += dv;
     }
@@ -373,34 +373,43 @@ static double movingTime(const double *motion, double time) {
     return fmin(fmax(time, motion[5]), motion[6]) - motion[5];
 }
 
-/* The same where the wall is at the end of the step (eq. 26), or is driven (eq. 28); *speed gets that of its surface along
- * the tangent, *away that along the normal, and *spin its angular velocity. */
-static double movingWallGap(const femGrains *g, int k, double begin, double end, double x, double y, double r, double *nx,
-                            double *ny, double *speed, double *away, double *spin) {
+/* The radius of a wall that is hollow where a grain at (x, y) touches it, < 0 where it bulges, 0 if it is straight. */
+static double hollowRadius(const double *wall, double x, double y) {
+    double px, py, dx = x - wall[1], dy = y - wall[2];
+    if (wall[0] == DISC) return wall[4] != 0.0 ? wall[3] : -wall[3];
+    if (wall[0] != ARC || nearestPoint(wall, x, y, &px, &py) >= 0) return 0.0;
+    return sqrt(dx * dx + dy * dy) < wall[3] ? wall[3] : -wall[3];
+}
+
+/* The same where the wall is at the start of the step, at a time, as given or driven; *speed gets that of its surface in
+ * the step along the tangent, *away that along the normal, and *spin its angular velocity (eqs. 26, 26b). */
+static double movingWallGap(const femGrains *g, int k, double begin, double end, double dt, double x, double y, double r,
+                            double *nx, double *ny, double *speed, double *away, double *spin) {
     const double *motion = &g->motions[7 * k];
-    double px = motion[0], py = motion[1], vx = motion[2], vy = motion[3], w = motion[4];
-    double moved = movingTime(motion, end), before = movingTime(motion, begin);
-    double c = cos(w * moved), s = sin(w * moved);
-    double shiftX = px - (c * px - s * py) + vx * moved;
-    double shiftY = py - (s * px + c * py) + vy * moved;
+    double w = motion[4], moved = movingTime(motion, begin);
+    double share = fmax(0.0, fmin(end, motion[6]) - fmax(begin, motion[5])) / (end - begin);
+    double px = motion[0] + motion[2] * moved, py = motion[1] + motion[3] * moved;
+    double c = cos(w * moved), s = sin(w * moved), turn = w * (share * dt), half = sin(0.5 * turn);
+    double along = -2.0 * (half * half) / dt, across = sin(turn) / dt;
+    double shiftX = px - (c * motion[0] - s * motion[1]);
+    double shiftY = py - (s * motion[0] + c * motion[1]);
     if (isDriven(g, k)) {
         const double *drive = &g->drives[DRIVE * (k + 1)];
         double place = g->places[(int)drive[5]];
         shiftX += place * drive[3];
         shiftY += place * drive[4];
     }
-    double dx = x - shiftX, dy = y - shiftY;
+    double dx = x - shiftX, dy = y - shiftY, ax = c * dx + s * dy, ay = c * dy - s * dx;
     double mx, my;
-    double gap = jointGap(g, k, c * dx + s * dy, c * dy - s * dx, r, &mx, &my);
+    double gap = jointGap(g, k, ax, ay, r, &mx, &my), hollow = hollowRadius(&g->walls[SHAPE * k], ax, ay);
     *nx = c * mx - s * my;
     *ny = s * mx + c * my;
-    if (moved - before > 0.5 * (end - begin)) {
-        double u = vx + w * (py + vy * moved) - w * (y + (r + gap) * *ny);
-        double v = vy - w * (px + vx * moved) + w * (x + (r + gap) * *nx);
-        *speed += *nx * v - *ny * u;
-        *away = u * *nx + v * *ny;
-        *spin += w;
-    }
+    double zx = x + (r + gap - hollow) * *nx, zy = y + (r + gap - hollow) * *ny;
+    double u = motion[2] * share - (along * px - across * py) + (along * zx - across * zy);
+    double v = motion[3] * share - (across * px + along * py) + (across * zx + along * zy);
+    *speed += *nx * v - *ny * u + hollow * (w * share);
+    *away = u * *nx + v * *ny;
+    *spin += w * share;
     return gap;
 }
 
@@ -410,8 +419,8 @@ static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
     double *dvw = &g->dvWalls[i * g->nWalls + k];
     double speed = hasFriction(g) ? g->speedWalls[k] : 0.0, spin = g->rolling ? g->spinWalls[k] : 0.0;
     if (g->moving || isDriven(g, k))
-        gap = movingWallGap(g, k, g->start + g->steps * dt, g->start + (g->steps + 1) * dt, g->x[i], g->y[i], g->r[i], &nx,
-                            &ny, &speed, &away, &spin);
+        gap = movingWallGap(g, k, g->start + g->steps * dt, g->start + (g->steps + 1) * dt, dt, g->x[i], g->y[i], g->r[i],
+                            &nx, &ny, &speed, &away, &spin);
     else
         gap = jointGap(g, k, g->x[i], g->y[i], g->r[i], &nx, &ny);
     double *dtw = hasFriction(g) ? &g->dtWalls[i * g->nWalls + k] : NULL;
@@ -424,7 +433,7 @@ static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
     double dv = *dvw;
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny;
-        double rate = reboundAtWall(g, i, nx, ny, gap / dt, 0.0, 0.0, away, g->bouncy ? g->restitutionWalls[k] : 0.0);
+        double rate = reboundAtWall(g, i, nx, ny, gap / dt + away, 0.0, 0.0, away, g->bouncy ? g->restitutionWalls[k] : 0.0);
         dv = fmax(0.0, vn + *dvw - rate) - *dvw;
         *dvw += dv;
     }

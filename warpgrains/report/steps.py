@@ -90,8 +90,8 @@ def follow_history(scene: Scene, longest: int) -> History:
 def measure_steps(scene: Scene, snapshot: HistoryStep, budget: Budget) -> Iterator[StepRow]:
     """Solve the step after a snapshot in every configuration, with increasing numbers of iterations."""
     state = snapshot.state
-    end = scene.time_after(state.steps + 1)
-    problem = StepProblem(scene, state.position, state.velocity, state.staggered, time=end)
+    now = scene.time_after(state.steps)
+    problem = StepProblem(scene, state.position, state.velocity, state.staggered, time=now)
     accurate = Simulation(scene.replace(**EXACT, stop="default", tolerance=CONVERGED))
     accurate.restore(snapshot.state)
     accurate.step()
@@ -103,7 +103,7 @@ def measure_steps(scene: Scene, snapshot: HistoryStep, budget: Budget) -> Iterat
             yield StepRow(
                 scene=scene.name,
                 moment=snapshot.name,
-                time=scene.time_after(snapshot.state.steps),
+                time=now,
                 grains=scene.n,
                 contacts=snapshot.contacts,
                 **configuration._asdict(),

@@ -93,6 +93,11 @@ class Arc(Wall):
     def inwards(self) -> FloatArray:
         return left_of(self.ends - self.center) / np.array([[self.radius], [-self.radius]])
 
+    def hollow_radii(self, position: FloatArray) -> FloatArray:
+        is_inside = distance(position - self.center) < self.radius
+        at_face = np.where(is_inside, self.radius, -self.radius)
+        return np.where(self.end_of(position) < 0, at_face, 0.0)
+
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
         return hollow_normals(self.center, self.radius, point, position)
 

@@ -125,9 +125,10 @@ def _of_steps(scene: Scene) -> Iterator[str]:
             " float64 times could not resolve them"
         )
     for k, wall in enumerate(scene.walls):
-        if not (path := wall.speed * dt) < smallest:
+        path = abs(wall.angular_velocity) * wall.farthest(wall.motion.pivot) * dt
+        if not path < smallest:
             yield (
-                f"velocity of walls[{k}]: the {wall.kind} moves by {path:.3g} m in a step of {dt} s;"
+                f"angular_velocity of walls[{k}]: the {wall.kind} turns by {path:.3g} m in a step of {dt} s;"
                 f" it must be less than the smallest radius, {smallest} m"
             )
     if not abs(scene.gravity_rate) * dt < pi:

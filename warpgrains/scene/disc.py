@@ -69,6 +69,9 @@ class Disc(Wall):
             return Side(-normal, self.radius - rho - radius)
         return Side(normal, rho - (radius + self.radius))
 
+    def hollow_radii(self, position: FloatArray) -> FloatArray:
+        return np.full(len(position), self.radius if self.inside else -self.radius)
+
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
         return hollow_normals(self.center, self.radius, point, position)
 

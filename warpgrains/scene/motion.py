@@ -62,12 +62,17 @@ class Motion(NamedTuple):
         )
         return Pose(angle, shift)
 
-    def velocities(self, points: FloatArray, time: float, dt: float) -> FloatArray:
-        """Return velocities of points [m/s] in the step up to a time; 0 unless it moves for half of it."""
-        if self.duration(time) - self.duration(time - dt) <= 0.5 * dt:
-            return np.zeros_like(points)
-        arm = points - np.add(self.pivot, np.multiply(self.velocity, self.duration(time)))
-        return np.array(self.velocity) + self.angular_velocity * left_of(arm)
+    def share(self, begin: float, end: float) -> float:
+        """Return the part of the time from begin to end [s] in which the wall moves."""
+        return max(0.0, min(end, self.to_time) - max(begin, self.from_time)) / (end - begin)
+
+    def velocities(self, points: FloatArray, begin: float, end: float, dt: float) -> FloatArray:
+        """Return what points move in the step from begin to end [s], over dt [m/s], shape (n, 2)."""
+        share = self.share(begin, end)
+        turn = self.angular_velocity * (share * dt)
+        arm = points - np.add(self.pivot, np.multiply(self.velocity, self.duration(begin)))
+        along, across = -2.0 * sin(0.5 * turn) ** 2 / dt, sin(turn) / dt
+        return share * np.array(self.velocity) + along * arm + across * left_of(arm)
 
     def largest_speed(self, distance: float) -> float:
         """Return the largest speed of points within a distance [m] of the pivot [m/s]."""

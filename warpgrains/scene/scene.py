@@ -22,7 +22,7 @@ from warpgrains.scene.box import SIDES, checked_domain
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import FIELDS, SceneChanges, SceneFields, SceneOptions, checked_fields
-from warpgrains.scene.geometry import distance, left_of, nearest_image, overlapping_pairs
+from warpgrains.scene.geometry import distance, nearest_image, overlapping_pairs
 from warpgrains.scene.gravity import TurningGravity, upwards
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
@@ -330,7 +330,7 @@ class Scene(SceneFields, Shown):
     def wall_speeds(self, position: FloatArray, wall: Indices, time: float) -> FloatArray:
         """Return how fast walls move along normal and tangent of contacts (grain, wall) [m/s], shape (m, 2).
 
-        `position` is that of all grains at the start of the step [m], and `time` that of its end [s].
+        `position` is that of all grains [m], and `time` that of the start of the step [s] (eq. 26b).
         """
         normal, gap = self.wall_frames(position, wall, time=time)
         found = np.zeros(wall.shape)
@@ -338,10 +338,13 @@ class Scene(SceneFields, Shown):
             own = wall[:, 1] == number
             found[own, 1] = self.surface_speed(number)
             if number >= INSIDE:
-                grain, n = wall[own, 0], normal[own]
-                foot = position[grain] + (self.radius[grain] + gap[own])[:, np.newaxis] * n
-                velocity = self.walls[number - INSIDE].motion.velocities(foot, time, self.dt)
-                found[own] = np.stack([(velocity * along).sum(axis=1) for along in (n, left_of(n))], axis=1)
+                moving, grain = self.walls[number - INSIDE], wall[own, 0]
+                if moving.moves:
+                    x = moving.nearest_images(position[grain], self.period, time)
+                    reach = self.radius[grain] + gap[own]
+                    found[own] = moving.velocity_at_contacts(
+                        time, time + self.dt, self.dt, x, reach, normal[own]
+                    )
         return found
 
     @property

@@ -180,9 +180,9 @@ class Snapshot:
         return self.scene.n
 
     @property
-    def end(self) -> float:
-        """Time of the end of the last step [s], at which its walls that move are taken."""
-        return self.start_scene.time_after(self.steps)
+    def start_time(self) -> float:
+        """Time of the start of the last step [s], at which its walls are taken."""
+        return self.start_scene.time_after(self.steps - 1)
 
     @property
     def grains(self) -> Snapshots:
@@ -214,7 +214,7 @@ class Snapshot:
         """All contacts as forces on single grains."""
         (i, j), at_wall = self.pair.astype(np.int64).T, self.wall[:, 0].astype(np.int64)
         normal, _ = self.start_scene.pair_frames(self.start, self.pair)
-        into_wall, _ = self.start_scene.wall_frames(self.start, self.wall, time=self.end)
+        into_wall, _ = self.start_scene.wall_frames(self.start, self.wall, time=self.start_time)
         return Loads(
             np.concatenate([i, j, at_wall]),
             np.concatenate([normal, -normal, into_wall]),

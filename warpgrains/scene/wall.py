@@ -14,7 +14,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band
-from warpgrains.scene.geometry import Circle, nearest_image
+from warpgrains.scene.geometry import Circle, left_of, nearest_image
 from warpgrains.scene.motion import Motion
 
 MOST_NUMBERS = 6  # of a kind of wall, as on the device (kernels/types.py)
@@ -215,6 +215,19 @@ class Wall:
         center = self.motion.pose(time).place(np.array([[x, y]]))
         return center + nearest_image(position - center, period)
 
+    def velocity_at_contacts(
+        self, begin: float, end: float, dt: float, position: FloatArray, reach: FloatArray, normal: FloatArray
+    ) -> FloatArray:
+        """Return how fast the wall moves along normals and tangents of contacts [m/s], (n, 2) (eq. 26b).
+
+        In the step from begin to end [s], grains at positions touch it at position + reach normal [m].
+        """
+        hollow = self.hollow_radii(self.motion.pose(begin).to_frame(position))
+        center = position + (reach - hollow)[:, np.newaxis] * normal
+        velocity = self.motion.velocities(center, begin, end, dt)
+        turning = hollow * (self.angular_velocity * self.motion.share(begin, end))
+        return np.stack([(velocity * normal).sum(1), (velocity * left_of(normal)).sum(1) + turning], axis=1)
+
     def side_at(self, time: float, position: FloatArray, radius: FloatArray) -> Side:
         """Return normals and gaps of grains at the wall as it is at a time [s], see `Scene.side`."""
         if not self.moves:
@@ -266,6 +279,10 @@ class Wall:
     def end_of(self, position: FloatArray) -> Indices:
         """Return which ends are nearest to points, shape (n,): -1 where a point between them is."""
         return np.full(len(position), -1)
+
+    def hollow_radii(self, position: FloatArray) -> FloatArray:
+        """Return radii where grains touch the wall [m], (n,): < 0 where it bulges, 0 if it is straight."""
+        return np.zeros(len(position))
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
         """Return normals at a point of the faces towards others, (n, 2); 0 where these bulge."""

@@ -72,7 +72,7 @@ class WallContacts(Tabular):
     normal: FloatArray
     """Unit normals from the grain into the wall, shape (m, 2)."""
     gap: FloatArray
-    """Gaps at the start of the step [m], shape (m,), to walls that move as they are at its end."""
+    """Gaps at the start of the step [m], shape (m,)."""
     correction: FloatArray
     """Accumulated corrections [m/s], shape (m,), > 0."""
     force: FloatArray
@@ -101,7 +101,7 @@ def contacts_of(scene: Scene, state: State) -> tuple[PairContacts, WallContacts]
     """Return the contacts between grains and with walls that carry a correction after the last step."""
     start, last = start_of_step(scene, state)
     pairs = pair_contacts(last, start, state.corrections)
-    return pairs, wall_contacts(last, start, state.corrections, last.time_after(state.steps))
+    return pairs, wall_contacts(last, start, state.corrections, last.time_after(state.steps - 1))
 
 
 def force_of(mass: FloatArray, correction: FloatArray, dt: float | FloatArray) -> FloatArray:
@@ -131,7 +131,7 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
 def wall_contacts(
     scene: Scene, position: FloatArray, corrections: Corrections, time: float = 0.0
 ) -> WallContacts:
-    """Return the contacts with the walls of the step that ended at a time [s].
+    """Return the contacts with the walls of the step that began at a time [s].
 
     The centers of the grains were at `position` [m], shape (n, 2).
     """

@@ -67,7 +67,7 @@ class UnilateralConstraints(StepConstraints):
 
     @classmethod
     def of(cls, scene: Scene, start: Start, corrections: Corrections, time: float = 0.0) -> Self:
-        """Collect the constraints of a step. Walls that move are where they are at its end, a time [s]."""
+        """Collect the constraints of a step that starts at a time [s]."""
         wall, key = every_wall(scene), np.array([scene.wall_count, 1])
         every = cls.at(scene, start, corrections.pair, wall, time)
         carry = np.isin(wall @ key, (corrections.wall @ key)[corrections.wall_correction > 0.0])
@@ -129,7 +129,7 @@ def find_infeasibility_proof(
     corrections : Corrections
         Corrections after the contact iteration.
     time : float
-        Time of the end of the step [s].
+        Time of the start of the step [s].
     """
     contacts = UnilateralConstraints.of(scene, start, corrections, time)
     if not (contacts.gap_rate < 0.0).any():

@@ -141,8 +141,12 @@ class SceneRecords:
             self.array(k, "walls.joint")[:] = np.concatenate(bodies.joints)
             self.array(k, "walls.joint_start")[:] = np.cumsum([0, *map(len, bodies.joints)])
         if sizes.mobile[k]:
-            motions = [(*np.hstack(wall.motion), wall.speed) for wall in bodies.inside]
-            self.array(k, "walls.motion")[:] = motions
+            # where a tangent at a joint is touched (8c), up to two radii beyond the wall, it turns faster
+            beyond = 2.0 * float(scene.radius.max()) * sizes.joined[k]
+            self.array(k, "walls.motion")[:] = [
+                (*np.hstack(wall.motion), wall.speed + beyond * abs(wall.angular_velocity))
+                for wall in bodies.inside
+            ]
         if sizes.driven[k]:
             self.array(k, "walls.drive")[:] = [np.hstack(drive) for drive in bodies.drives]
             inverse = np.array([drive.inverse_mass for drive in bodies.drives])

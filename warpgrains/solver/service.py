@@ -45,7 +45,7 @@ def failure(
 
 def infeasible_grains(records: SceneRecords, k: int) -> tuple[int, ...]:
     """Return the grains of scene k that provably cannot fit in its last step."""
-    proof = _find_proof(records, k, ("last_position", "last_velocity", "velocity"), 0)
+    proof = _find_proof(records, k, ("last_position", "last_velocity", "velocity"), 1)
     return () if proof is None else proof.grains
 
 
@@ -77,7 +77,7 @@ def _wall_without_normal(records: SceneRecords, k: int, grain: int, path: float)
     """Return where a grain is if a wall within its path [m] has no normal there; else None."""
     scene, own = records.scenes[k], slice(grain, grain + 1)
     position = records.array(k, "grains.position")[own]
-    time = scene.time_after(int(records.host["steps"][k]) + 1)
+    time = scene.time_after(int(records.host["steps"][k]))
     for number in scene.wall_numbers:
         side = scene.side(number, position, scene.radius[own], time=time)
         if side.without_normal(path).any():
@@ -98,7 +98,7 @@ def _excess(scene: Scene, velocity: list[float]) -> str:
 
 
 def _not_converged(records: SceneRecords, k: int) -> str:
-    proof = _find_proof(records, k, ("position", "velocity", "next_velocity"), 1)
+    proof = _find_proof(records, k, ("position", "velocity", "next_velocity"), 0)
     grains = "" if proof is None else f": {named(proof.grains)} cannot fit, {proof}"
     step = records.host["step"][k]
     iterations, zeta, residual = (step[name].item() for name in ("iterations", "zeta", "residual"))
@@ -109,15 +109,15 @@ def _not_converged(records: SceneRecords, k: int) -> str:
 
 
 def _find_proof(
-    records: SceneRecords, k: int, names: tuple[str, str, str], ahead: int
+    records: SceneRecords, k: int, names: tuple[str, str, str], ago: int
 ) -> InfeasibilityProof | None:
     """Search for a proof that the step has no solution, from these arrays of its start and its sweeps.
 
-    The step ends `ahead` steps after the last one that is counted.
+    The step began `ago` steps before now.
     """
     scene = records.scenes[k]
     if scene.has_driven_walls:
         return None  # walls yield: the proof is about walls that do not
     position, before, velocity = (records.array(k, f"grains.{name}") for name in names)
-    time = scene.time_after(int(records.host["steps"][k]) + ahead)
+    time = scene.time_after(int(records.host["steps"][k]) - ago)
     return find_infeasibility_proof(scene, (position, before), velocity, corrections_of(records, k), time)

@@ -33,11 +33,13 @@ class StepConstraints:
     normal : ndarray
         Unit normals n from i to j or into the wall, shape (m, 2).
     gap_rate : ndarray
-        b = gap / dt, less `rebound` [m/s], shape (m,).
+        b = gap / dt, at walls with the normal part of `wall_speed`, less `rebound` [m/s], shape (m,).
     rebound : ndarray
         By how much b is smaller at contacts that bounce (eq. 35) [m/s], shape (m,).
+    wall_speed : ndarray
+        How fast walls move along normal and tangent of their contacts [m/s], shape (m - k, 2) (eq. 26b).
     time : float
-        Time of the end of the step [s], at which walls that move are taken.
+        Time of the start of the step [s].
     """
 
     scene: Scene
@@ -48,17 +50,19 @@ class StepConstraints:
     normal: FloatArray
     gap_rate: FloatArray
     rebound: FloatArray
+    wall_speed: FloatArray
     time: float
 
     @classmethod
     def at(cls, scene: Scene, start: Start, pair: Indices, wall: Indices, time: float) -> Self:
         """Return the constraints of pairs, shape (k, 2), and of contacts (grain, wall), shape (m - k, 2).
 
-        `time` is that of the end of the step [s].
+        `time` is that of the start of the step [s].
         """
         (position, velocity), (i, j), (grain, _) = start, pair.T, wall.T
         between, apart = scene.pair_frames(position, pair)
         normal, gap = scene.wall_frames(position, wall, time=time)
+        wall_speed = scene.wall_speeds(position, wall, time)
         every = cls(
             scene=scene,
             position=position,
@@ -66,8 +70,9 @@ class StepConstraints:
             first=np.concatenate([i, grain]),
             second=j,
             normal=np.concatenate([between, normal]),
-            gap_rate=np.concatenate([apart, gap]) / scene.dt,
+            gap_rate=np.concatenate([apart / scene.dt, gap / scene.dt + wall_speed[:, 0]]),
             rebound=np.zeros(len(pair) + len(wall)),
+            wall_speed=wall_speed,
             time=time,
         )
         if not scene.has_restitution:
@@ -78,8 +83,7 @@ class StepConstraints:
     def _rebound(self, velocity: FloatArray) -> FloatArray:
         """Return by how much restitution reduces gap / dt, for velocities before the step [m/s] (eq. 35)."""
         scene, pairs = self.scene, len(self.second)
-        surface = np.zeros(len(self.first))
-        surface[pairs:] = scene.wall_speeds(self.position, self.wall, self.time)[:, 0]
+        surface = np.append(np.zeros(pairs), self.wall_speed[:, 0])
         vn, rate = self.normal_speed(velocity), self.sliding(scene.dt * velocity).gap_rate
         e = np.append(np.full(pairs, scene.restitution), np.array(scene.wall_restitutions)[self.wall[:, 1]])
         bounces = (e > 0.0) & (vn > rate) & (vn - surface > scene.restitution_speed)
@@ -96,7 +100,7 @@ class StepConstraints:
         """Return the constraints with round-wall gaps for displacements [m], shape (n, 2) (eq. 18)."""
         _, gap = self.scene.wall_frames(self.position, self.wall, move, self.time)
         pairs = len(self.second)
-        at_walls = gap / self.scene.dt - self.rebound[pairs:]
+        at_walls = gap / self.scene.dt + self.wall_speed[:, 0] - self.rebound[pairs:]
         return replace(self, gap_rate=np.append(self.gap_rate[:pairs], at_walls))
 
     @property
@@ -117,8 +121,7 @@ class StepConstraints:
     @property
     def surface_speed(self) -> FloatArray:
         """Speeds of the surfaces along the tangents of contacts [m/s], shape (m,); 0 for pairs."""
-        at_walls = self.scene.wall_speeds(self.position, self.wall, self.time)[:, 1]
-        return np.append(np.zeros(len(self.second)), at_walls)
+        return np.append(np.zeros(len(self.second)), self.wall_speed[:, 1])
 
     def only(self, at_walls: BoolArray) -> Self:
         """Return the constraints of all pairs and of the selected wall contacts, mask of shape (m - k,)."""
@@ -130,6 +133,7 @@ class StepConstraints:
             gap_rate=self.gap_rate[kept],
             rebound=self.rebound[kept],
             wall=self.wall[at_walls],
+            wall_speed=self.wall_speed[at_walls],
         )
 
 

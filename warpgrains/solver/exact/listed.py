@@ -53,7 +53,7 @@ class ListedContacts:
         grain = np.concatenate([listed[own, 0] for _, own in sides])
         wall = np.stack([grain, np.repeat(scene.wall_numbers, [own.sum() for _, own in sides])], axis=1)
         self._sign = bodies.sign(wall[:, 1])
-        time = scene.time_after(int(records.host["steps"][k]) + 1)
+        time = scene.time_after(int(records.host["steps"][k]))
         start = records.array(k, "grains.position"), records.array(k, "grains.velocity")
         self.constraints = StepConstraints.at(scene, start, pair, wall, time)
 
