@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from tests.bench.__main__ import BENCHES
+from tests.bench.shear import FIGURES, error
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES
 from warpgrains.cli.scenes import keys, wall_keys
 from warpgrains.scene.radii import DISTRIBUTIONS, OF_MEAN
@@ -19,6 +20,7 @@ from warpgrains.sweep.results import COLUMNS
 ROOT = Path(__file__).parents[2]
 OURS = "warpgrains"
 OVERLAPS = 1e-1, 1e-2, 1e-3  # radii
+ACCURACY = 0.1  # relative error in a shear
 _TABLE = re.compile(r"(?<=<!-- table: )(\w+)( -->\n).*?(?=<!-- end of table -->)", re.S)
 
 
@@ -163,12 +165,33 @@ def _over_grains() -> Iterable[Sequence[str]]:
         )
 
 
+def _shear() -> Iterable[Sequence[str]]:
+    """Yield the fastest setting of each program that measures mu, phi and rate accurately, if one does."""
+    yield "grains", "I", "program", "fastest setting", "a unit of strain", *FIGURES, "worst overlap [radii]"
+    rows = _measured("shear")
+    cases: dict[tuple[str, str], list[dict[str, str]]] = {}
+    for row in rows:
+        cases.setdefault((row["n"], row["I"]), []).append(row)
+    for (n, number), case in cases.items():
+        for program in dict.fromkeys(row["program"] for row in rows):
+            fit = (row for row in case if row["program"] == program and error(row, case) <= ACCURACY)
+            best = min(fit, key=lambda row: float(row["s of a strain"]), default=None)
+            head = f"{int(n):,}", number, program
+            if best is None:
+                yield *head, "none", *("" for _ in (0, *FIGURES, 0))
+            else:
+                values = (f"{best[name]} +- {best[f'error of {name}']}" for name in FIGURES)
+                time, overlap = f"{_plain(best['s of a strain'])} s", best["worst overlap"]
+                yield *head, best["setting"], time, *values, overlap
+
+
 TABLES = {
     "benches": _benches,
     **{name: partial(_compared, name) for name in ("threads", "moving", "step", "batch", "exact", "gpu")},
     "features": _features,
     "speed": _speed,
     "over_grains": _over_grains,
+    "shear": _shear,
     "scene": _scene,
     "walls": _walls,
     "radii": _radii,

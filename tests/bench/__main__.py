@@ -33,6 +33,12 @@ BENCHES = {
     "peers": Bench(
         "time against overlap of this and other programs", "peers.rows", {"longest": 60.0}, {"longest": 1e3}
     ),
+    "shear": Bench(
+        "plane shear in this and other programs",
+        "shear.rows",
+        {"grains": [400], "rates": [0.1], "seeds": 1, "longest": 60.0},
+        {"grains": [400, 4_000], "rates": [0.1, 0.01], "seeds": 3, "longest": 2e3},
+    ),
     "step": Bench(
         "steps, compared with C",
         "against_c.sweeps against_c.steps against_c.course step.first_run",
@@ -81,6 +87,9 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     peers.add_argument("--box2d3", type=Path, metavar="FOLDER", help="source of Box2D 3.1 or newer")
     peers.add_argument("--programs", nargs="+", help="that are measured (default: all)")
     peers.add_argument("--longest", type=float, help="limit of a measurement [s]")
+    of_shear = parser.add_argument_group("shear")
+    of_shear.add_argument("--rates", type=float, nargs="+", metavar="I", help="inertial numbers")
+    of_shear.add_argument("--seeds", type=int, help="packings of few grains at the start")
     parser.add_argument("--device", default="cuda:0", help="of gpu (default: cuda:0)")
     options = parser.parse_args(arguments)
     source = options.box2d3

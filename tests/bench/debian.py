@@ -1,11 +1,13 @@
-"""The common flowing scene in YADE, LIGGGHTS and Siconos, run by the Python that Debian packages them for.
+"""The common flowing scene, and plane shear, in programs run by the Python that Debian packages them for.
 
 It reads one line of JSON, the name of the program, its setting and the scene, and then numbers of frames to
-advance. It answers each with the CPU time so far [s] and the centers [m].
+advance, or of steps in a shear. It answers each with the CPU time so far [s], and the centers [m] or the
+sample of a shear: the mean force [N] of the grains on the lid and on the bottom in these steps, the height of
+the lid [m], the centers of the grains [m] and their velocities along x [m/s].
 
-Soft spheres, also those of LAMMPS, are kept in the plane. Their linear springs are damped critically, a
-contact lasts 20 steps at least, and `overlap` [radii] is the one that springs are stiff enough for where
-grains meet at 5 m/s. LIGGGHTS has the inertia of spheres.
+Soft spheres, also those of LAMMPS, are kept in the plane, and LIGGGHTS has the inertia of spheres. In the
+flow, their linear springs are damped critically, a contact lasts 20 steps at least, and `overlap` [radii] is
+the one that springs are stiff enough for where grains meet at 5 m/s.
 """
 
 import ctypes
@@ -20,6 +22,8 @@ import numpy as np
 FRAME = 0.01  # s
 FASTEST = 5.0  # m/s
 FACETS = 360  # of the outer wall in YADE
+REBOUND = 0.1  # restitution of two mean discs in a shear
+BELOW = 5.0  # m in the cell of YADE below the bottom
 REACH = 0.1  # radii between grains whose contact Siconos gets, in addition to their way in a step
 
 
@@ -28,6 +32,12 @@ def springs(scene, overlap):
     m = scene["mass"]
     k = 0.5 * m * (FASTEST / (overlap * scene["radius"])) ** 2
     return k, math.ceil(FRAME / (math.pi * math.sqrt(0.5 * m / k) / 20.0))
+
+
+def contact(stiffness):
+    """Return how long mean discs of a shear touch [s], and their damping over the reduced mass [1/s]."""
+    omega, decay = math.sqrt(2.0 * stiffness), -math.log(REBOUND)
+    return math.pi / omega, 2.0 * omega * decay / math.hypot(math.pi, decay)
 
 
 class Yade:
@@ -116,20 +126,40 @@ class OfLammps:
         self.command(f"run {frames * self.steps} pre no post no")
 
 
-class Liggghts(OfLammps):
+class InLiggghts:
+    """A run of LIGGGHTS, through its library."""
+
+    def __init__(self):
+        os.environ |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+        ctypes.CDLL("libmpi.so.40", ctypes.RTLD_GLOBAL)
+        self._library = library = ctypes.CDLL("libliggghts.so.3", ctypes.RTLD_GLOBAL)
+        library.lammps_extract_fix.restype = ctypes.POINTER(ctypes.c_double)
+        options = [b"liggghts", b"-log", b"none", b"-screen", b"none", b"-nocite"]
+        self._run, given = ctypes.c_void_p(), (ctypes.c_char_p * len(options))(*options)
+        library.lammps_open_no_mpi(len(options), given, ctypes.byref(self._run))
+
+    def command(self, line):
+        self._library.lammps_command(self._run, line.encode())
+
+    def gather(self, name):
+        """Return an array with three numbers for each atom."""
+        array = np.empty((self._library.lammps_get_natoms(self._run), 3))
+        self._library.lammps_gather_atoms(self._run, name.encode(), 1, 3, array.ctypes)
+        return array
+
+
+def properties(numbers):
+    """Return the commands that give LIGGGHTS the numbers of its contacts, by name."""
+    return [f"fix {name} all property/global {name} peratomtypepair 1 {v}" for name, v in numbers.items()]
+
+
+class Liggghts(InLiggghts, OfLammps):
     """Soft spheres between cylinders (hooke/stiffness)."""
 
     height, units = 2, " units box"
 
     def __init__(self, scene, overlap):
-        os.environ |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-        ctypes.CDLL("libmpi.so.40", ctypes.RTLD_GLOBAL)
-        self._library = library = ctypes.CDLL("libliggghts.so.3", ctypes.RTLD_GLOBAL)
-        library.lammps_extract_atom.restype = ctypes.POINTER(ctypes.POINTER(ctypes.c_double))
-        options = [b"liggghts", b"-log", b"none", b"-screen", b"none", b"-nocite"]
-        self._run, self._n = ctypes.c_void_p(), len(scene["position"])
-        given = (ctypes.c_char_p * len(options))(*options)
-        library.lammps_open_no_mpi(len(options), given, ctypes.byref(self._run))
+        super().__init__()
         mu = scene["friction"]
         k, self.steps = springs(scene, overlap)
         gamma = 2.0 * math.sqrt(2.0 * k / scene["mass"])
@@ -147,7 +177,7 @@ class Liggghts(OfLammps):
         contacts = [
             "neigh_modify delay 0",
             "hard_particles yes",
-            *(f"fix {name} all property/global {name} peratomtypepair 1 {v}" for name, v in numbers.items()),
+            *properties(numbers),
             f"pair_style {model}",
         ]
         moves = [
@@ -158,12 +188,159 @@ class Liggghts(OfLammps):
         ]
         self.start(scene, begin, contacts, f"density {scene['density']}", moves)
 
-    def command(self, line):
-        self._library.lammps_command(self._run, line.encode())
-
     def position(self):
-        x = self._library.lammps_extract_atom(self._run, b"x")
-        return [x[i][:2] for i in range(self._n)]
+        return self.gather("x")[:, :2].tolist()
+
+
+class ShearedOfLammps:
+    """What LAMMPS and LIGGGHTS have in common in a shear; a force drives the lid, a row of discs."""
+
+    units = ""  # what LIGGGHTS adds to lengths
+
+    def start(self, scene, dt, every, begin, contacts, moves):
+        """Run the script. Forces are averaged over `every` steps, and not at all if that is 0."""
+        length, height, rate, n = (scene[key] for key in ("length", "height", "rate", "n"))
+        position, radius = scene["position"], scene["radius"]
+        row = (len(radius) - n) // 2
+        velocity = [rate * y for _, y in position[:n]] + row * [0.0] + row * [rate * height]
+        discs = enumerate(zip(position, radius, velocity, strict=True), 1)
+        lines = [
+            "newton off",
+            "atom_modify map array",
+            *begin,
+            f"region box block 0 {length} -2 {height + 20} -1 1{self.units}",
+            "create_box 1 box",
+            "neighbor 0.15 bin",
+            "neigh_modify delay 0",
+            *contacts,
+            "pair_coeff * *",
+            f"timestep {dt}",
+            *(f"create_atoms 1 single {x} {y} 0{self.units}" for x, y in position),
+            *(
+                f"set atom {i} diameter {2 * r} density {3 / (math.pi * r)} vx {vx}"  # a mass of 4 r^2
+                for i, (_, r, vx) in discs
+            ),
+            f"group grains id <= {n}",
+            f"group bottom id <> {n + 1} {n + row}",
+            f"group top id > {n + row}",
+            "neigh_modify exclude group bottom bottom",
+            "neigh_modify exclude group top top",
+            *moves,
+            "fix lid top nve",
+            "fix along top setforce 0.0 NULL NULL",
+            f"fix press top aveforce NULL {-length / row} NULL",
+            "thermo 1000000000",
+        ]
+        if every:
+            lines += [f"compute {c} bottom reduce sum f{c}" for c in "xy"]
+            lines += [f"fix mean all ave/time 1 {every} {every} f_along[1] f_press[2] c_x c_y"]
+        for line in [*lines, "run 0"]:
+            self.command(line)
+        self._n, self._lid, self._forces = n, n + row, 4 if every else 0
+
+    def advance(self, steps):
+        self.command(f"run {steps} post no")
+
+    def sample(self):
+        x, velocity = self.gather("x"), self.gather("v")
+        forces = [self.mean(k) for k in range(self._forces)]
+        return forces, x[self._lid, 1], x[: self._n, :2].tolist(), velocity[: self._n, 0].tolist()
+
+
+class ShearedLiggghts(InLiggghts, ShearedOfLammps):
+    """Soft spheres (hooke/stiffness)."""
+
+    units = " units box"
+
+    def __init__(self, scene, stiffness, dt, every):
+        super().__init__()
+        _, gamma = contact(stiffness)
+        numbers = {"kn": stiffness, "kt": 0.5 * stiffness, "gamman": gamma, "gammat": 0.5 * gamma}
+        begin = [
+            "units si",
+            "atom_style granular",
+            "boundary p f f",
+            "communicate single vel yes",
+            "processors 1 1 1",
+        ]
+        contacts = [
+            "soft_particles yes",
+            *properties(numbers | {"coefficientFriction": scene["friction"]}),
+            "pair_style gran model hooke/stiffness tangential history limitForce on",
+        ]
+        moves = ["fix move grains nve/sphere", "thermo_modify norm no"]
+        self.start(scene, dt, every, begin, contacts, moves)
+
+    def mean(self, k):
+        return self._library.lammps_extract_fix(self._run, b"mean", 0, 1, k, 0)[0]
+
+
+class ShearedYade:
+    """Spheres with viscoelastic contacts; the lid is a clump that a force drives."""
+
+    def __init__(self, scene, stiffness, dt, every):
+        import yade
+        from yade import utils
+
+        self._omega, self._utils, self._every, self._force = yade.O, utils, every, np.zeros(4)
+        length, height, rate, n = (scene[key] for key in ("length", "height", "rate", "n"))
+        _, gamma = contact(stiffness)
+        values = {"kn": 2 * stiffness, "ks": stiffness, "cn": gamma, "cs": 0.5 * gamma}  # as in Yade
+        material = yade.ViscElMat(**values, frictionAngle=math.atan(scene["friction"]), density=1)
+        yade.O.materials.append(material)
+        yade.O.periodic = True
+        yade.O.cell.hSize = yade.Matrix3(length, 0, 0, 0, 3 * height, 0, 0, 0, 6)
+        discs = [
+            utils.sphere((x, y + BELOW, 0), r, material=material)
+            for (x, y), r in zip(scene["position"], scene["radius"], strict=True)
+        ]
+        for body, (_, y), r in zip(discs[:n], scene["position"], scene["radius"], strict=False):
+            body.state.mass, body.state.inertia = 4 * r**2, yade.Vector3.Ones * (2 * r**4)
+            body.state.vel, body.state.blockedDOFs = (rate * y, 0, 0), "zXY"
+        lid = len(discs) - (len(discs) - n) // 2
+        for body in discs[n:]:
+            body.mask = 3  # the second bit: walls do not touch each other
+        for body in discs[n:lid]:
+            body.dynamic = False
+        yade.O.bodies.append(discs[:lid])
+        clump, self._top = yade.O.bodies.appendClumped(discs[lid:])
+        self._n, self._bottom = n, list(range(n, lid))
+        state = yade.O.bodies[clump].state
+        state.mass, state.blockedDOFs, state.vel = len(self._top), "xzXYZ", (rate * height, 0, 0)
+        yade.O.forces.setPermF(clump, (0, -length, 0))
+        yade.O.engines = [
+            yade.ForceResetter(),
+            yade.InsertionSortCollider(
+                [yade.Bo1_Sphere_Aabb()], verletDist=0.075, avoidSelfInteractionMask=2
+            ),
+            yade.InteractionLoop(
+                [yade.Ig2_Sphere_Sphere_ScGeom()],
+                [yade.Ip2_ViscElMat_ViscElMat_ViscElPhys()],
+                [yade.Law2_ScGeom_ViscElPhys_Basic()],
+            ),
+            yade.NewtonIntegrator(damping=0, gravity=(0, 0, 0)),
+        ]
+        yade.O.dt = dt
+
+    def advance(self, steps):
+        if not self._every:
+            self._omega.run(steps, True)
+            return
+        self._force = np.zeros(4)
+        for _ in range(steps):
+            self._omega.step()
+            self._force += [
+                self._utils.sumForces(wall, along)
+                for wall in (self._top, self._bottom)
+                for along in ((1, 0, 0), (0, 1, 0))
+            ]
+        self._force /= steps
+
+    def sample(self):
+        states = [self._omega.bodies[i].state for i in range(self._n)]
+        top = self._omega.bodies[self._top[0]].state.pos[1] - BELOW
+        centers = [(one.pos[0], one.pos[1] - BELOW) for one in states]
+        return self._force.tolist(), top, centers, [one.vel[0] for one in states]
 
 
 class Siconos:
@@ -251,7 +428,13 @@ class Siconos:
         return (self.centers() / self._unit).tolist()
 
 
-PROGRAMS = {"yade": Yade, "liggghts": Liggghts, "siconos": Siconos}
+PROGRAMS = {
+    "yade": Yade,
+    "liggghts": Liggghts,
+    "siconos": Siconos,
+    "yade, sheared": ShearedYade,
+    "liggghts, sheared": ShearedLiggghts,
+}
 
 
 def main():
@@ -259,11 +442,12 @@ def main():
     os.dup2(2, 1)  # whatever they print
     name, setting, scene = json.loads(sys.stdin.readline())
     program, taken = PROGRAMS[name](scene, **setting), 0.0
+    sample = getattr(program, "sample", None) or program.position
     for line in sys.stdin:
         start = process_time()
         program.advance(int(line))
         taken += process_time() - start
-        answer = taken - getattr(program, "left_out", 0.0), program.position()
+        answer = taken - getattr(program, "left_out", 0.0), sample()
         print(json.dumps(answer), file=answers, flush=True)
     os._exit(0)
 

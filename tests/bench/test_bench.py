@@ -26,6 +26,7 @@ ROWS = {
     "features": ("", 3 * len(FEATURES)),
     "gpu": ("--scenes 1 --device cpu", 2),
     "exact": ("--grains 60", 2 + 12 + 9 * 3),
+    "shear": ("--grains 100 --steps 40 --programs warpgrains", 3),
 }
 
 
