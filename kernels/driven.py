@@ -10,17 +10,15 @@ on a driven line has the line's speed and coordinate, and its own entries stay 0
 wall share its speed. So one thread sweeps all contacts with walls, in the order of the loop over grains.
 """
 
-from math import pi
-
 import warp as wp
 
 from . import law
 from .access import at, put
+from .motion import TURN
 from .record import Scene, grain_count, is_driven
 from .types import DriveOf, PoseOf, Vectors
 
 f64 = wp.float64
-TURN = wp.constant(f64(2.0 * pi))
 
 
 @wp.func

@@ -4,11 +4,14 @@ Kinds of walls know nothing of it: a grain is put into the frame in which the wa
 and the normal that is found there is turned back. Points of the wall move in a step at its velocity there.
 """
 
+from math import pi
+
 import warp as wp
 
 from .types import Motion, MotionOf, Pose, PoseOf
 
 f64 = wp.float64
+TURN = wp.constant(f64(2.0 * pi))
 
 
 @wp.func
@@ -19,13 +22,30 @@ def moving_time(motion: Motion, time: f64) -> f64:
 
 
 @wp.func
+def progress(motion: Motion, time: f64) -> f64:
+    """Return how long a wall would have moved at its velocities to be where it is at a time [s]."""
+    moved, rate = moving_time(motion, time), TURN * motion[MotionOf.FREQUENCY]
+    if rate > f64(0.0):
+        phase = motion[MotionOf.PHASE]
+        return (wp.sin(rate * moved + phase) - wp.sin(phase)) / rate
+    return moved
+
+
+@wp.func
+def share_of_step(motion: Motion, begin: f64, end: f64) -> f64:
+    """Return the part of its velocities at which a wall moves in a step from time begin to time end [s]."""
+    if motion[MotionOf.FREQUENCY] > f64(0.0):
+        return (progress(motion, end) - progress(motion, begin)) / (end - begin)
+    moved = wp.min(end, motion[MotionOf.TO_TIME]) - wp.max(begin, motion[MotionOf.FROM_TIME])
+    return wp.max(f64(0.0), moved) / (end - begin)
+
+
+@wp.func
 def pose_at(motion: Motion, begin: f64, end: f64, dt: f64) -> Pose:
     """Return where a wall is at the start of a step from time begin to end [s], and what it moves in it."""
     px, py, w = motion[MotionOf.PIVOT_X], motion[MotionOf.PIVOT_Y], motion[MotionOf.ANGULAR_VELOCITY]
     vx, vy = motion[MotionOf.VELOCITY_X], motion[MotionOf.VELOCITY_Y]
-    moved = moving_time(motion, begin)
-    share = wp.min(end, motion[MotionOf.TO_TIME]) - wp.max(begin, motion[MotionOf.FROM_TIME])
-    share = wp.max(f64(0.0), share) / (end - begin)  # of the step in which it moves
+    moved, share = progress(motion, begin), share_of_step(motion, begin, end)
     x, y = px + vx * moved, py + vy * moved
     c, s, along, across = f64(1.0), f64(0.0), f64(0.0), f64(0.0)
     if w != f64(0.0):

@@ -15,16 +15,18 @@ circle about the places where grains touch it, center and radius [m]; that of a 
 
 
 class MotionOf(IntEnum):
-    """The numbers of a `Motion`, how a wall moves, in the order of those of scene/motion.py."""
+    """The numbers of a `Motion`, how a wall moves, by the names of those of scene/motion.py."""
 
     PIVOT_X = 0  # before it moves [m]
     PIVOT_Y = 1
     VELOCITY_X = 2  # [m/s]
     VELOCITY_Y = 3
     ANGULAR_VELOCITY = 4  # [rad/s]
-    FROM_TIME = 5  # at which it begins [s]
-    TO_TIME = 6  # at which it ends [s]
-    SPEED = 7  # largest one of a point that changes its place [m/s]
+    FREQUENCY = 5  # at which it oscillates [Hz]; 0: it does not
+    PHASE = 6  # at which it begins to [rad]
+    FROM_TIME = 7  # at which it begins [s]
+    TO_TIME = 8  # at which it ends [s]
+    SPEED = 9  # largest one of a point that changes its place [m/s]
 
 
 class PoseOf(IntEnum):

@@ -50,7 +50,7 @@ def sheared(number: float, seed: int) -> wg.Scene:
         bottom=ROUGH,
         top=lid,
         gravity=(0.0, 0.0),
-        dt=min(0.1, 0.02 / speed),
+        dt=min(0.1, 0.005 / number),
         tolerance=1e-4,
     )
 

@@ -78,6 +78,12 @@ def moving() -> Iterator[tuple[str, Form]]:
         ("rolls", 0.3, {"velocity": ((0.5, 0.0), 1e-9), "spin": (10.0, 1e-8)}),
     ):
         yield f"belt, {what}", Form([belt], (0.0, 0.1), time, known, fields=short)
+    # a plate that oscillates carries it, as long as it falls more slowly
+    shaken = Segment((-1.0, 0.0), (1.0, 0.0), velocity=(0.0, 0.5), frequency=2.5, phase=0.3, from_time=0.1004)
+    for time in (0.35, 0.8):
+        way = 0.5 * (sin(5.0 * pi * (time - 0.1004) + 0.3) - sin(0.3)) / (5.0 * pi)
+        known = {"position": ((0.0, 0.1 + way), 1e-12)}
+        yield f"plate, it oscillates, {time}", Form([shaken], (0.0, 0.1), time, known, fields=short)
     # in a step in which it starts or stops, it moves for a part of the time
     plate = Segment((-1.0, 0.0), (1.0, 0.0), velocity=(0.0, 0.5), from_time=0.1004, to_time=0.3002)
     for what, time, known in (

@@ -1,5 +1,7 @@
 """The box about what grains can touch, which pictures show."""
 
+from math import tau
+
 import numpy as np
 import pytest
 from walled_scenes import chained
@@ -43,6 +45,10 @@ CASES = {
     "a piston that moves out": (
         box(left={"velocity": (-0.1, 0.0), "to_time": 2.0}),
         (-0.5, -0.4, 0.3, 0.6),
+    ),
+    "a side that oscillates by 0.1 m, sixteen times": (
+        box(left={"velocity": (-1.6 * tau, 0.0), "frequency": 16.0}),
+        (-0.6, -0.4, 0.5, 0.6),
     ),
     "rough sides that move along": (box(periodic="x", bottom=ROUGH, top=ROUGH), INSIDE),
     "a box that is periodic in both directions": (box(periodic="xy"), INSIDE),

@@ -90,6 +90,7 @@ def random_motion(rng: np.random.Generator, fastest: float) -> dict[str, Any]:
     return {
         "velocity": tuple(rng.uniform(-fastest, fastest, 2).tolist()),
         "angular_velocity": float(rng.choice([0.0, fastest])),
+        **rng.choice([{}, {"frequency": 8.0, "phase": 1.0}]),
         "from_time": rng.choice([0.0, 0.013, 0.016]),
         "to_time": rng.choice([None, 0.053, 0.056]),
         "pivot": (0.1, -0.2) if rng.random() < 0.5 else None,

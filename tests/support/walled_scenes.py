@@ -104,7 +104,10 @@ BLADE = Segment((0.1, 0.0), (0.5, -0.1), angular_velocity=2.0, pivot=(0.1, 0.1))
 ROLLER = Disc((0.4, -0.6), 0.15, angular_velocity=-3.0, from_time=0.2)
 STONE = Disc((0.1, -0.7), 0.1, velocity=(0.0, 0.1), angular_velocity=0.5, pivot=(0.0, 0.0))
 SCOOP = Arc((-0.3, 0.2), 0.2, 3.0, 5.5, angular_velocity=1.0, velocity=(0.1, -0.1), to_time=0.7)
-MOVING = (PISTON, BLADE, ROLLER, STONE, RING, SCOOP)
+SHAKER = Disc(
+    (-0.5, 0.5), 0.1, velocity=(0.9, 0.4), angular_velocity=2.0, pivot=(-0.4, 0.5), frequency=3.0, phase=0.4
+)
+MOVING = (PISTON, BLADE, ROLLER, STONE, RING, SCOOP, SHAKER)
 OWN_LAWS = (
     PISTON,
     replace(BLADE, friction=0.9, rolling_friction=0.6, restitution=0.3),
@@ -112,6 +115,7 @@ OWN_LAWS = (
     STONE,
     replace(RING, friction=0.0),
     replace(SCOOP, restitution=0.0),
+    SHAKER,
 )
 OF_ALL_LAWS: dict[str, Any] = {**ROUGH, **ROLLING, **BOUNCY, "walls": OWN_LAWS, "angular_velocity_out": 0.5}
 TURNING: dict[str, Any] = {**OF_ALL_LAWS, "gravity": {"vector": (3.0, -9.0), "rotate": -4.0}}

@@ -60,7 +60,7 @@ def speed_scale(scene: Scene) -> float:
     found = [thrown, float(falling), float(pressed), abs(out), abs(inside)]
     for wall in scene.walls:
         rim = wall.border.radius if wall.border is not None and scene.has_friction else 0.0
-        found.append(wall.motion.largest_speed(wall.farthest(wall.motion.pivot) + rim))
+        found.append(wall.largest_speed(wall.farthest(wall.about) + rim))
         if wall.drive is not None:
             inverse_mass, force, *_ = wall.drive
             found.append(sqrt(2.0 * abs(force) * scene.widest / (1.0 / inverse_mass + mass)))

@@ -140,7 +140,7 @@ def _drawn(scene: Scene, wall: Wall, time: float | None, thickness: float) -> Ba
     band = wall.drawn(thickness) if time is None else wall.drawn_at(time, thickness)
     if not scene.period.any() or reach == np.inf:
         return band
-    center = wall.motion.pose(when).place(np.array([[x, y]]))
+    center = wall.pose(when).place(np.array([[x, y]]))
     ways = scene.space.images(center, np.array([reach]))[0] - center
     most = 2 ** int(np.count_nonzero(scene.period))  # a mesh has the same number of points at all times
     return band.copied(np.concatenate([ways, np.tile(ways[:1], (most - len(ways), 1))]))

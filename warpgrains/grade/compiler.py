@@ -12,7 +12,7 @@ from time import monotonic
 
 from warpgrains.errors import InputError
 from warpgrains.grade.sandbox import CONTACT, UPDATE, Processes
-from warpgrains.reference.reference import SOURCE
+from warpgrains.reference.reference import DEFINES, SOURCE
 
 HOMEWORK = "homework.c"
 WITHOUT = {UPDATE: "-DNOUPDATE", CONTACT: "-DNOCONTACTITERATE"}
@@ -85,7 +85,7 @@ class Compiler:
 
     def _compile(self, output: Path, *arguments: str) -> Path:
         """Compile a trusted source."""
-        self._run(["cc", *_FLAGS, _REFERENCE, *arguments, "-o", str(output), "-lm"], output.parent)
+        self._run(["cc", *_FLAGS, *DEFINES, _REFERENCE, *arguments, "-o", str(output), "-lm"], output.parent)
         return output
 
     def compile_homework(

@@ -2,7 +2,8 @@
  * With friction, the inner wall is a disc at the origin, because each wall has its own bound.
  *
  * NOCONTACTITERATE and NOUPDATE leave out one of the two functions that students write, NOCREATE the others.
- * Build with -ffp-contract=off, so that a product and a sum are rounded one after the other. */
+ * Build with -ffp-contract=off, so that a product and a sum are rounded one after the other, and with DEFINES of
+ * reference.py, the places of the numbers of a motion. */
 
 #include "grains.h"
 
@@ -368,9 +369,17 @@ static int isDriven(const femGrains *g, int k) {
     return g->driven && g->drives[DRIVE * (k + 1)] > 0.0;
 }
 
-/* For how long a wall has moved at a time, from motion[5] to motion[6]. */
-static double movingTime(const double *motion, double time) {
-    return fmin(fmax(time, motion[5]), motion[6]) - motion[5];
+/* For how long a wall would have moved at its velocities to be where it is at a time. */
+static double progress(const double *motion, double time) {
+    double moved = fmin(fmax(time, motion[FROM_TIME]), motion[TO_TIME]) - motion[FROM_TIME];
+    double rate = 2.0 * M_PI * motion[FREQUENCY];
+    return rate > 0.0 ? (sin(rate * moved + motion[PHASE]) - sin(motion[PHASE])) / rate : moved;
+}
+
+/* The part of its velocities at which it moves in a step. */
+static double shareOfStep(const double *motion, double begin, double end) {
+    if (motion[FREQUENCY] > 0.0) return (progress(motion, end) - progress(motion, begin)) / (end - begin);
+    return fmax(0.0, fmin(end, motion[TO_TIME]) - fmax(begin, motion[FROM_TIME])) / (end - begin);
 }
 
 /* The radius of a wall that is hollow where a grain at (x, y) touches it, < 0 where it bulges, 0 if it is straight. */
@@ -385,14 +394,14 @@ static double hollowRadius(const double *wall, double x, double y) {
  * the step along the tangent, *away that along the normal, and *spin its angular velocity (eqs. 26, 26b). */
 static double movingWallGap(const femGrains *g, int k, double begin, double end, double dt, double x, double y, double r,
                             double *nx, double *ny, double *speed, double *away, double *spin) {
-    const double *motion = &g->motions[7 * k];
-    double w = motion[4], moved = movingTime(motion, begin);
-    double share = fmax(0.0, fmin(end, motion[6]) - fmax(begin, motion[5])) / (end - begin);
-    double px = motion[0] + motion[2] * moved, py = motion[1] + motion[3] * moved;
+    const double *motion = &g->motions[MOTION_NUMBERS * k];
+    double w = motion[ANGULAR_VELOCITY], vx = motion[VELOCITY_X], vy = motion[VELOCITY_Y];
+    double moved = progress(motion, begin), share = shareOfStep(motion, begin, end);
+    double px = motion[PIVOT_X] + vx * moved, py = motion[PIVOT_Y] + vy * moved;
     double c = cos(w * moved), s = sin(w * moved), turn = w * (share * dt), half = sin(0.5 * turn);
     double along = -2.0 * (half * half) / dt, across = sin(turn) / dt;
-    double shiftX = px - (c * motion[0] - s * motion[1]);
-    double shiftY = py - (s * motion[0] + c * motion[1]);
+    double shiftX = px - (c * motion[PIVOT_X] - s * motion[PIVOT_Y]);
+    double shiftY = py - (s * motion[PIVOT_X] + c * motion[PIVOT_Y]);
     if (isDriven(g, k)) {
         const double *drive = &g->drives[DRIVE * (k + 1)];
         double place = g->places[(int)drive[5]];
@@ -405,8 +414,8 @@ static double movingWallGap(const femGrains *g, int k, double begin, double end,
     *nx = c * mx - s * my;
     *ny = s * mx + c * my;
     double zx = x + (r + gap - hollow) * *nx, zy = y + (r + gap - hollow) * *ny;
-    double u = motion[2] * share - (along * px - across * py) + (along * zx - across * zy);
-    double v = motion[3] * share - (across * px + along * py) + (across * zx + along * zy);
+    double u = vx * share - (along * px - across * py) + (along * zx - across * zy);
+    double v = vy * share - (across * px + along * py) + (across * zx + along * zy);
     *speed += *nx * v - *ny * u + hollow * (w * share);
     *away = u * *nx + v * *ny;
     *spin += w * share;

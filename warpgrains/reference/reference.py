@@ -12,11 +12,14 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene.annulus import OUTER
+from warpgrains.scene.motion import MOTION_NUMBERS
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.scene.state import State, first_state
 
 SOURCE = Path(__file__).parent / "grains.c"
+DEFINES = [f"-D{name.upper()}={k}" for k, name in enumerate((*MOTION_NUMBERS, "motion_numbers"))]
+"""Options that tell the program where the numbers of a motion are."""
 FAST = ("-O3", "-march=native")
 MOST_GRAINS = 3000  # of scenes that are timed; the program stores and visits all pairs
 
@@ -65,7 +68,7 @@ def build(folder: Path, flags: Sequence[str] = ("-O2",)) -> ctypes.CDLL:
     """Compile the reference without contracting products and sums; raise RuntimeError if that fails."""
     library = folder / "libgrains.so"
     fixed = ["-ffp-contract=off", "-shared", "-fPIC", str(SOURCE), "-o", str(library), "-lm"]
-    command = ["cc", *flags, *fixed]
+    command = ["cc", *flags, *DEFINES, *fixed]
     try:
         subprocess.run(command, check=True, capture_output=True, text=True)
     except FileNotFoundError as error:
@@ -109,7 +112,7 @@ class Reference:
         self._grains.spinDrag = scene.spin_drag
         self._grains.turningOut = scene.angular_velocity_out
         self._arrays["frictionWalls"], self._arrays["speedWalls"] = bodies.surfaces[1:].T.copy()
-        self._arrays["motions"] = np.array([np.hstack(wall.motion) for wall in walls]).ravel()
+        self._arrays["motions"] = np.array([[*wall.motion_numbers.values()] for wall in walls]).ravel()
         self._grains.rough, self._grains.moving = scene.has_friction, scene.has_moving_walls
         self._grains.period[:] = scene.period
         self._grains.turning, self._grains.start = scene.gravity_rate, scene.time

@@ -48,7 +48,7 @@ class Joints:
                 if (
                     k != other
                     and wall.takes_joints
-                    and own.path == wall.path
+                    and own.motion_numbers == wall.motion_numbers
                     and not (own.drive or wall.drive)
                 ):
                     found[2 * k + (end > 0 and k == owner[end - 1])].append(other)
@@ -61,7 +61,7 @@ class Joints:
 
     def side(self, number: int, time: float, position: FloatArray, radius: FloatArray, free: float) -> Side:
         """Return normals and gaps at a wall at a time [s]; `free` [m] is added where no contact exists."""
-        wall, pose = self._walls[number], self._walls[number].motion.pose(time)
+        wall, pose = self._walls[number], self._walls[number].pose(time)
         x = pose.to_frame(position) if wall.moves else position
         normal, gap = wall.side(x, radius)
         end = np.where(gap <= radius, wall.end_of(x), -1)

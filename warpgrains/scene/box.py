@@ -13,6 +13,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import NO_WALL, Annulus
 from warpgrains.scene.line import Line
+from warpgrains.scene.motion import AT_REST
 from warpgrains.scene.region import Region
 from warpgrains.scene.row import Row
 from warpgrains.scene.wall import Wall
@@ -21,7 +22,8 @@ Ends = tuple[float, float]
 PERIODIC = ("", "x", "y", "xy")
 SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1.0)}
 """The sides, and the component and sign of the direction from each to the grains."""
-_OF_LINES = ("velocity", "from_time", "to_time", "friction", "rolling_friction", "restitution", "mass")
+_OF_LINES = [own.name for own in fields(Wall) if own.name not in ("angular_velocity", "pivot", "name")]
+"""The keys of a side that are those of a line."""
 
 
 def _roughness(field: str, value: Any) -> dict[str, float]:
@@ -30,7 +32,7 @@ def _roughness(field: str, value: Any) -> dict[str, float]:
     return {key: checks.positive(f"{field}.{key}", given) for key, given in value.items()}
 
 
-OF_SIDES = {key: Line.keys()[key].metadata["check"] for key in _OF_LINES}
+OF_SIDES = {key: Line.keys()[key].metadata["check"] for key in (*_OF_LINES, "mass")}
 OF_SIDES |= {"pressure": checks.number, "roughness": _roughness}
 """The keys of a side, with their checks."""
 
@@ -45,6 +47,12 @@ def _side(field: str, value: Any) -> dict[str, Any]:
         missing = "pressure" if "mass" in given else "mass"
         raise InputError(f"{field}.{missing} is missing: a side that a pressure drives needs both")
     return {key: OF_SIDES[key](f"{field}.{key}", own) for key, own in given.items()}
+
+
+def _quoted(names: Sequence[str]) -> str:
+    """Return names as a list in a text."""
+    *most, last = [f"``{name}``" for name in names]
+    return f"{', '.join(most)} and {last}"
 
 
 def _side_field(meaning: str) -> Any:
@@ -84,10 +92,9 @@ class Box:
         default="",
     )
     left: Mapping[str, Any] | None = _side_field(
-        "Left side of a box, unless it is periodic: a table of keys of a wall, ``velocity``, ``from_time``,"
-        " ``to_time``, ``friction``, ``rolling_friction`` and ``restitution``; ``pressure``, in N/m, and"
-        " ``mass``, in kg, of a side that moves under it; and ``roughness``, half discs on it, with"
-        " ``radius`` and ``spacing``, in m."
+        f"Left side of a box, unless it is periodic: a table of keys of a wall, {_quoted(_OF_LINES)};"
+        " ``pressure``, in N/m, and ``mass``, in kg, of a side that moves under it; and ``roughness``, half"
+        " discs on it, with ``radius`` and ``spacing``, in m."
     )
     right: Mapping[str, Any] | None = _side_field("Right side, as ``left``.")
     bottom: Mapping[str, Any] | None = _side_field("Lower side, as ``left``.")
@@ -185,7 +192,7 @@ class Box:
         own_place = at[0 if sign > 0.0 else 1]
         point = (own_place, y) if component == 0 else (x, own_place)
         normal = (sign, 0.0) if component == 0 else (0.0, sign)
-        own = {key: given[key] for key in _OF_LINES if key in given}
+        own = {key: given[key] for key in (*_OF_LINES, "mass") if key in given}
         force = given["pressure"] * length if "pressure" in given else None
         try:
             line = Line(point, normal, length, name=name, force=force, **own)
@@ -208,9 +215,7 @@ documented(described_fields(Box).values())(Box)
 
 def _at_start(wall: Wall) -> Wall:
     """Return a wall of a side without what changes in time: its place, and motion, which may have ended."""
-    changes: dict[str, Any] = dict.fromkeys(("point", "velocity"), (0.0, 0.0))
-    changes |= dict.fromkeys(("from_time", "to_time"))
-    return replace(wall, **changes) if hasattr(wall, "point") else wall
+    return replace(wall, **AT_REST | {"point": (0.0, 0.0)}) if hasattr(wall, "point") else wall
 
 
 def checked_domain(field: str, value: Any) -> Box | None:

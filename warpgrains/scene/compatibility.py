@@ -125,7 +125,7 @@ def _of_steps(scene: Scene) -> Iterator[str]:
             " float64 times could not resolve them"
         )
     for k, wall in enumerate(scene.walls):
-        path = abs(wall.angular_velocity) * wall.farthest(wall.motion.pivot) * dt
+        path = abs(wall.angular_velocity) * wall.farthest(wall.about) * dt
         if not path < smallest:
             yield (
                 f"angular_velocity of walls[{k}]: the {wall.kind} turns by {path:.3g} m in a step of {dt} s;"

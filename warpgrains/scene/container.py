@@ -73,7 +73,7 @@ def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
         return Container(space, up)
     if not all(isinstance(wall, Segment) for wall in thin):
         return unknown
-    ends = np.array([wall.motion.pose(time).place(np.reshape(wall.numbers, (2, 2))) for wall in thin])
+    ends = np.array([wall.pose(time).place(np.reshape(wall.numbers, (2, 2))) for wall in thin])
     position = space.wrapped(position)
     sides, rounding = [_side(own, position) for own in ends], ROUNDING * scene.radius_out
     region = space.cut(*(side for side in sides if side is not None))
@@ -103,7 +103,7 @@ def _domain(scene: Scene, time: float) -> Region:
             centers = wall.discs_at(time, scene.domain.middle if scene.domain else wall.point)
             discs += (Circle(x, y, wall.radius, False) for x, y in centers.tolist())
         elif isinstance(wall, Line):
-            normal, point = np.array(wall.normal), wall.motion.pose(time).place(np.array([wall.point]))
+            normal, point = np.array(wall.normal), wall.pose(time).place(np.array([wall.point]))
             sides.append((-normal, -(point[0] @ normal).item()))
     for axis, ends in zip(np.eye(2), space.periodic, strict=True):
         sides += [(-axis, -ends[0]), (axis, ends[1])] if ends else []

@@ -16,9 +16,9 @@ from warpgrains.scene.line import Line
 if TYPE_CHECKING:
     from warpgrains.scene.box import Box
     from warpgrains.scene.scene import Scene
+    from warpgrains.scene.wall import Wall
 
 _CELLS = 16384  # of the grid on which the space of the grains is explored
-_TIMES = 17  # at which a wall that moves is placed
 
 
 def box_of_discs(position: FloatArray, reach: FloatArray) -> Bounds:
@@ -33,8 +33,7 @@ def extent_of(scene: Scene) -> Bounds:
     borders = enumerate(scene.annulus.borders)
     lines = {number: ring(border, 0.0).first for number, border in borders if border.radius > 0.0}
     for number, wall in scene.numbered_walls.items():
-        times = scene.time + (np.linspace(0.0, scene.duration, _TIMES) if wall.moves else np.zeros(1))
-        lines[number] = np.concatenate([wall.drawn_at(time, 0.0).first for time in times])
+        lines[number] = _reached(scene, wall)
     box = box_of_discs(scene.position, scene.radius[:, np.newaxis])
     touched = _touched(scene, box, lines) if scene.walls else lines
     for number in touched:
@@ -45,11 +44,15 @@ def extent_of(scene: Scene) -> Bounds:
 def _extent_of_box(scene: Scene, domain: Box) -> Bounds:
     """Return the box, and where its sides that move as given in advance are at any time."""
     sides = [wall for wall in scene.walls if isinstance(wall, Line)]
-    times = scene.time + np.linspace(0.0, scene.duration, _TIMES)
-    lines = [wall.drawn_at(time, 0.0).first for wall in sides for time in times]
     corners = np.stack([domain.x, domain.y], axis=1)
-    reached = np.concatenate([corners, *lines])
+    reached = np.concatenate([corners, *(_reached(scene, wall) for wall in sides)])
     return Bounds.around(np.where(scene.period > 0.0, np.clip(reached, *corners), reached))
+
+
+def _reached(scene: Scene, wall: Wall) -> FloatArray:
+    """Return points of a wall where it is during the scene [m], shape (k, 2)."""
+    times = wall.times(scene.time, scene.time + scene.duration) if wall.moves else [scene.time]
+    return np.concatenate([wall.drawn_at(time, 0.0).first for time in times])
 
 
 def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[int]:

@@ -76,5 +76,5 @@ class Polyline(Wall):
         common = {own.name: getattr(self, own.name) for own in fields(Wall)}
         common["name"] = self.name or f"{self.kind}{number}"
         if self.angular_velocity != 0.0:
-            common["pivot"] = self.motion.pivot
+            common["pivot"] = self.about
         return tuple(Segment(a, b, **common) for a, b in zip(self.points, self._onward, strict=False))

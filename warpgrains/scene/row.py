@@ -73,7 +73,7 @@ class Row(InfiniteWall):
 
     def discs_at(self, time: float, middle: Vector) -> FloatArray:
         """Return the centers of the discs that reach into the part about a point, at a time [m], (k, 2)."""
-        point = np.add(self.point, self.motion.pose(time).shift)
+        point = np.add(self.point, self.pose(time).shift)
         step, half = np.array(self.step), 0.5 * self.length + self.radius
         way = float((point - middle) @ step) / hypot(*step)
         first, last = np.ceil((-half - way) / hypot(*step)), np.floor((half - way) / hypot(*step))
@@ -81,10 +81,10 @@ class Row(InfiniteWall):
 
     def fills_gaps_of(self, other: Wall) -> bool:
         """Return whether the discs are in the middle between those of another row."""
-        if not isinstance(other, Row) or (self.step, self.radius, self.path) != (
+        if not isinstance(other, Row) or (self.step, self.radius, self.motion_numbers) != (
             other.step,
             other.radius,
-            other.path,
+            other.motion_numbers,
         ):
             return False
         way = np.subtract(self.point, other.point) / hypot(*self.step)

@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import Field, dataclass, replace
-from functools import cache, cached_property
+from functools import cache
 from math import dist, inf
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 
@@ -49,7 +49,7 @@ def _checked_name(field: str, name: Any) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Wall:
+class Wall(Motion):
     """A wall inside the domain, with the keys of its `[[walls]]` table as fields.
 
     A kind is a class with the decorator `kind_of_wall` that defines `kind`, `kind_number` and the methods
@@ -61,30 +61,6 @@ class Wall:
     """Number of the kind on the device (kernels/shapes.py)."""
     takes_joints: ClassVar[bool] = True
     """Whether an end of another wall that lies on one of this kind is a joint."""
-    velocity: tuple[float, float] = described(
-        "Velocity at which the wall moves [m/s], two components.", check=checks.vector, default=(0.0, 0.0)
-    )
-    angular_velocity: float = described(
-        "Angular velocity at which the wall turns about the pivot, counterclockwise [rad/s].",
-        check=checks.number,
-        default=0.0,
-    )
-    pivot: tuple[float, float] | None = described(
-        "Point about which the wall turns, which moves with it [m]; by default its middle.",
-        check=checks.vector,
-        default=None,
-    )
-    from_time: float | None = described(
-        "Time at which the wall begins to move from the place that is given [s]; by default the start of the"
-        " scene or, in `Simulation.change`, the present.",
-        check=checks.number,
-        default=None,
-    )
-    to_time: float | None = described(
-        "Time at which the wall stops [s]; by default it moves until the end.",
-        check=checks.number,
-        default=None,
-    )
     friction: float | None = described(
         "Coefficient of friction of the wall; by default that of the scene at walls.",
         check=checks.not_negative,
@@ -110,11 +86,7 @@ class Wall:
     def __post_init__(self) -> None:
         for key, own in self.keys().items():
             vars(self)[own.name] = checked(f"{key} of {self.one()}", own, getattr(self, own.name))
-        if self.to_time is not None and self.from_time is not None and self.to_time <= self.from_time:
-            raise InputError(
-                f"to_time of {self.one()} is {self.to_time} s: it must be later than from_time,"
-                f" {self.from_time} s"
-            )
+        self.require_motion(self.one())
 
     @classmethod
     def one(cls) -> str:
@@ -149,7 +121,7 @@ class Wall:
         """Return the border as it is at a time [s]."""
         if self.border is None or not self.moves:
             return self.border
-        ((x, y),) = self.motion.pose(time).place(np.array([self.border[:2]])).tolist()
+        ((x, y),) = self.pose(time).place(np.array([self.border[:2]])).tolist()
         return self.border._replace(x=x, y=y)
 
     @property
@@ -168,51 +140,32 @@ class Wall:
         names = ("center", "point", "start", "end", "pivot")
         return {name: getattr(self, name) for name in names if getattr(self, name, None)}
 
-    @property
-    def moves(self) -> bool:
-        """True if the wall moves at some time as given in advance."""
-        return self.velocity != (0.0, 0.0) or self.angular_velocity != 0.0
-
-    @cached_property
-    def motion(self) -> Motion:
-        """The motion of the wall."""
-        pivot = self.middle if self.pivot is None else self.pivot
-        to_time = inf if self.to_time is None else self.to_time
-        return Motion(pivot, self.velocity, self.angular_velocity, self.from_time or 0.0, to_time)
-
     def starting(self, time: float) -> Self:
         """Return the wall with its `from_time`: by default a time [s]."""
         return replace(self, from_time=time) if self.moves and self.from_time is None else self
 
     def at(self, time: float) -> Self:
         """Return the wall as given where it is at a time [s], from which it moves on."""
-        if not self.moves or time <= self.motion.from_time:
+        if not self.moves or time <= self.starts_at:
             return self
-        pose = self.motion.pose(time)
+        pose = self.pose(time)
         places = pose.place(np.array([*self._places.values()])).tolist()
         moved: dict[str, Any] = dict(zip(self._places, places, strict=True))
         angles = ("from_angle", "to_angle")
         moved |= {name: getattr(self, name) + pose.angle for name in angles if hasattr(self, name)}
-        rest = {"velocity": (0.0, 0.0), "angular_velocity": 0.0, "from_time": None, "to_time": None}
-        return replace(self, **moved, **({"from_time": time} if time < self.motion.to_time else rest))
-
-    @property
-    def path(self) -> Motion | None:
-        """The motion of the wall, the same for walls that move alike; None if it does not move."""
-        turns = self.angular_velocity != 0.0
-        return (self.motion if turns else self.motion._replace(pivot=(0.0, 0.0))) if self.moves else None
+        return replace(self, **moved | self.from_then(time))
 
     @property
     def speed(self) -> float:
         """Largest speed at which a point of the wall moves across its place [m/s]."""
-        return self.motion.largest_speed(self.farthest(self.motion.pivot))
+        return self.largest_speed(self.farthest(self.about))
 
     def nearest_images(self, position: FloatArray, period: FloatArray, time: float = -inf) -> FloatArray:
         """Return the images of points [m], shape (n, 2), that are nearest to the wall at a time [s]."""
         if not period.any() or self.circle[2] == inf:
             return position
         x, y, _ = self.circle
-        center = self.motion.pose(time).place(np.array([[x, y]]))
+        center = self.pose(time).place(np.array([[x, y]]))
         return center + nearest_image(position - center, period)
 
     def velocity_at_contacts(
@@ -222,17 +175,17 @@ class Wall:
 
         In the step from begin to end [s], grains at positions touch it at position + reach normal [m].
         """
-        hollow = self.hollow_radii(self.motion.pose(begin).to_frame(position))
+        hollow = self.hollow_radii(self.pose(begin).to_frame(position))
         center = position + (reach - hollow)[:, np.newaxis] * normal
-        velocity = self.motion.velocities(center, begin, end, dt)
-        turning = hollow * (self.angular_velocity * self.motion.share(begin, end))
+        velocity = self.velocities(center, begin, end, dt)
+        turning = hollow * (self.angular_velocity * self.share(begin, end))
         return np.stack([(velocity * normal).sum(1), (velocity * left_of(normal)).sum(1) + turning], axis=1)
 
     def side_at(self, time: float, position: FloatArray, radius: FloatArray) -> Side:
         """Return normals and gaps of grains at the wall as it is at a time [s], see `Scene.side`."""
         if not self.moves:
             return self.side(position, radius)
-        pose = self.motion.pose(time)
+        pose = self.pose(time)
         normal, gap = self.side(pose.to_frame(position), radius)
         return Side(pose.turn(normal), gap)
 
@@ -251,11 +204,6 @@ class Wall:
     @property
     def circle(self) -> tuple[float, float, float]:
         """Center and radius of a circle about all points at which grains touch the wall [m]."""
-        raise NotImplementedError
-
-    @property
-    def middle(self) -> tuple[float, float]:
-        """Point about which the wall turns by default [m]."""
         raise NotImplementedError
 
     def farthest(self, point: tuple[float, float]) -> float:
@@ -295,7 +243,7 @@ class Wall:
     def drawn_at(self, time: float, thickness: float) -> Band:
         """Return the drawing of the wall as it is at a time [s]."""
         band = self.drawn(thickness)
-        return band.moved(self.motion.pose(time)) if self.moves else band
+        return band.moved(self.pose(time)) if self.moves else band
 
     def drawn(self, thickness: float) -> Band:
         """Return the drawing of the wall, with this thickness [m]."""

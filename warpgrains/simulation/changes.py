@@ -128,7 +128,7 @@ def _wall(scene: Scene, number: int) -> float | Wall:
 
 
 def _move_alike(wall: Wall, other: Wall) -> bool:
-    return wall is other or (wall.motion == other.motion and wall.shape == other.shape)
+    return wall is other or (wall.motion_numbers == other.motion_numbers and wall.shape == other.shape)
 
 
 def _require_room(scene: Scene, staying: list[int], position: FloatArray, now: float) -> None:

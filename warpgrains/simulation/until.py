@@ -135,7 +135,7 @@ def _rest(bounds: dict[str, float], scene: Scene) -> EndCriterion:
     speed, energy = bounds.get("speed", np.inf), bounds.get("energy", np.inf)
 
     def is_at_rest(now: LoadedScene) -> bool:
-        will_move = any(wall.moves and now.time < wall.motion.to_time for wall in now.scene.walls)
+        will_move = any(wall.moves and now.time < wall.stops_at for wall in now.scene.walls)
         if will_move or isinstance(now.scene.gravity, TurningGravity):
             return False
         if now.driven is not None and np.abs(now.driven[:, 1]).max() > speed:

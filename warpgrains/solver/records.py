@@ -16,6 +16,7 @@ from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.neighbors import MOST_CONTACTS
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stopping import StopOn
+from warpgrains.kernels.types import MotionOf
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, BlockLayout, array_fields, bytes_needed, copied_memory
 from warpgrains.solver.memory import require_memory
@@ -143,8 +144,12 @@ class SceneRecords:
         if sizes.mobile[k]:
             # where a tangent at a joint is touched (8c), up to two radii beyond the wall, it turns faster
             beyond = 2.0 * float(scene.radius.max()) * sizes.joined[k]
+            names = [own.name.lower() for own in MotionOf]
             self.array(k, "walls.motion")[:] = [
-                (*np.hstack(wall.motion), wall.speed + beyond * abs(wall.angular_velocity))
+                [
+                    (wall.motion_numbers | {"speed": wall.speed + beyond * abs(wall.angular_velocity)})[name]
+                    for name in names
+                ]
                 for wall in bodies.inside
             ]
         if sizes.driven[k]:
