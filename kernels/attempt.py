@@ -7,12 +7,12 @@ from .access import at, bodies_of, contact_at
 from .contacts import limits_at
 from .driven import closing_speed
 from .record import (
-    BEYOND_WALL,
     CANCELLED,
     EXPIRED,
     NOT_CONVERGED,
     SLOW,
     SOLVED,
+    TOO_FAR,
     Asking,
     Phase,
     Scene,
@@ -24,7 +24,7 @@ from .record import (
 )
 from .stopping import is_measured, meets_tolerance, phase_of_next_sweep
 from .verlet import check_all, outcome_of_check, reserve
-from .walls import wall_velocity
+from .walls import is_periodic, wall_velocity, way
 
 f64 = wp.float64
 
@@ -104,6 +104,48 @@ def grain_beyond_wall(s: Scene) -> int:
 
 
 @wp.func
+def meets_other_image(s: Scene, i: int, j: int, d: wp.vec2d, move: wp.vec2d) -> bool:
+    """Return whether grains meet that are d and some periods apart, and approach by a move (eq. 36b)."""
+    period, reach = s.walls.period, at(s.grains.radius, i) + at(s.grains.radius, j)
+    k = int(0)
+    while k < 9:
+        image = d + wp.vec2d(f64(k % 3 - 1) * period[0], f64(k // 3 - 1) * period[1])
+        if wp.length_sq(image - d) > f64(0.0):
+            share = wp.clamp(wp.dot(image, move) / wp.length_sq(move), f64(0.0), f64(1.0))
+            if wp.length(image - share * move) < reach:
+                return True
+        k += 1
+    return False
+
+
+@wp.func
+def grain_at_other_image(s: Scene) -> int:
+    """Return the first grain that meets a later one by an image that is not the nearest, or -1.
+
+    None does unless velocities differ by half a period, less two radii, over dt.
+    """
+    velocity, largest = s.grains.next_velocity, f64(0.0)
+    low, high = at(velocity, 0), at(velocity, 0)
+    for i in range(grain_count(s)):
+        low, high = wp.min(low, at(velocity, i)), wp.max(high, at(velocity, i))
+        largest = wp.max(largest, at(s.grains.radius, i))
+    path, period = s.dt * (high - low), s.walls.period
+    free = f64(0.5) * period - wp.vec2d(f64(2.0) * largest, f64(2.0) * largest)
+    across_x, across_y = (
+        period[0] > f64(0.0) and path[0] > free[0],
+        period[1] > f64(0.0) and path[1] > free[1],
+    )
+    if not (across_x or across_y):
+        return -1
+    for i in range(grain_count(s)):
+        for j in range(i + 1, grain_count(s)):
+            d = way(at(s.grains.position, i), at(s.grains.position, j), s.walls)
+            if meets_other_image(s, i, j, d, s.dt * (at(velocity, i) - at(velocity, j))):
+                return i
+    return -1
+
+
+@wp.func
 def judge(s: Scene):
     """Accept the step, repeat it with a new list, or refuse it."""
     check_all(s, s.tuning.rounding)
@@ -117,13 +159,17 @@ def judge(s: Scene):
     if outcome == SOLVED and (s.walls.annulus.round != 0 or s.verlet.flags.without_normal != 0):
         s.verlet.flags.bad_body = grain_beyond_wall(s)
         if s.verlet.flags.bad_body >= 0:
-            outcome = BEYOND_WALL
+            outcome = TOO_FAR
+    if outcome == SOLVED and is_periodic(s.walls):
+        s.verlet.flags.bad_body = grain_at_other_image(s)
+        if s.verlet.flags.bad_body >= 0:
+            outcome = TOO_FAR
     if outcome == SOLVED and is_driven(s):
         outer = grain_count(s)
         radius = at(s.grains.position, outer)[0] + s.dt * at(s.grains.next_velocity, outer)[0]
         if not (radius >= s.tuning.smallest_radius):  # no grain fits into the outer circle
             s.verlet.flags.bad_body = outer
-            outcome = BEYOND_WALL
+            outcome = TOO_FAR
     if is_cancelled(s) and not (converged and is_measured(s)):
         outcome = CANCELLED  # perhaps during a scan, with the residual of another iteration
     s.step.converged = 1 if converged else 0

@@ -28,7 +28,7 @@ from .walls import Walls
 
 f64 = wp.float64
 
-SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, CANCELLED, BEYOND_WALL, SLOW, PAUSED = (
+SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, CANCELLED, TOO_FAR, SLOW, PAUSED = (
     wp.constant(k) for k in range(9)
 )
 """Outcomes of a step. A SOLVED step is accepted, converged or, if the scene allows it, not. A SLOW one

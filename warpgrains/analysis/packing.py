@@ -103,9 +103,7 @@ def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
 def packing_fractions(grains: Snapshots) -> FloatArray:
     """Return the packing fractions of many runs, shape (m,); NaN where the area is unknown."""
     radius, height, level = grains.radius, _heights(grains), mean_heights(grains)
-    discs = (grains.discs[..., :2] @ grains.up[..., np.newaxis])[..., 0]
-    in_discs = area_below(grains.discs[..., 2], level[:, np.newaxis] - discs).sum(axis=-1)
-    space = grains.annulus.area_below(level) - in_discs
+    space = grains.annulus.area_below(level)
     for k, container in grains.containers.items():
         is_enclosed = container.is_known and level[k] <= container.mouth
         space[k] = container.walled.cut((container.up, level[k].item())).area if is_enclosed else np.nan

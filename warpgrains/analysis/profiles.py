@@ -85,7 +85,7 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     array([0.01, 0.02, 0.  , 0.  , 0.03, 0.12])
     """
     now = snapshot(of)
-    space, counted = now.scene.space, _counted(now, region)
+    space, counted = now.scene.space_at(now.time), _counted(now, region)
     near, far, _ = space.ring
     far = min(far, float(np.hypot(*np.abs(space.outer_box).max(axis=0))))
     edges = np.linspace(near, far, checks.whole_number("bins", bins) + 1)

@@ -76,7 +76,7 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
     for key in region:
         checks.one_of("key of region", key, KEYS)
     own = {key: region[key] for key in region if key in ranges.RANGES}
-    found = ranges.region_of(now.scene.space, own, "region")
+    found = ranges.region_of(now.scene.space_at(now.time), own, "region")
     for key, cells_of in _CELLS.items():
         if key in region:
             found = found.split(cells_of(now, region[key]))
@@ -128,7 +128,7 @@ def _wedges(_: Snapshot, given: Any) -> list[list[Side]]:
 
 def _below(now: Snapshot, given: Any) -> list[list[Side]]:
     """Return the half plane below a height, or the columns below the surface of a pile."""
-    up, space = now.scene.up_at(now.time), now.scene.space
+    up, space = now.scene.up_at(now.time), now.scene.space_at(now.time)
     if not isinstance(given, str):
         return [[(up, checks.number("region.below", given))]]
     checks.one_of("region.below", given, ["surface"])

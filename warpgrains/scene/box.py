@@ -8,6 +8,8 @@ from functools import cached_property
 from math import hypot
 from typing import Any, ClassVar
 
+import numpy as np
+
 from warpgrains.described import checked, described, described_fields, documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
@@ -141,15 +143,31 @@ class Box:
     @property
     def circle(self) -> Annulus:
         """A circle about the origin that contains the box, which is no wall."""
-        return Annulus(0.0, 2.0 * hypot(*(max(map(abs, ends)) for ends in (self.x, self.y))), NO_WALL)
+        return _circle_about(self.x, self.y)
 
     @property
     def space(self) -> Region:
         """The box as a region."""
-        (left, right), (bottom, top) = self.x, self.y
+        return self._between(self.x, self.y)
+
+    def space_at(self, time: float, walls: Sequence[Wall]) -> Region:
+        """Return the box between its sides as they are among the walls of a scene at a time [s]."""
+        ends = [[*self.x], [*self.y]]
+        for wall in walls:
+            if isinstance(wall, Line) and wall.name in self.sides:
+                component, sign = SIDES[wall.name]
+                (place,) = wall.pose(time).place(np.array([wall.point])).tolist()
+                ends[component][int(sign < 0.0)] = place[component]
+        (left, right), (bottom, top) = ends
+        return self._between((left, right), (bottom, top))
+
+    def _between(self, x: Ends, y: Ends) -> Region:
+        (left, right), (bottom, top) = x, y
         corners = ((left, bottom), (right, bottom), (right, top), (left, top))
-        periodic = self.x if "x" in self.periodic else None, self.y if "y" in self.periodic else None
-        return Region(self.circle, (corners,), periodic=periodic)
+        periodic = x if "x" in self.periodic else None, y if "y" in self.periodic else None
+        return Region(
+            _circle_about(x, y), (corners,) if left < right and bottom < top else (), periodic=periodic
+        )
 
     @cached_property
     def sides(self) -> dict[str, tuple[Wall, ...]]:
@@ -211,6 +229,10 @@ class Box:
 
 
 documented(described_fields(Box).values())(Box)
+
+
+def _circle_about(x: Ends, y: Ends) -> Annulus:
+    return Annulus(0.0, 2.0 * hypot(*(max(map(abs, ends)) for ends in (x, y))), NO_WALL)
 
 
 def _at_start(wall: Wall) -> Wall:

@@ -74,6 +74,8 @@ def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
     if not all(isinstance(wall, Segment) for wall in thin):
         return unknown
     ends = np.array([wall.pose(time).place(np.reshape(wall.numbers, (2, 2))) for wall in thin])
+    middle = ends.mean(axis=1, keepdims=True)
+    ends += space.wrapped(middle) - middle
     position = space.wrapped(position)
     sides, rounding = [_side(own, position) for own in ends], ROUNDING * scene.radius_out
     region = space.cut(*(side for side in sides if side is not None))
@@ -94,11 +96,12 @@ def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
 
 def _domain(scene: Scene, time: float) -> Region:
     """Return the domain between its sides as they are at a time [s], without discs."""
-    space, discs, sides = Region(scene.annulus, periodic=scene.space.periodic), list[Circle](), list[Side]()
+    space, discs, sides = scene.space_at(time), list[Circle](), list[Side]()
     for wall in scene.walls:
         if (border := wall.border_at(time)) is not None:
             around = space.shifts if not border.keeps_inside else np.zeros((1, 2))
-            discs += (border._replace(x=border.x + x, y=border.y + y) for x, y in around.tolist())
+            around = around + space.wrapped(np.array([border[:2]]))
+            discs += (border._replace(x=x, y=y) for x, y in around.tolist())
         elif isinstance(wall, Row):
             centers = wall.discs_at(time, scene.domain.middle if scene.domain else wall.point)
             discs += (Circle(x, y, wall.radius, False) for x, y in centers.tolist())

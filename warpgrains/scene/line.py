@@ -12,6 +12,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band, strip
+from warpgrains.scene.geometry import ROUNDING
 from warpgrains.scene.wall import InfiniteWall, StraightWall, kind_of_wall
 
 Vector = tuple[float, float]
@@ -57,7 +58,8 @@ class Line(InfiniteWall, StraightWall):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.force is not None and np.dot(self.velocity, self.normal) != 0.0:
+        across = abs(float(np.dot(self.velocity, self.normal)))
+        if self.force is not None and across > ROUNDING * hypot(*self.velocity):
             raise InputError(
                 f"velocity of a line is {self.velocity}: it must be along the line, which a force drives"
             )

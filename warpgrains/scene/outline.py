@@ -15,6 +15,7 @@ from warpgrains.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.scene.geometry import Circle, cross
 
 TOUCH = 1e-5  # half of a chord, in radii, below which lines and circles only touch a disc: 1e-15 of its area
+ONE_CORNER = 1e-12  # distance of corners that count as one, in their distance from the origin
 FIXED = np.array([0.0, 1.0, 2.5, 4.1])  # cuts, so that no arc is halved where a disc touches a wall
 
 
@@ -165,6 +166,12 @@ class Part(NamedTuple):
     def _fractions(self, circle: Circle) -> FloatArray:
         """Return where lines along edges meet a circle, as fractions of the edges, (k, 2); NaN if nowhere."""
         return _roots(self.corner - circle[:2], self.along, np.array(circle.radius))
+
+
+def distinct(corner: FloatArray) -> FloatArray:
+    """Return the corners of a polygon that are not the same as the next one, but for rounding, (k, 2)."""
+    apart = np.hypot(*(np.roll(corner, -1, axis=0) - corner).T)
+    return corner[apart > ONE_CORNER * np.abs(corner).max(initial=0.0)]
 
 
 def clip(corner: FloatArray, normal: FloatArray, level: float) -> FloatArray:

@@ -21,7 +21,7 @@ from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.geometry import Circle, area_in_disc, nearest_image, with_images, wrapped
-from warpgrains.scene.outline import Part, clip
+from warpgrains.scene.outline import Part, clip, distinct
 
 RANGES = ("x", "y", "distance")
 ROUNDING = 1e-13  # of areas, sums of dozens of parts, in squares of the outer radius
@@ -92,7 +92,8 @@ class Region:
         near, far, _ = self.ring
         inner = (Circle(0.0, 0.0, near, False),) if near > 0.0 else ()
         circles = (Circle(0.0, 0.0, far, True), *inner, *dict.fromkeys(self.discs))
-        return [Part.of(corner, circles) for corner in self._corners] if near < far else []
+        corners = [distinct(corner) for corner in self._corners] if near < far else []
+        return [Part.of(corner, circles) for corner in corners if len(corner) > 2]
 
     @property
     def _corners(self) -> list[FloatArray]:

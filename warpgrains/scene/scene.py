@@ -374,8 +374,12 @@ class Scene(SceneFields, Shown):
 
     @property
     def space(self) -> Region:
-        """The domain at the start, without the walls inside."""
+        """The domain as it is given, without the walls inside."""
         return self.domain.space if self.domain else Region(self.annulus)
+
+    def space_at(self, time: float) -> Region:
+        """Return the domain between its circles, or its sides as they are at a time [s]."""
+        return self.domain.space_at(time, self.walls) if self.domain else Region(self.annulus)
 
     @property
     def widest(self) -> float:
@@ -393,12 +397,6 @@ class Scene(SceneFields, Shown):
         borders = (wall.border for wall in self.walls)
         discs = tuple(border for border in borders if border is not None)
         return replace(self.space, discs=discs).area
-
-    def discs_at(self, time: float) -> FloatArray:
-        """Return center and radius, or 0, of the disc that each wall inside fills at a time, (walls, 3)."""
-        borders = [wall.border_at(time) for wall in self.walls]
-        discs = [(0.0,) * 3 if own is None or own.keeps_inside else own[:3] for own in borders]
-        return np.array(discs).reshape(-1, 3)
 
     @property
     def wall_numbers(self) -> list[int]:
@@ -439,18 +437,22 @@ class Scene(SceneFields, Shown):
         radius: FloatArray,
         move: FloatArray | None = None,
         time: float = 0.0,
+        free: float | None = None,
     ) -> Side:
         """Return normals and gaps of grains at one wall from positions [m], shape (k, 2), and radii [m].
 
         With the displacements `move` of a step [m], shape (k, 2), a round wall has the gaps of eq. 18. A wall
-        that moves is where it is at a time [s].
+        that moves is where it is at a time [s]. Gaps are larger by `free` [m], or the diameter of the
+        domain, where a joint leaves no contact (eq. 8c).
         """
         if number < INSIDE:
             return self.annulus.side(number, position, radius, move)
         k = number - INSIDE
         position = self.walls[k].nearest_images(position, self.period, time)
         if self.joints.of(k):
-            return self.joints.side(k, time, position, radius, self.annulus.diameter)
+            return self.joints.side(
+                k, time, position, radius, self.annulus.diameter if free is None else free
+            )
         return self.walls[k].side_at(time, position, radius)
 
     def pair_frames(self, position: FloatArray, pair: Indices) -> tuple[FloatArray, FloatArray]:
@@ -469,17 +471,19 @@ class Scene(SceneFields, Shown):
         wall: Indices,
         move: FloatArray | None = None,
         time: float = 0.0,
+        free: float | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Return normals and gaps [m], shapes (m, 2) and (m,), of wall contacts (grain, wall), shape (m, 2).
 
-        `position` holds the centers of all grains [m], shape (n, 2); for `move` and `time`, see `side`.
+        `position` holds the centers of all grains [m], shape (n, 2); for the others, see `side`.
         """
         normal, gap = np.zeros(wall.shape), np.zeros(len(wall))
         for number in np.unique(wall[:, 1]).tolist():
             at_wall = wall[:, 1] == number
             grain = wall[at_wall, 0]
             own = None if move is None else move[grain]
-            normal[at_wall], gap[at_wall] = self.side(number, position[grain], self.radius[grain], own, time)
+            side = self.side(number, position[grain], self.radius[grain], own, time, free)
+            normal[at_wall], gap[at_wall] = side
         return normal, gap
 
     @property

@@ -73,14 +73,10 @@ class Snapshots(NamedTuple):
     """As it is at the time [m/s2], shape (m, 2)."""
     up: FloatArray
     """Unit vectors against gravity, see `Scene.up_at`, shape (m, 2)."""
-    discs: FloatArray
-    """Center and radius of the disc that each wall inside the domain fills at the time [m], see
-    `Scene.discs_at`, shape (m, walls - 2, 3)."""
     annulus: Annulus
     """The annulus of each scene; its radii are arrays [m], shape (m,), the outer one NaN in a box."""
     containers: Mapping[int, Container]
-    """Containers of the scenes in boxes, or with walls other than discs, such as segments and rings, by
-    number."""
+    """Containers of the scenes in boxes, or with walls inside, by number."""
 
     @classmethod
     def of(cls, scenes: Sequence[Scene], times: Sequence[float], **arrays: FloatArray) -> Self:
@@ -97,13 +93,11 @@ class Snapshots(NamedTuple):
             radius=np.array([scene.radius for scene in scenes]),
             gravity=np.array([scene.gravity_at(time) for scene, time in each]),
             up=np.array([scene.up_at(time) for scene, time in each]),
-            discs=np.array([scene.discs_at(time) for scene, time in each]),
             annulus=Annulus(*radii),
             containers={
                 k: container_of(scene, time, arrays["position"][k])
                 for k, (scene, time) in enumerate(each)
-                if scene.domain
-                or any(wall.border is None or wall.border.keeps_inside for wall in scene.walls)
+                if scene.domain or scene.walls
             },
         )
 

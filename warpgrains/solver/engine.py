@@ -15,12 +15,12 @@ from warpgrains.errors import SimulationError
 from warpgrains.kernels import advance as advance_kernel
 from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import (
-    BEYOND_WALL,
     CANCELLED,
     NOT_CONVERGED,
     NOT_FINITE,
     SLOW,
     SOLVED,
+    TOO_FAR,
     WITHOUT_ROOM,
     Phase,
 )
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 CPU_BLOCK = 1  # block size for which Warp compiles CPU kernels
 BRIEF = 2e7  # grains times iterations, some tenths of a second
 MOVES = 10  # iterations that take as long as the rest of a step
-FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, WITHOUT_ROOM)
+FAILURES = (NOT_FINITE, TOO_FAR, NOT_CONVERGED, WITHOUT_ROOM)
 
 
 class Engine:

@@ -135,9 +135,8 @@ def wall_contacts(
 
     The centers of the grains were at `position` [m], shape (n, 2).
     """
-    normal, gap = scene.wall_frames(position, corrections.wall, time=time)
     # these exist: where two walls of a joint are equally near, rounding of positions may choose another one
-    gap = np.where(gap < scene.annulus.diameter, gap, gap - scene.annulus.diameter)
+    normal, gap = scene.wall_frames(position, corrections.wall, time=time, free=0.0)
     mass = scene.contact_mass[corrections.wall[:, 0]]
     dv, dvt = corrections.wall_correction, _tangential(corrections.wall_friction, corrections.wall_correction)
     return WallContacts(

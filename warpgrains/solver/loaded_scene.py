@@ -9,6 +9,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.scheme import at_positions
 from warpgrains.scene.state import State
 from warpgrains.solver.forces import PairContacts, WallContacts, contacts_of
 from warpgrains.solver.loading import driven_walls, scene_with_walls, state_of
@@ -80,11 +81,15 @@ class LoadedScene:
     def present_scene(self) -> Scene:
         """A scene that starts from the present state: its grains, its time, and its walls where they are.
 
-        A simulation of it starts from scratch: without corrections, driven walls at rest, and in the
-        leapfrog scheme with velocities that it takes for those of the present.
+        A simulation of it starts from scratch: without corrections, and with driven walls at rest. In the
+        leapfrog scheme its velocities are those that grains have without contacts at the present, half a step
+        after `velocity`.
         """
         now = scene_with_walls(self._records, self._k)
-        return now.starting_at(self.time, position=self.position, velocity=self.velocity, spin=self.spin)
+        velocity, spin = self.velocity, self.spin
+        if self._records.host["scheme"]["staggered"][self._k]:
+            velocity, spin = at_positions(now, velocity, spin, self.time)
+        return now.starting_at(self.time, position=self.position, velocity=velocity, spin=spin)
 
     def contacts(self) -> PairContacts:
         """Return the contacts between grains that carry a correction after the last step."""

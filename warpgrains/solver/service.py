@@ -6,8 +6,12 @@ from collections.abc import Callable
 from math import hypot, inf, isfinite
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from warpgrains.arrays import FloatArray
 from warpgrains.errors import SimulationError, requiring
-from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE
+from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE, TOO_FAR
+from warpgrains.scene.geometry import nearest_image
 from warpgrains.solver.infeasible import InfeasibilityProof, find_infeasibility_proof
 from warpgrains.solver.loading import corrections_of
 from warpgrains.solver.statistics import named
@@ -62,6 +66,13 @@ def _reason(records: SceneRecords, k: int, outcome: int) -> str:
             f" of {scene.dt} s it would leave no room for the grains, or its place would not be finite"
         )
     reached = f"grain {body} reached a velocity of {velocity} m/s"
+    places, velocities = (records.array(k, f"grains.{name}") for name in ("position", "next_velocity"))
+    other = _across(scene, body, places, velocities) if scene.period.any() else None
+    if outcome == TOO_FAR and other is not None:
+        return (
+            f"{reached}: in a step of {scene.dt} s it would meet grain {other} by two of its images in the"
+            " periodic box: dt must be shorter"
+        )
     path = inf if scene.has_driven_walls else scene.dt * hypot(*velocity)
     undefined = _wall_without_normal(records, k, body, path)
     if undefined is not None or outcome == NOT_FINITE:
@@ -84,6 +95,19 @@ def _wall_without_normal(records: SceneRecords, k: int, grain: int, path: float)
             place = tuple(position[0].tolist())
             return f"it is at {place} m, where wall {number}, which it may touch in this step, has no normal"
     return None
+
+
+def _across(scene: Scene, grain: int, position: FloatArray, velocity: FloatArray) -> int | None:
+    """Return a grain that meets another in a step by an image that is not its nearest one, or None."""
+    way = nearest_image(position[: scene.n] - position[grain], scene.period)
+    move = scene.dt * (velocity[grain] - velocity[: scene.n])
+    shifts = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)]) * scene.period
+    images = (way + shifts[np.hypot(*shifts.T) > 0.0][:, np.newaxis]).transpose(1, 0, 2)
+    size = np.maximum((move**2).sum(axis=1), np.finfo(float).tiny)[:, np.newaxis]
+    share = np.clip((images * move[:, np.newaxis]).sum(axis=2) / size, 0.0, 1.0)[..., np.newaxis]
+    apart = np.hypot(*(images - share * move[:, np.newaxis]).transpose(2, 0, 1)).min(axis=1) - scene.radius
+    apart[grain] = np.inf
+    return int(apart.argmin()) if apart.min() < scene.radius[grain] else None
 
 
 def _excess(scene: Scene, velocity: list[float]) -> str:

@@ -165,7 +165,7 @@ class Runner:
         of_grains = []
         for name, value in run.changes().items():
             section, _, key = name.partition(".")
-            if section in ("domain", "grains", "walls"):
+            if section in ("domain", "grains", "walls") or name == "time.time":  # where walls are then
                 of_grains.append(value)
             else:
                 settings[key] = value
