@@ -59,10 +59,32 @@ def change_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f
 
 
 @wp.func
+def height_of_line(s: Scene, b: int) -> f64:
+    """Return how far from the origin the grains' side of line b begins, along its normal [m]."""
+    line, pose = at(s.walls.shape, b - 1), at(s.walls.pose, b - 1)
+    x, y = line[1] + pose[PoseOf.SHIFT_X], line[2] + pose[PoseOf.SHIFT_Y]
+    return x * line[3] + y * line[4]
+
+
+@wp.func
+def pressed_length(s: Scene, j: int) -> f64:
+    """Return the length on which a pressure drives wall j outwards [m]; < 0 for the outer circle."""
+    if j == grain_count(s):
+        return -(TURN * s.walls.annulus.radius_out)
+    drive = at(s.walls.drive, j - grain_count(s))
+    first, last = int(drive[DriveOf.BETWEEN]), int(drive[DriveOf.AND])
+    if first == 0:
+        return drive[DriveOf.LENGTH]
+    return -(height_of_line(s, first) + height_of_line(s, last))
+
+
+@wp.func
 def acceleration_of_wall(s: Scene, j: int) -> wp.vec2d:
     """Return how force and pressure accelerate the coordinate of wall j [m/s2] (eq. 27)."""
     drive = at(s.walls.drive, j - grain_count(s))
-    force = drive[DriveOf.FORCE] - drive[DriveOf.PRESSURE] * (TURN * s.walls.annulus.radius_out)
+    force = drive[DriveOf.FORCE]
+    if drive[DriveOf.PRESSURE] != f64(0.0):
+        force = drive[DriveOf.PRESSURE] * pressed_length(s, j)
     return wp.vec2d(force * drive[DriveOf.INVERSE_MASS], f64(0.0))
 
 

@@ -49,9 +49,12 @@ class DriveOf(IntEnum):
     INVERSE_MASS = 0  # [1/kg]; 0 where no force acts on it
     FORCE = 1  # [N]
     PRESSURE = 2  # [N/m]
-    DIRECTION_X = 3  # 0 for the outer circle, as the next
-    DIRECTION_Y = 4
-    LEADER = 5  # the wall whose speed and coordinate it has: its own number, or that of a row's line
+    LENGTH = 3  # of a line on which it acts [m], unless it is
+    BETWEEN = 4  # this wall
+    AND = 5  # and that one
+    DIRECTION_X = 6  # 0 for the outer circle, as the next
+    DIRECTION_Y = 7
+    LEADER = 8  # the wall whose speed and coordinate it has: its own number, or that of a row's line
 
 
 Motion = wp.types.vector(length=len(MotionOf), dtype=f64)

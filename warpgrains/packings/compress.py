@@ -179,9 +179,11 @@ def _load(simulation: Simulation) -> tuple[float, float, float]:
         return float(contacts.force[contacts.wall[:, 1] == OUTER].sum()), scene.pressure * length, length
     names, normal = np.array(scene.wall_names)[contacts.wall[:, 1]], contacts.normal
     push = contacts.force[:, np.newaxis] * normal + contacts.tangential_force[:, np.newaxis] * left_of(normal)
-    lids = [wall for wall in scene.walls if isinstance(wall, Line) and wall.force is not None]
-    force = -sum(float((push[names == lid.name] @ lid.normal).sum()) for lid in lids)
-    return force, sum(lid.force or 0.0 for lid in lids), sum(lid.length for lid in lids)
+    lids = {wall.name: wall for wall in scene.walls if isinstance(wall, Line) and wall.pressure is not None}
+    lengths = {name: scene.bodies.pressed_length(lid) for name, lid in lids.items()}
+    force = -sum(float((push[names == name] @ lid.normal).sum()) for name, lid in lids.items())
+    given = sum(lengths[name] * (lid.pressure or 0.0) for name, lid in lids.items())
+    return force, given, sum(lengths.values())
 
 
 def _is_at_rest(simulation: Simulation) -> bool:

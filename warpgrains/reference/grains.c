@@ -7,8 +7,19 @@
 
 #include "grains.h"
 
-/* Numbers of what drives a wall: 1 / mass, force, pressure, direction, and the wall whose speed and coordinate it has. */
-enum { DRIVE = 6 };
+/* Numbers of what drives a wall: 1 / mass, force, pressure, the length on which it acts or the two walls that bound it,
+ * direction, and the wall whose speed and coordinate it has. */
+enum { DRIVE = 9 };
+
+/* Kinds of walls inside the annulus, and the numbers of one: first its kind. */
+enum { DISC = 1, SEGMENT = 2, ARC = 3, LINE = 4, ROW = 5, SHAPE = 10 };
+
+/* For how long a wall would have moved at its velocities to be where it is at a time. */
+static double progress(const double *motion, double time) {
+    double moved = fmin(fmax(time, motion[FROM_TIME]), motion[TO_TIME]) - motion[FROM_TIME];
+    double rate = 2.0 * M_PI * motion[FREQUENCY];
+    return rate > 0.0 ? (sin(rate * moved + motion[PHASE]) - sin(motion[PHASE])) / rate : moved;
+}
 
 static int hasFriction(const femGrains *g) {
     return g->rough;
@@ -195,10 +206,10 @@ static double sagittaRate(const femGrains *g, int i, double nx, double ny, doubl
 static double contactDriven(femGrains *g, int i, int k, double nx, double ny, double gap, double *dvw, double friction,
                             double *dtw, double speed, double away, double dt, int iter) {
     const double *drive = &g->drives[DRIVE * k];
-    int lead = (int)drive[5];
+    int lead = (int)drive[8];
     double *own = &g->speeds[lead];
-    double into = k == 0 ? 1.0 : nx * drive[3] + ny * drive[4];
-    double along = k == 0 ? 0.0 : nx * drive[4] - ny * drive[3];
+    double into = k == 0 ? 1.0 : nx * drive[6] + ny * drive[7];
+    double along = k == 0 ? 0.0 : nx * drive[7] - ny * drive[6];
     double share = into * contactMass(g, i, dt) * drive[0];
     double shareAlong = along * contactMass(g, i, dt) * drive[0];
     double compliance = 1.0 + into * share, give = along * shareAlong;
@@ -244,9 +255,6 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
     double dvt = pushFromWall(g, i, nx, ny, dv, g->wallFriction * *dvb, dtb, g->radiusOut * g->turningOut, 0.0, dt, iter);
     return rollOnWall(g, i, *dvb, g->wallRollingFriction, drb, g->turningOut, fmax(fabs(dv), fabs(dvt)), dt, iter);
 }
-
-/* Kinds of walls inside the annulus, and the numbers of one: first its kind. */
-enum { DISC = 1, SEGMENT = 2, ARC = 3, LINE = 4, ROW = 5, SHAPE = 10 };
 
 /* The point (px, py) of a wall that is nearest to (x, y): of a segment (both ends) or an arc (center, radius, direction of
  * the middle, and cosine of half of it); the center of a disc; else NAN. Returns the end that it is, 0 or 1, or -1. */
@@ -369,13 +377,6 @@ static int isDriven(const femGrains *g, int k) {
     return g->driven && g->drives[DRIVE * (k + 1)] > 0.0;
 }
 
-/* For how long a wall would have moved at its velocities to be where it is at a time. */
-static double progress(const double *motion, double time) {
-    double moved = fmin(fmax(time, motion[FROM_TIME]), motion[TO_TIME]) - motion[FROM_TIME];
-    double rate = 2.0 * M_PI * motion[FREQUENCY];
-    return rate > 0.0 ? (sin(rate * moved + motion[PHASE]) - sin(motion[PHASE])) / rate : moved;
-}
-
 /* The part of its velocities at which it moves in a step. */
 static double shareOfStep(const double *motion, double begin, double end) {
     if (motion[FREQUENCY] > 0.0) return (progress(motion, end) - progress(motion, begin)) / (end - begin);
@@ -404,9 +405,9 @@ static double movingWallGap(const femGrains *g, int k, double begin, double end,
     double shiftY = py - (s * motion[PIVOT_X] + c * motion[PIVOT_Y]);
     if (isDriven(g, k)) {
         const double *drive = &g->drives[DRIVE * (k + 1)];
-        double place = g->places[(int)drive[5]];
-        shiftX += place * drive[3];
-        shiftY += place * drive[4];
+        double place = g->places[(int)drive[8]];
+        shiftX += place * drive[6];
+        shiftY += place * drive[7];
     }
     double dx = x - shiftX, dy = y - shiftY, ax = c * dx + s * dy, ay = c * dy - s * dx;
     double mx, my;
@@ -510,12 +511,25 @@ static double freeSpin(const femGrains *g, double w, double m, double r, double 
     return (g->staggered ? (1.0 - a) * w : w) / (1.0 + a);
 }
 
+/* How far from the origin the grains' side of a line begins, along its normal. */
+static double lineHeight(const femGrains *g, int b, double dt) {
+    const double *line = &g->walls[SHAPE * (b - 1)], *drive = &g->drives[DRIVE * b];
+    const double *motion = &g->motions[MOTION_NUMBERS * (b - 1)];
+    double moved = progress(motion, g->start + g->steps * dt), place = drive[0] > 0.0 ? g->places[(int)drive[8]] : 0.0;
+    double x = line[1] + (motion[VELOCITY_X] * moved + place * drive[6]);
+    double y = line[2] + (motion[VELOCITY_Y] * moved + place * drive[7]);
+    return x * line[3] + y * line[4];
+}
+
 /* The speeds of walls that forces drive, without contacts (eq. 27). */
-static void freeSpeeds(femGrains *g, double dt) {
+void femGrainsFreeSpeeds(femGrains *g, double dt) {
     double kick = g->leapfrog && !g->staggered ? 0.5 * dt : dt;
     for (int k = 0; k <= g->nWalls; k++) {
         const double *drive = &g->drives[DRIVE * k];
-        g->speeds[k] += kick * ((drive[1] - drive[2] * (2.0 * M_PI * g->radiusOut)) * drive[0]);
+        double length = k == 0 ? -(2.0 * M_PI * g->radiusOut) : drive[3], force = drive[1];
+        if (drive[4] > 0.0) length = -(lineHeight(g, (int)drive[4], dt) + lineHeight(g, (int)drive[5], dt));
+        if (drive[2] != 0.0) force = drive[2] * length;
+        g->speeds[k] += kick * (force * drive[0]);
     }
 }
 
@@ -539,7 +553,7 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
         myGrains->vy[i] = freeVelocity(myGrains, myGrains->vy[i], gy, m, dt);
         if (hasFriction(myGrains)) myGrains->u[i] = myGrains->r[i] * freeSpin(myGrains, myGrains->w[i], m, myGrains->r[i], dt);
     }
-    if (myGrains->driven) freeSpeeds(myGrains, dt);
+    if (myGrains->driven) femGrainsFreeSpeeds(myGrains, dt);
 
     femGrainsContactIterate(myGrains, dt, 0);
     int iter = 0;

@@ -1,4 +1,4 @@
-/* The interface of the course text, and what the reference has more: fields of femGrains, and one function. */
+/* The interface of the course text, and what the reference has more: fields of femGrains, and two functions. */
 
 #ifndef GRAINS_H
 #define GRAINS_H
@@ -14,5 +14,8 @@ typedef struct {
 /* femGrainsContactIterate over the given contacts in the given order. */
 double femGrainsContactIterateOrder(femGrains *myGrains, double dt, int iter, int nContacts,
                                     const femContact *contacts);
+
+/* The speeds of walls that forces drive, without contacts. */
+void femGrainsFreeSpeeds(femGrains *myGrains, double dt);
 
 #endif

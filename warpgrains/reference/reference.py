@@ -84,6 +84,7 @@ def build(folder: Path, flags: Sequence[str] = ("-O2",)) -> ctypes.CDLL:
         "femGrainsCreateSimple": (grains, [whole, number, number, number, number]),
         "femGrainsFree": (None, [grains]),
         "femGrainsUpdate": (None, [grains, number, number, number]),
+        "femGrainsFreeSpeeds": (None, [grains, number]),
         "femGrainsContactIterate": (number, [grains, number, whole]),
         "femGrainsContactIterateOrder": (number, [grains, number, whole, whole, contacts]),
     }
@@ -186,7 +187,7 @@ class Reference:
         arrays["vx"][:], arrays["vy"][:] = free.T
         arrays["u"][:] = scene.radius * free_spin(scene, self.spin, bool(self._grains.staggered))
         if self._grains.driven:
-            self._arrays["speeds"] += self._kicks()
+            self._library.femGrainsFreeSpeeds(self._grains, scene.dt)
         self._iterate(0, order)
 
     def step(self, order: IntArray | None = None) -> tuple[int, float]:
@@ -211,13 +212,6 @@ class Reference:
         self._grains.staggered = self._grains.leapfrog
         self._grains.steps += 1
         return iterations, zeta
-
-    def _kicks(self) -> FloatArray:
-        """Return how forces change the speeds of walls in a step [m/s], shape (walls,) (eq. 27)."""
-        half = self._grains.leapfrog and not self._grains.staggered
-        kick = 0.5 * self._scene.dt if half else self._scene.dt
-        inverse_mass, force, pressure = np.array([drive[:3] for drive in self._scene.bodies.drives]).T
-        return np.asarray(kick * ((force - pressure * (2.0 * np.pi * self._grains.radiusOut)) * inverse_mass))
 
     def _iterate(self, iteration: int, order: IntArray | None) -> float:
         arguments = (self._grains, self._scene.dt, iteration)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -166,8 +167,31 @@ class Bodies:
         drives = [outer]
         for k, leader in enumerate(leaders_of(self.inside)):
             drive = self.inside[leader].drive or Drive()
-            drives.append(drive._replace(force=drive.force * (k == leader), leader=1 + leader))
+            if k != leader:
+                drive = drive._replace(force=0.0, pressure=0.0)
+            elif drive.pressure:
+                drive = drive._replace(between=self._between(k))
+            drives.append(drive._replace(leader=1 + leader))
         return drives
+
+    def _between(self, k: int) -> tuple[int, int]:
+        """Return the bodies of the two opposite lines that bound a line, body 1 + k, or (0, 0)."""
+        line, lines = (
+            self.inside[k],
+            {b: wall for b, wall in enumerate(self.inside, 1) if isinstance(wall, Line)},
+        )
+        assert isinstance(line, Line)
+        found = [b for b, other in lines.items() if other.bounds(line)]
+        pairs = [(a, b) for a, b in pairwise(found) if np.dot(lines[a].normal, lines[b].normal) < 0.0]
+        return pairs[0] if pairs else (0, 0)
+
+    def pressed_length(self, line: Line) -> float:
+        """Return the length of a wall of the scene on which a pressure acts, as walls are placed [m]."""
+        between = self._between(self.inside.index(line))
+        if not any(between):
+            return line.length
+        walls = (self.inside[b - 1] for b in between)
+        return -sum(float(np.dot(wall.point, wall.normal)) for wall in walls if isinstance(wall, Line))
 
     def of(self, wall: IntArray) -> IntArray:
         """Return the body of each wall."""

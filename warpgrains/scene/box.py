@@ -211,9 +211,8 @@ class Box:
         point = (own_place, y) if component == 0 else (x, own_place)
         normal = (sign, 0.0) if component == 0 else (0.0, sign)
         own = {key: given[key] for key in (*_OF_LINES, "mass") if key in given}
-        force = given["pressure"] * length if "pressure" in given else None
         try:
-            line = Line(point, normal, length, name=name, force=force, **own)
+            line = Line(point, normal, length, name=name, pressure=given.get("pressure"), **own)
             return line, *(self._rows(line, **given["roughness"]) if "roughness" in given else ())
         except InputError as error:
             raise InputError(f"domain.{name}: {error}") from None

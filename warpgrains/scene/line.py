@@ -13,7 +13,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band, strip
 from warpgrains.scene.geometry import ROUNDING
-from warpgrains.scene.wall import InfiniteWall, StraightWall, kind_of_wall
+from warpgrains.scene.wall import Drive, InfiniteWall, StraightWall, kind_of_wall
 
 Vector = tuple[float, float]
 
@@ -55,11 +55,19 @@ class Line(InfiniteWall, StraightWall):
     length: float = described(
         "Length of the part about the point that pictures show [m].", check=checks.positive
     )
+    pressure: float | None = described(
+        "Pressure that drives the line along its normal [N/m], instead of a force: on the part between two"
+        " lines at right angles to it, where they are, or else on `length`.",
+        check=checks.number,
+        default=None,
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.force is not None and self.pressure is not None:
+            raise InputError("pressure of a line is given, and a force: give one")
         across = abs(float(np.dot(self.velocity, self.normal)))
-        if self.force is not None and across > ROUNDING * hypot(*self.velocity):
+        if self.drive is not None and across > ROUNDING * hypot(*self.velocity):
             raise InputError(
                 f"velocity of a line is {self.velocity}: it must be along the line, which a force drives"
             )
@@ -67,6 +75,16 @@ class Line(InfiniteWall, StraightWall):
     @property
     def across(self) -> Vector:
         return self.normal
+
+    @property
+    def drive(self) -> Drive | None:
+        if self.pressure is None or self.mass is None:
+            return super().drive
+        return Drive(1.0 / self.mass, pressure=self.pressure, length=self.length, direction=self.normal)
+
+    def bounds(self, other: "Line") -> bool:
+        """Return whether the line bounds another one, at a right angle to it."""
+        return bool(abs(np.dot(self.normal, other.normal)) <= ROUNDING)
 
     @property
     def along(self) -> Vector:

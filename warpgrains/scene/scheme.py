@@ -37,7 +37,7 @@ def free_spin(scene: Scene, spin: FloatArray, staggered: bool) -> FloatArray:
 def at_positions(
     scene: Scene, velocity: FloatArray, spin: FloatArray, time: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return staggered velocities [m/s], (n, 2), and spins, taken on by half a step to a time [s] (eq. 17)."""
+    """Return staggered velocities [m/s], (n, 2), and spins taken on by half a step, to a time (eq. 17)."""
     a = scene.drag * scene.dt / (2.0 * scene.mass[:, np.newaxis])
     b = scene.spin_drag * scene.dt / (2.0 * scene.inertia)
     return (1.0 - a) * velocity + 0.5 * scene.dt * np.array(scene.gravity_at(time)), (1.0 - b) * spin

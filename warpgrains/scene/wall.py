@@ -33,7 +33,11 @@ class Drive(NamedTuple):
     force: float = 0.0
     """[N]."""
     pressure: float = 0.0
-    """[N/m]."""
+    """On the outer circle, or on the length of a line [N/m]."""
+    length: float = 0.0
+    """Length of a line on which the pressure acts [m], if no lines bound it."""
+    between: tuple[int, int] = (0, 0)
+    """The bodies of the two lines that bound it; 0 if none do."""
     direction: tuple[float, float] = (0.0, 0.0)
     """Unit vector along which the wall moves; 0 for the outer circle."""
     leader: int = 0
@@ -289,8 +293,9 @@ class StraightWall(Wall):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if (self.force is None) != (self.mass is None):
-            missing = "force" if self.force is None else "mass"
+        has_force = self.force is not None or getattr(self, "pressure", None) is not None
+        if has_force != (self.mass is not None):
+            missing = "mass" if has_force else "force"
             raise InputError(f"{missing} of {self.one()} is missing: a wall that a force drives needs both")
 
     @property
