@@ -48,7 +48,7 @@ CASES = {
     ),
     "a side that oscillates by 0.1 m, sixteen times": (
         box(left={"velocity": (-1.6 * tau, 0.0), "frequency": 16.0}),
-        (-0.6, -0.4, 0.5, 0.6),
+        (-0.4, -0.4, 0.3, 0.6),
     ),
     "rough sides that move along": (box(periodic="x", bottom=ROUGH, top=ROUGH), INSIDE),
     "a box that is periodic in both directions": (box(periodic="xy"), INSIDE),

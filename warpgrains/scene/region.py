@@ -245,7 +245,7 @@ def region_of(space: Region, given: Any, field: str = "grains.region") -> Region
     region = Region(ring, (rectangle(ring, **ranges),) if ranges else None, periodic=space.periodic)
     if space.cells is not None:
         region = region.within(space)
-    if not (region.box[0] < region.box[1]).all() or region.area <= 0.0:
+    if region.area <= 0.0:
         raise NoAreaError(f"{field} is {given!r}: no point between the walls lies in it")
     return region
 
