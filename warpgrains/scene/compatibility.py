@@ -26,6 +26,7 @@ LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody 
 ROUNDED = 1e-9  # of a number of steps of a row
 MOST_STEPS = 1e12  # start time, in steps
 MOST_RADII = 1e12  # radius of the outer wall, in smallest grain radii; beyond it doubles cannot resolve a gap
+FARTHEST = 1e6  # distance of a periodic box from the origin, in smallest radii: places beyond it lose digits
 
 
 def require_valid_positions(scene: Scene) -> None:
@@ -75,6 +76,11 @@ def require_size(scene: Scene) -> None:
             " float64 positions could not resolve gaps"
         )
     scene.annulus.require_size()
+    if scene.domain and scene.period.any() and scene.radius_out > 2.0 * FARTHEST * smallest:
+        raise InputError(
+            f"domain is up to {scene.radius_out / 2.0:g} m from the origin: a periodic box must be within"
+            f" {FARTHEST:g} radii of the smallest grain, {smallest} m"
+        )
 
 
 def require_compatible_settings(scene: Scene) -> None:
