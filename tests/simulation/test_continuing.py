@@ -207,3 +207,16 @@ def test_a_start_with_staggered_velocities_has_its_energy_balance():
     balance = analysis.step_energy_balance(simulation)
     assert balance.drag_loss > 0.0
     assert analysis.step_energy_balance(fresh) == balance
+
+
+@pytest.mark.parametrize("fields", [{}, {"drag": 0.5}, {"friction": 0.3, "spin_drag": 1e-3, "spin": 20.0}])
+def test_a_scene_of_the_present_falls_on(fields):
+    """Made anew every ten steps, it falls and turns as it would: (17) is half a kick, and (16)."""
+    scene = Scene(position=[(0.0, 0.0)], radius=0.1, mass=1.0, radius_out=50.0, scheme="leapfrog", **fields)
+    whole, anew = Simulation(scene), Simulation(scene)
+    for _ in range(20):
+        whole.advance(10)
+        anew.advance(10)
+        assert np.abs(anew.position - whole.position).max() < 2000 * np.finfo(float).eps
+        assert np.abs(anew.spin - whole.spin).max() < 2000 * np.finfo(float).eps * 20.0
+        anew = Simulation(anew.present_scene)

@@ -136,3 +136,34 @@ def test_runs_that_have_a_group_of_their_own(tmp_path, done, monkeypatch, place,
     assert batch(write(tmp_path), "-o", tmp_path / "out", "--threads", threads) == 1
     assert results(tmp_path / "out") == results(done)
     assert sorted(map(len, parts(tmp_path / "out"))) == sizes
+
+
+LID = """
+[domain]
+kind = "box"
+x = [0.0, 1.0]
+y = [0.0, 1.0]
+top = {velocity = [0.0, -0.1], from_time = 0.0}
+
+[physics]
+drag = 0.0
+
+[time]
+dt = 0.01
+duration = 0.1
+
+[grains]
+position = [[0.5, 0.5]]
+radius = 0.05
+mass = 1.0
+"""
+
+
+def test_runs_that_start_at_other_times_have_their_walls_there(tmp_path):
+    """A lid sinks to the grain in 4.5 s, and pushes it from there on."""
+    (tmp_path / "lid.toml").write_text(LID)
+    sweep = write(tmp_path, 'scene = "lid.toml"\naxes.time.time = [0.0, 6.0]\n')
+    assert batch(sweep, "-o", tmp_path / "both") in (0, 1)
+    first, last = rows(tmp_path / "both")
+    assert first["error"] == ""
+    assert "inside" in last["error"] or "side" in last["error"], last
