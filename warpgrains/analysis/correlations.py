@@ -199,7 +199,7 @@ def counted_region(now: Snapshot, region: Where) -> Region:
     if region is not None:
         return region_of(now, region)
     scene, level, container = now.scene, mean_heights(now.grains).item(), now.container
-    is_pile = bool(np.dot(scene.gravity, container.up))
+    is_pile = bool(np.dot(scene.gravity_at(now.time), container.up))
     container.require_known()
     space = container.walled if is_pile and level <= container.mouth else container.closed()
     bulk = space.without_layer(2.0 * float(scene.radius.mean()))

@@ -63,7 +63,7 @@ def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
     3
     """
     now = snapshot(of)
-    needed = 2 if any(now.scene.gravity) or now.scene.has_friction else 3
+    needed = 2 if any(now.scene.gravity_at(now.time)) or now.scene.has_friction else 3
     contacts, loose = _contacts(now, least), np.zeros(now.n, dtype=bool)
     while True:
         found = loose | (contacts.numbers(loose) < needed)
