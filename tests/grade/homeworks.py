@@ -39,7 +39,7 @@ RIGHT = {
 
 PLAIN_WRONG = {mistake: changed(*edits) for mistake, edits in _TABLE["plain"].items()}
 """The plain homework with one mistake, by its name."""
-UNKNOWN = _TABLE["unknown"]
+UNKNOWN, DRAWN, UNSET = (_TABLE[kind] for kind in ("unknown", "drawn", "unset"))
 
 
 def of_styles(iterate, update, edits=()):

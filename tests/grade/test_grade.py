@@ -4,6 +4,7 @@ import json
 import tomllib
 from copy import copy
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from homeworks import (
     BEFORE,
     CHEATING,
+    DRAWN,
     HOSTILE,
     OWN_ARRAYS,
     PLAIN,
@@ -18,6 +20,7 @@ from homeworks import (
     RIGHT,
     SNOOPING,
     UNKNOWN,
+    UNSET,
     changed,
     contact_that,
     right_of_styles,
@@ -28,6 +31,7 @@ from warpgrains.grade import words
 from warpgrains.grade.compare import difference
 from warpgrains.grade.diagnosis import read_mistakes
 from warpgrains.grade.grader import Grader
+from warpgrains.grade.probes import draw_probes
 from warpgrains.grade.sandbox import CONTACT, UPDATE, Limits
 from warpgrains.grade.verdict import BOTH
 from warpgrains.reference.reference import SOURCE
@@ -114,7 +118,7 @@ def test_each_mistake_is_named(grade, mistakes, text):
 
 def answers_with(grader, mistakes):
     """Return the probes of a function, the answers with mistakes, and which are wrong; None if it ends."""
-    probes, expected = grader.probes[mistakes[0].function], grader.expected[mistakes[0].function]
+    probes, expected, *_ = grader.fixed[mistakes[0].function]
     own = [each for probe in probes if (each := grader.model.answer(mistakes, probe.call))]
     if len(own) < len(probes):
         return None
@@ -214,6 +218,41 @@ def test_a_mistake_without_a_name_gets_none(grade, what):
     assert part.hint is not None
 
 
+@pytest.mark.parametrize("what", DRAWN)
+def test_what_only_calls_that_are_drawn_show_is_said_with_the_call(grade, what):
+    function, edits, said = DRAWN[what]
+    verdict = grade(changed(*edits))
+    part = parts(verdict)[function]
+    assert {scene for scene, wrong in part.scenes.items() if wrong} == {"random"}, verdict.text(False)
+    assert part.first.startswith("scene random, call = ")
+    assert said in part.first + part.remark
+    assert f"--seed {verdict.seed} " in verdict.text(False)
+
+
+@pytest.mark.parametrize("what", UNSET)
+def test_memory_that_is_not_set_is_named(grade, what):
+    function, edits = UNSET[what]
+    part = parts(grade(changed(*edits)))[function]
+    assert part.status == "wrong"
+    assert "read before it is set" in part.remark
+
+
+@pytest.mark.parametrize("seed", [0, 1, pytest.param(2, marks=pytest.mark.slow)])
+def test_calls_are_drawn_by_the_seed(grader, seed):
+    with grader._child({}) as child:
+        one, other = (draw_probes(child, seed) for _ in range(2))
+    for function, probes in one.items():
+        calls = [probe.call for probe in probes]
+        again = [probe.call.state.tobytes() for probe in other[function]]
+        assert [call.state.tobytes() for call in calls] == again
+        assert sum(call.times for call in calls) > 1000
+        assert [min(call.n for call in calls), max(call.n for call in calls) > 200] == [1, True]
+        assert min(call.dt for call in calls) < 1e-3 < 1e-1 < max(call.dt for call in calls)
+        assert 0.0 in {call.drag for call in calls}
+        assert (0.0, 0.0) in {call.gravity for call in calls}
+        assert {0.0} < {call.radius_in for call in calls}
+
+
 def test_functions_that_spoil_each_other(grade):
     verdict = grade(
         changed(
@@ -246,8 +285,8 @@ def test_iteration_0_may_count_for_the_limit_beside_a_mistake(grade):
 
 
 def test_only_rounding_passes(grader):
-    for function, probes in grader.probes.items():
-        for probe, expected in list(zip(probes, grader.expected[function], strict=True))[::7]:
+    for asked in grader.fixed.values():
+        for probe, expected in list(zip(asked.probes, asked.expected, strict=True))[::7]:
             assert difference(probe, expected, expected, eps=0.0) is None
             for name, start in (("x", 0), ("vx", 2), ("dvBoundary", 6)):
                 far, near = (
@@ -269,7 +308,9 @@ def answer_with(answer, place, change):
 
 def test_zeta_of_no_probe_is_the_tolerance(grader):
     """So that a right homework ends every step where the reference does, however it sums."""
-    for probe, expected in zip(grader.probes[UPDATE], grader.expected[UPDATE], strict=True):
+    rounds = grader.fixed[UPDATE], grader.drawn[UPDATE]
+    asked = (zip(each.probes, each.expected, strict=True) for each in rounds)
+    for probe, expected in chain.from_iterable(asked):
         for zeta in expected.record[1:, 2]:
             near = replace(expected, record=np.array([[1.0, probe.call.dt, probe.call.tolerance]]))
             at = replace(expected, record=np.array([[1.0, probe.call.dt, zeta]]))

@@ -30,6 +30,7 @@ from warpgrains.grade.sandbox import Processes
 from warpgrains.grade.verdict import Verdict
 from warpgrains.locks import lock_own
 from warpgrains.reference.reference import SOURCE
+from warpgrains.scene.checks import whole_number
 
 RESULTS = {"right": 0, "wrong": 1}
 NOT_GRADED = 2
@@ -42,8 +43,8 @@ _BAR = "{percentage:3.0f}%|{bar}| {n}/{total} homeworks [{elapsed}, {remaining} 
 def grade(arguments: Namespace) -> int:
     """Grade homeworks, or write an empty one; return 0 if all are right, 1 if one is wrong, else 2."""
     if arguments.template is not None:
-        others = ("homework", "output", "json", "strict", "html")
-        if any(getattr(arguments, name) for name in others):
+        others = ("homework", "output", "json", "strict", "html", "seed")
+        if any(getattr(arguments, name) not in (None, False) for name in others):
             raise InputError(
                 "--template takes no other option and no HOMEWORK: it only writes an empty homework"
             )
@@ -53,6 +54,8 @@ def grade(arguments: Namespace) -> int:
         raise InputError(
             "HOMEWORK is missing: give a file or a folder, or --template to write an empty homework"
         )
+    if arguments.seed is not None:
+        whole_number("seed", arguments.seed, least=0)
     path, table, site = Path(arguments.homework), arguments.output, arguments.html
     is_class = path.is_dir()
     paths = sorted(each for each in path.rglob("*.c") if not each.is_dir()) if is_class else [path]
@@ -69,7 +72,7 @@ def grade(arguments: Namespace) -> int:
         if table is not None:
             require_writable_path("table", Path(table), ".csv")
             held.enter_context(lock_own(Path(table), _is_table, "table of grades"))
-        verdicts = _grade_all(paths, arguments.strict, path if is_class else None)
+        verdicts = _grade_all(paths, arguments.strict, arguments.seed, path if is_class else None)
         if not is_class and verdicts[0].problem:
             raise InputError(verdicts[0].problem)
         names = [printable(str(each.relative_to(path) if is_class else each)) for each in paths]
@@ -100,7 +103,7 @@ def _write_pages(folder: Path, verdicts: list[Verdict], language: str, is_class:
         write_atomically(folder / INDEX, pages.course(verdicts, links).encode())
 
 
-def _grade_all(paths: list[Path], strict: bool, folder: Path | None) -> list[Verdict]:
+def _grade_all(paths: list[Path], strict: bool, seed: int | None, folder: Path | None) -> list[Verdict]:
     """Grade homeworks in parallel, those of a class without links that leave its folder."""
     processes = Processes()
     with (
@@ -109,7 +112,7 @@ def _grade_all(paths: list[Path], strict: bool, folder: Path | None) -> list[Ver
         ThreadPoolExecutor(os.cpu_count()) as pool,
     ):
         # The grader, too, starts its processes in a thread, because signals interrupt the main thread.
-        grader = pool.submit(Grader, Path(compiled), strict, processes=processes).result()
+        grader = pool.submit(Grader, Path(compiled), strict, processes=processes, seed=seed).result()
         for warning in grader.unprotected():
             print(f"warpgrains: warning: {warning}", file=sys.stderr)
 

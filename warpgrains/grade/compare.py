@@ -15,11 +15,10 @@ iterMax or at iterMax - 1 (grader.py). Zeta of no probe is the tolerance up to r
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
 from warpgrains.grade.probes import Probe
 from warpgrains.grade.sandbox import FIELDS, Answer
 from warpgrains.grade.words import Words
@@ -52,7 +51,8 @@ class Difference(NamedTuple):
 
 def difference(probe: Probe, expected: Answer, found: Answer, eps: float = DOUBLE) -> Difference | None:
     """Return the first difference beyond rounding errors `eps`, or in any bit if `eps` is 0."""
-    return None if expected == found else _Comparison(probe, expected, found, eps).first()
+    with np.errstate(invalid="ignore"):
+        return None if expected == found else _Comparison(probe, expected, found, eps).first()
 
 
 class _Comparison:
@@ -82,7 +82,7 @@ class _Comparison:
         return Difference(self._probe, calls, self._expected.calls, self._found.calls)
 
     def _of_zeta(self, expected: float, found: float, iteration: int) -> Difference | None:
-        same = _same(np.array([expected]), np.array([found]), self._speed)[0]
+        same = _same(np.float64(expected), np.float64(found), self._speed)
         return None if same else Difference(self._probe, Words("zeta", "zeta"), expected, found, iteration)
 
     def _first_before_end(self) -> Difference | None:
@@ -141,9 +141,8 @@ class _Comparison:
         return Words("grain {i} at the inner wall" if wall < 0.0 else "grain {i} at the outer wall", i=index)
 
 
-def _same(expected: FloatArray, found: FloatArray, most: float) -> np.ndarray:
-    with np.errstate(invalid="ignore"):
-        near = np.abs(expected - found) <= most
+def _same(expected: Any, found: Any, most: float) -> Any:
+    near = np.abs(expected - found) <= most
     return near | (expected == found) | (np.isnan(expected) & np.isnan(found))
 
 

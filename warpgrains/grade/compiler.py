@@ -22,6 +22,7 @@ SECONDS, MEMORY, OUTPUT = 30, 2**32, 2**27
 """Limits of the compiler, because a homework can make it run for ever."""
 
 _FLAGS = ("-O2", "-Wall", "-ffp-contract=off")
+_FLAGS_OF_HOMEWORKS = ("-O0", *_FLAGS[1:])  # an optimizer sets to 0 what a homework does not set
 _STRICT = ("-Werror=implicit-function-declaration", "-Werror=incompatible-pointer-types")
 _REFERENCE = f"-I{SOURCE.parent}"
 _HERE = Path(__file__).parent
@@ -99,7 +100,15 @@ class Compiler:
         (folder / HOMEWORK).write_bytes(text)
         library = folder / f"homework{''.join(defines)}.so"
         include = [f"-I{self._headers}", "-idirafter", str(aliases)]
-        arguments = [*_FLAGS, *_options(folder, defines), *include, HOMEWORK, "-o", str(library), "-lm"]
+        arguments = [
+            *_FLAGS_OF_HOMEWORKS,
+            *_options(folder, defines),
+            *include,
+            HOMEWORK,
+            "-o",
+            str(library),
+            "-lm",
+        ]
         limits = map(str, (SECONDS, MEMORY, OUTPUT))
         fence = [str(self._fence), *limits, str(folder), *self._readable, "--"]
         return library, self._run([*fence, "cc", *arguments], folder, until)

@@ -5,26 +5,46 @@ combined.
 """
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from math import inf
 from pathlib import Path
+from secrets import randbelow
 from threading import Lock
 from time import monotonic
+from typing import NamedTuple
+
+import numpy as np
 
 from warpgrains.errors import InputError
 from warpgrains.files import read_regular
 from warpgrains.grade.compare import DOUBLE, FLOAT, Difference, difference
 from warpgrains.grade.compiler import LONGEST, WITHOUT, CompileError, Compiler
-from warpgrains.grade.diagnosis import Model, hint_of
-from warpgrains.grade.probes import Probe, make_probes
-from warpgrains.grade.sandbox import CONTACT, DEFAULT, UPDATE, Answer, Child, EndedError, Limits, Processes
+from warpgrains.grade.diagnosis import Explanation, Model, hint_of
+from warpgrains.grade.probes import Probe, draw_probes, make_probes
+from warpgrains.grade.sandbox import (
+    CONTACT,
+    DEFAULT,
+    UPDATE,
+    Answer,
+    Call,
+    Child,
+    EndedError,
+    Limits,
+    Processes,
+)
 from warpgrains.grade.verdict import BOTH, NOTHING, Part, Shown, Verdict
 from warpgrains.grade.words import Words
 
 _UNCONFINED = "filter of system calls: homeworks can open files and start processes"
 _UNFENCED = "Landlock for the compiler: homeworks can include any file that you can read"
+_ONLY = "no known mistake explains it; only calls with {what} {relation} {value} are wrong"
+_CHANCE = 1e-2  # that all wrong calls are extreme in a number that has nothing to do with it
+_UNSET = (
+    "the same call has other results when it is repeated: is a variable, or memory from malloc, read before "
+    "it is set, or is a value kept between calls?"
+)
 _UNKNOWN = "no known mistake explains it"
 _UNGUARDED = (
     "the lines #ifndef NOUPDATE, #ifndef NOCONTACTITERATE and #endif around the two functions are missing or "
@@ -33,10 +53,20 @@ _UNGUARDED = (
 _MAIN = "it defines main: hand in the two functions without the program that tests them"
 
 
+class Round(NamedTuple):
+    """Calls with the reference's answers, and those of femGrainsUpdate if iteration 0 counts for iterMax."""
+
+    probes: list[Probe]
+    expected: list[Answer]
+    fewer: list[Probe]
+    expected_of_fewer: list[Answer]
+
+
 class Grader:
     """Grader of homeworks, usable from several threads, with an empty folder for compiled files.
 
     If it is `strict`, it requires bit-identical results, instead of results that are equal up to rounding.
+    Calls drawn with the same `seed` are the same; it is drawn by default.
     """
 
     def __init__(
@@ -45,7 +75,9 @@ class Grader:
         strict: bool = False,
         limits: Limits = DEFAULT,
         processes: Processes | None = None,
+        seed: int | None = None,
     ):
+        self.seed = randbelow(2**31) if seed is None else seed
         self._folder, self._strict, self._limits = folder, strict, limits
         self._processes = processes or Processes()
         self._compiler = Compiler(folder, self._processes)
@@ -56,16 +88,11 @@ class Grader:
         }
         with self._child({}) as child:
             self._confined = child.confined
-            self.probes = make_probes(child)
-            self.expected = {
-                function: [child.ask(probe.call) for probe in asked]
-                for function, asked in self.probes.items()
-            }
-            fewer = [
-                probe._replace(call=probe.call._replace(max_iterations=probe.call.max_iterations - 1.0))
-                for probe in self.probes[UPDATE]
-            ]
-            self._counting_0 = fewer, [child.ask(probe.call) for probe in fewer]
+            self.fixed, self.drawn = (
+                {function: _round(child, asked) for function, asked in probes.items()}
+                for probes in (make_probes(child), draw_probes(child, self.seed))
+            )
+            """The calls of fixed scenes, and those that are drawn, by function."""
         self.model = Model(self._compiler, folder)
         self._lock = Lock()
         self._count = 0
@@ -114,7 +141,7 @@ class Grader:
                 said[part] = str(error)
         lines = next((lines for part, lines in said.items() if part not in libraries), said[BOTH])
         if not libraries:
-            return Verdict(str(source), lines, seconds=monotonic() - start)
+            return Verdict(str(source), lines, seed=self.seed, seconds=monotonic() - start)
         parts = [self._part(part, libraries, until) for part in (UPDATE, CONTACT)]
         both = self._part(BOTH, libraries, until, all(part.ended is None for part in parts))
         if both.status == "wrong" and all(part.status == "right" for part in parts):
@@ -124,7 +151,8 @@ class Grader:
         warnings = tuple(dict.fromkeys(warning for part in parts for warning in part.warnings))
         wrong = b"".join(part.values for part in parts)
         values = sha256(wrong).hexdigest() if wrong else ""
-        return Verdict(str(source), lines, tuple(parts), warnings, "", values, monotonic() - start)
+        seconds = monotonic() - start
+        return Verdict(str(source), lines, tuple(parts), warnings, "", values, self.seed, seconds)
 
     def _part(self, name: str, libraries: dict[str, Path], until: float, may_run: bool = True) -> Part:
         """Grade one function, or both together."""
@@ -134,42 +162,65 @@ class Grader:
         if not may_run:
             return Part(name, "not run")
         own = {each: libraries[name] for each in (UPDATE, CONTACT) if name in (each, BOTH)}
-        answers: dict[int, Answer] = {}
-        warnings: tuple[Words, ...] = ()
-        ends: dict[str, tuple[int, EndedError]] = {}  # the probe at which it ended, by scene
-        printed, probes = "", self.probes[function]
-        todo = list(range(len(probes)))
-        while todo:
-            try:
-                with self._child(own, self._limits, until) as child:
-                    try:
-                        warnings = _warnings(child)
-                        if not ((child.updates or name == CONTACT) and (child.iterates or name == UPDATE)):
-                            printed = child.printed.strip()
-                            missing = Words(printed, printed) if printed else None
-                            return Part(name, "missing", ended=missing, warnings=warnings)
-                        while todo:
-                            answers[todo[0]] = child.ask(probes[todo[0]].call)
-                            todo.pop(0)
-                    finally:
-                        printed = child.printed
-            except EndedError as error:
-                ends[probes[todo[0]].scene] = todo[0], error
-                is_index = error.how not in (-1, -2)
-                todo = [k for k in todo if is_index and probes[k].scene not in ends]
-        part = self._judged(Part(name, "", printed=printed), answers, ends)
-        values = b"".join(answer.bytes for answer in answers.values()) if part.shown and name != BOTH else b""
-        return replace(part, warnings=warnings, values=values)
+        rounds = self.fixed[function], self.drawn[function]
+        not_run = {probe.scene: Words("not run") for each in rounds for probe in each.probes}
+        part = Part(name, "", scenes=not_run)
+        for each in rounds:
+            answers: dict[int, Answer] = {}
+            ends: dict[str, tuple[int, EndedError]] = {}  # the probe at which it ended, by scene
+            todo = list(range(len(each.probes)))
+            while todo:
+                try:
+                    with self._child(own, self._limits, until) as child:
+                        try:
+                            part = replace(part, warnings=_warnings(child))
+                            if not (
+                                (child.updates or name == CONTACT) and (child.iterates or name == UPDATE)
+                            ):
+                                printed = child.printed.strip()
+                                missing = Words(printed, printed) if printed else None
+                                return Part(name, "missing", ended=missing, warnings=part.warnings)
+                            while todo:
+                                answers[todo[0]] = child.ask(each.probes[todo[0]].call)
+                                todo.pop(0)
+                        finally:
+                            part = replace(part, printed=child.printed)
+                except EndedError as error:
+                    ends[each.probes[todo[0]].scene] = todo[0], error
+                    is_index = error.how not in (-1, -2)
+                    todo = [k for k in todo if is_index and each.probes[k].scene not in ends]
+            if each is rounds[0]:
+                counts_0 = function == UPDATE and _counts_0(each, answers)
+            part = self._judged(part, each, counts_0, answers, ends)
+            if part.status == "wrong":
+                break
+        if part.shown and part.hint and not self._repeats(own, part.shown.call, until):
+            part = replace(part, remark=Words(_UNSET))
+        has_values = part.shown and name != BOTH
+        return replace(part, values=b"".join(a.bytes for a in answers.values()) if has_values else b"")
+
+    def _repeats(self, own: dict[str, Path], call: Call, until: float) -> bool:
+        """Return whether a call has the same result again, with other values in memory that is not set."""
+        try:
+            with self._child(own, self._limits, until) as child:
+                return child.ask(call) == child.ask(call)
+        except EndedError:
+            return True
 
     def _judged(
-        self, part: Part, answered: Mapping[int, Answer], ends: Mapping[str, tuple[int, EndedError]]
+        self,
+        part: Part,
+        asked: Round,
+        counts_0: bool,
+        answered: Mapping[int, Answer],
+        ends: Mapping[str, tuple[int, EndedError]],
     ) -> Part:
+        """Judge the answers to calls that are all fixed or all drawn; only fixed ones name a mistake."""
         function = CONTACT if part.name == CONTACT else UPDATE
-        asked = self.probes[function]
-        modeled, right = asked, self.expected[function]
-        if function == UPDATE and self._counts_0(answered):
-            modeled, right = self._counting_0
-        probes, answers = [asked[k] for k in answered], list(answered.values())
+        modeled, right = (
+            (asked.fewer, asked.expected_of_fewer) if counts_0 else (asked.probes, asked.expected)
+        )
+        probes, answers = [asked.probes[k] for k in answered], list(answered.values())
         expected = [right[k] for k in answered]
         eps = 0.0 if self._strict else DOUBLE
         differences = _differences(probes, expected, answers, eps)
@@ -178,13 +229,12 @@ class Grader:
             if not wrongs.get(probe.scene):
                 wrongs[probe.scene] = first.words() if first else NOTHING
         said = {
-            scene: Words("{where}: it {does}", where=asked[k].place(), does=error.words)
+            scene: Words("{where}: it {does}", where=asked.probes[k].place(), does=error.words)
             for scene, (k, error) in ends.items()
         }
         wrongs |= {scene: wrongs.get(scene) or words for scene, words in said.items()}
-        scenes = {probe.scene: wrongs.get(probe.scene, Words("not run")) for probe in asked}
         ended = next(iter(ends.values()), None)
-        status = "wrong" if any(scenes.values()) else "right"
+        status, scenes = "wrong" if any(wrongs.values()) else "right", {**part.scenes, **wrongs}
         part = replace(part, status=status, scenes=scenes, ended=next(iter(said.values()), None))
         if wrong := [k for k, first in enumerate(differences) if first]:
             k = min(wrong, key=lambda k: probes[k].call.n)
@@ -198,7 +248,9 @@ class Grader:
         found = [k for k, each in enumerate(near) if each]
         calls = [modeled[k] for k in (*answered, *(k for k, _ in ends.values()))]
         hows = [error.how for _, error in ends.values()]
-        mistakes, is_complete = self.model.explain(function, calls, answers, found, ends=hows)
+        mistakes, is_complete = Explanation((), False)
+        if asked is self.fixed[function]:
+            mistakes, is_complete = self.model.explain(function, calls, answers, found, ends=hows)
         if is_complete:
             return replace(part, mistakes=mistakes)
         if mistakes:
@@ -210,18 +262,31 @@ class Grader:
         is_float = not ended and not any(_differences(probes, expected, answers, FLOAT))
         remark = Words("it differs as if float were used: use double" if is_float else _UNKNOWN)
         if not (is_float or ended):
-            remark = _common(probes, expected, found) or remark
+            is_drawn = asked is self.drawn[function]
+            common = _common(probes, expected, found)
+            remark = common or (is_drawn and _extreme(probes, expected, found)) or remark
         return replace(part, hint=hint_of(first), remark=remark)
-
-    def _counts_0(self, answered: Mapping[int, Answer]) -> bool:
-        """Return whether iteration 0 counts for iterMax, so that no step has more than iterMax calls."""
-        asked, right = self.probes[UPDATE], self.expected[UPDATE]
-        ended = [k for k in answered if right[k].calls > asked[k].call.max_iterations]
-        return max((answered[k].calls - asked[k].call.max_iterations for k in ended), default=1) == 0
 
     def _child(self, own: dict[str, Path], limits: Limits = DEFAULT, until: float = inf) -> Child:
         """Start a child process with some functions of the homework and the others of the reference."""
         return Child(self._program, self._reference | own, self._processes, limits, until=until)
+
+
+def _round(child: Child, probes: list[Probe]) -> Round:
+    fewer = [
+        probe._replace(call=probe.call._replace(max_iterations=probe.call.max_iterations - 1.0))
+        for probe in probes
+        if probe.call.iteration < 0
+    ]
+    expected, of_fewer = ([child.ask(probe.call) for probe in each] for each in (probes, fewer))
+    return Round(probes, expected, fewer, of_fewer)
+
+
+def _counts_0(asked: Round, answered: Mapping[int, Answer]) -> bool:
+    """Return whether iteration 0 counts for iterMax, so that no step has more than iterMax calls."""
+    limits = [probe.call.max_iterations for probe in asked.probes]
+    ended = [k for k in answered if asked.expected[k].calls > limits[k]]
+    return max((answered[k].calls - limits[k] for k in ended), default=1) == 0
 
 
 def _warnings(child: Child) -> tuple[Words, ...]:
@@ -238,6 +303,38 @@ def _common(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence
     if 0 < max((probe.call.n for probe in probes if probe.scene not in scenes), default=0) < least:
         return Words("no known mistake explains it; only scenes of {n} or more grains are wrong", n=least)
     return None
+
+
+def _extreme(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence[int]) -> Words | None:
+    """Return a number of calls that is large or small in all wrong ones, if that is hardly chance."""
+    chance, remark = _CHANCE, None
+    for name, number in _NUMBERS.items():
+        values = np.array([number(*each) for each in zip(probes, expected, strict=True)])
+        for sign, relation in ((1.0, ">="), (-1.0, "<=")):
+            limit = (sign * values[wrong]).min()
+            share = float(np.mean(sign * values >= limit) ** len(wrong))
+            if share < chance:
+                value, what = f"{sign * limit:.3g}", Words(name)
+                chance, remark = share, Words(_ONLY, what=what, relation=relation, value=value)
+    return remark
+
+
+def _overlap(probe: Probe, _: Answer) -> float:
+    n, state = probe.call.n, probe.call.state
+    (x, y), r, (i, j) = state[: 2 * n].reshape(2, n), state[4 * n : 5 * n], np.triu_indices(n, 1)
+    return float((r[i] + r[j] - np.hypot(x[j] - x[i], y[j] - y[i])).max(initial=0.0))
+
+
+_NUMBERS: dict[str, Callable[[Probe, Answer], float]] = {
+    "n": lambda probe, _: probe.call.n,
+    "dt": lambda probe, _: probe.call.dt,
+    "gravity": lambda probe, _: float(np.hypot(*probe.call.gravity)),
+    "gamma": lambda probe, _: probe.call.drag,
+    "the deepest overlap": _overlap,
+    "iter": lambda probe, expected: max(probe.call.iteration, expected.calls - 1, 1),
+    "the number of calls before": lambda probe, _: probe.step,
+}
+"""What may be special about calls that are wrong."""
 
 
 def _differences(

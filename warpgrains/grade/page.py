@@ -40,7 +40,7 @@ class Pages:
                 [Words(part.name), *(part.words or [Words(part.status)] * len(scenes))]
                 for part in verdict.parts
             ]
-            parts.append(self._table(["", *scenes], rows))
+            parts += [self._table(["", *scenes], rows), f"<p>{self._say(verdict.seeded())}</p>"]
         for part in verdict.reported_parts():
             parts.append(f"<h2>{self._say(Words(part.name))}</h2><p>{self._say(part.first)}</p><dl>")
             parts += [f"<dt>{self._say(a)}</dt><dd>{self._say(b)}</dd>" for a, b in part.advice()]

@@ -5,10 +5,14 @@ radii differ, grains touch and overlap each other and both walls, the lightest a
 initial speeds close any gap within a step. No parameter is the same in all scenes: neither the number of
 grains, the walls (one scene has no inner wall), gravity, drag and dt, nor tolerance and iterMax. The smallest
 scenes come first.
+
+Other calls are drawn at random, for what a homework does wrong only there: 1 to 300 grains, lengths, masses,
+dt, gravity and drag of all magnitudes, deep overlaps, up to 400 iterations. Calls with few grains are
+repeated, so that there are more than a thousand.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,8 +22,13 @@ from warpgrains.grade.words import Words, joined
 from warpgrains.scene.scene import Scene
 
 FIRST_ITERATIONS = 3  # number of iterations of a step that are called one by one, from 0
+RANDOM = "random"
+"""The scene of the calls that are drawn."""
 _MOST = 30
 _NOISE = 1e-9  # [m/s]: smaller zeta are rounding errors
+_DRAWN, _GRAINS, _CALLS = 24, 300, 400  # scenes; grains, and iterations, at most
+_VISITS = 15_000  # of pairs by a call, about; so a call takes a millisecond
+_REPEATED = 200  # calls from a state, at most
 
 
 class Probe(NamedTuple):
@@ -33,9 +42,24 @@ class Probe(NamedTuple):
         """Return the scene and step, and the iteration (by default that of the call) and contact if any."""
         if iteration is None and self.call.iteration >= 0:
             iteration = self.call.iteration
-        place = [Words("scene {scene}", scene=self.scene), Words("step {step}", step=self.step)]
+        place = [Words("scene {scene}", scene=self.scene)]
+        place += [self._numbers()] if self.scene == RANDOM else [Words("step {step}", step=self.step)]
         place += [] if iteration is None else [Words("iteration {iteration}", iteration=iteration)]
         return joined([*place, *([contact] if contact else [])])
+
+    def _numbers(self) -> Words:
+        call = self.call
+        numbers = {
+            "call": self.step,
+            "n": call.n,
+            "dt": call.dt,
+            "gamma": call.drag,
+            "radiusIn": call.radius_in,
+        }
+        numbers |= dict(zip(("gravity[0]", "gravity[1]"), call.gravity, strict=True))
+        numbers |= {"tol": call.tolerance, "iterMax": call.max_iterations} if call.iteration < 0 else {}
+        text = ", ".join(f"{name} = {value:.4g}" for name, value in numbers.items())
+        return Words(text, text)
 
 
 def make_probes(reference: Child) -> dict[str, list[Probe]]:
@@ -48,9 +72,70 @@ def make_probes(reference: Child) -> dict[str, list[Probe]]:
             if step in steps:
                 iterations, zeta = _iterations(reference, call)
                 contact += [Probe(scene.name, step, each) for each in iterations[:FIRST_ITERATIONS]]
-                update += _updates(Probe(scene.name, step, call), zeta)
+                probe = Probe(scene.name, step, call)
+                update += _updates(probe, zeta, 3 + step % 6, 2 * _MOST + step, _NOISE)
             call = call._replace(state=reference.ask(call).state)
     return {CONTACT: contact, UPDATE: update}
+
+
+def draw_probes(reference: Child, seed: int) -> dict[str, list[Probe]]:
+    """Draw calls of each function; their steps are numbers of calls before them in a process."""
+    random = np.random.default_rng(seed)
+    drawn: dict[str, list[Probe]] = {CONTACT: [], UPDATE: []}
+    sizes = _GRAINS ** ((random.permutation(_DRAWN) + random.uniform(size=_DRAWN)) / _DRAWN)
+    for n in np.rint(sizes).astype(int).tolist():
+        call, pairs = _draw(random, n), n * (n + 1) // 2
+        most = min(_CALLS, 5 + _VISITS // pairs)
+        step = Probe(RANDOM, 0, call._replace(max_iterations=float(most)))
+        answer = reference.ask(step.call)
+        noise = _NOISE * max(call.radius_out / call.dt, np.abs(answer.state[2 * n : 4 * n]).max())
+        limit = int(np.rint(3.0 * ((most - 2) / 3.0) ** random.uniform() ** 0.5))
+        asked = [probe.call for probe in _updates(step, answer.record[:, 2], limit, most, noise)]
+        iterations = 0, 1, int(random.integers(2, most))
+        state = call.state
+        for iteration in iterations:
+            asked.append(call._replace(iteration=iteration, state=state))
+            state = reference.ask(asked[-1]).state
+        for each in asked:
+            probes, right = drawn[UPDATE if each.iteration < 0 else CONTACT], reference.ask(each)
+            if each.radius_in == 0.0 and right != reference.ask(each._replace(radius_in=5e-324)):
+                continue  # the text does not say what a grain at the center does
+            before = probes[-1].step + probes[-1].call.times if probes else 0
+            times = min(_REPEATED, 1 + _VISITS // ((pairs + 10) * max(1, right.calls)))
+            probes.append(Probe(RANDOM, before, each._replace(times=times)))
+    return drawn
+
+
+def _draw(random: np.random.Generator, n: int) -> Call:
+    """Draw the state before a step of n grains, and what holds in it."""
+
+    def magnitude(least: float, most: float, size: int | None = None) -> Any:
+        return 10.0 ** random.uniform(least, most, size)
+
+    has_inner, is_light, is_free = random.uniform(size=3) < (0.7, 0.25, 0.25)
+    dt, outer, mass = (
+        magnitude(-5.0, 0.5),
+        magnitude(-1.0, 1.0),
+        magnitude(-2.0, 2.0) * magnitude(-1.0, 1.0, n),
+    )
+    inner = outer * random.uniform(0.1, 0.6) if has_inner else 0.0
+    angle = random.uniform(0.0, 2.0 * np.pi, n)
+    distance = outer * np.sqrt(random.uniform(max(0.4, inner / outer) ** 2, 1.0, n))
+    radius = outer * np.sqrt(magnitude(-1.5, 0.0) / n) * random.uniform(0.5, 1.5, n)
+    radius = np.minimum(radius, 0.4 * (outer - inner))  # so that no grain touches both walls
+    x, y = distance * np.cos(angle), distance * np.sin(angle)
+    speed = outer / dt * magnitude(-3.0, 0.0)
+    turned = random.uniform(0.0, 2.0 * np.pi)
+    pull = 0.0 if is_light else magnitude(-2.0, 3.0)
+    gravity = pull * float(np.cos(turned)), pull * float(np.sin(turned))
+    drag = 0.0 if is_free else float(mass.min()) / dt * magnitude(-4.0, 0.0)
+    i, j = np.triu_indices(n, 1)
+    is_near = np.hypot(x[j] - x[i], y[j] - y[i]) < 1.5 * (radius[i] + radius[j])
+    kept = speed * random.uniform(0.0, 1.0, len(i)) * (is_near & (random.uniform(size=len(i)) < 0.5))
+    side = random.choice([-1.0, 0.0, 1.0] if has_inner else [0.0, 1.0], n)
+    velocity = speed * random.normal(size=(2, n))
+    state = np.concatenate([x, y, *velocity, radius, mass, speed * random.uniform(size=n) * side, kept])
+    return Call(n, -1, dt, 0.0, 1.0, inner, outer, gravity, drag, state)
 
 
 def _scenes() -> Iterator[tuple[Scene, range]]:
@@ -120,25 +205,24 @@ def _iterations(reference: Child, step: Call) -> tuple[list[Call], FloatArray]:
     return calls, np.array(zeta)
 
 
-def _updates(step: Probe, zeta: FloatArray) -> list[Probe]:
+def _updates(step: Probe, zeta: FloatArray, limit: int, most: int, noise: float) -> list[Probe]:
     """Return the step with a tolerance that zeta passes clearly, and with a limit that ends it before."""
-    limit = 3 + step.step % 6
-    ends = [(_clearest_drop(zeta), 2 * _MOST + step.step), (0.5 * zeta[1 : limit + 3].min(), limit)]
+    ends = [(_clearest_drop(zeta, noise), most), (0.5 * zeta[1 : limit + 3].min(), limit)]
     return [
         step._replace(call=step.call._replace(tolerance=tolerance, max_iterations=float(most)))
         for tolerance, most in ends
-        if tolerance >= _NOISE
+        if tolerance >= noise
     ]
 
 
-def _clearest_drop(zeta: FloatArray) -> float:
+def _clearest_drop(zeta: FloatArray, noise: float) -> float:
     """Return a value between zeta, where it falls furthest below all earlier values, and these."""
     drops = {
-        k: max(zeta[k], _NOISE) / zeta[1:k].min()
+        k: max(zeta[k], noise) / zeta[1:k].min()
         for k in range(2, len(zeta))
-        if max(zeta[k], _NOISE) < zeta[1:k].min()
+        if max(zeta[k], noise) < zeta[1:k].min()
     }
     if not drops:
-        return _NOISE
+        return noise
     last = min(drops, key=lambda k: drops[k])
     return float(np.sqrt(drops[last]) * zeta[1:last].min())

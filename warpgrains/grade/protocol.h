@@ -4,7 +4,7 @@
 #define RECORDED 1024 /* calls of femGrainsContactIterate in an answer, at most */
 
 typedef struct {
-    int n, iter; /* iter < 0: femGrainsUpdate */
+    int n, iter, times; /* iter < 0: femGrainsUpdate; times: calls from the same state, of which the last is answered */
     double dt, tol, iterMax, radiusIn, radiusOut, gravity[2], gamma;
 } Request; /* the arrays of femGrains follow, in the order of the struct */
 

@@ -1,7 +1,7 @@
 """The sandbox: a process (sandbox.c) that executes a homework and answers one call after the other.
 
 The child returns numbers only, and the parent judges them. The sandbox contains no expected result except
-those of the reference function that it calls. It is limited by `Limits`, to a megabyte of output, and has no
+those of the reference function that it calls. It is limited by `Limits`, to 8 megabytes of output, and has no
 access to files, processes and the network.
 """
 
@@ -51,7 +51,7 @@ _CRASHES = {
     "SIGFPE": "crashes: divides a whole number by zero (SIGFPE)",
 }
 _EXITS = {
-    "SIGXFSZ": "prints more than a megabyte",
+    "SIGXFSZ": "prints more than 8 megabytes",
     "SIGXCPU": "computes for too long",
     "SIGKILL": "computes for too long",
     "SIGSYS": "makes a system call that is not allowed, such as starting a program",
@@ -126,7 +126,7 @@ class Request(ctypes.Structure):
     """Numbers of a call (protocol.h)."""
 
     _fields_ = (
-        *((name, ctypes.c_int) for name in ("n", "iter")),
+        *((name, ctypes.c_int) for name in ("n", "iter", "times")),
         *((name, ctypes.c_double) for name in ("dt", "tol", "iterMax", "radiusIn", "radiusOut")),
         ("gravity", ctypes.c_double * 2),
         ("gamma", ctypes.c_double),
@@ -148,11 +148,13 @@ class Call(NamedTuple):
     drag: float
     state: FloatArray
     """Arrays of `FIELDS`, shape (7 n + n (n - 1) / 2,)."""
+    times: int = 1
+    """How often it is called from this state; the last answer counts."""
 
     def request(self) -> Request:
         """Return all but the state."""
-        *numbers, (x, y), drag, _ = self
-        return Request(*numbers, (x, y), drag)
+        n, iteration, *numbers, (x, y), drag, _, times = self
+        return Request(n, iteration, times, *numbers, (x, y), drag)
 
 
 @dataclass(frozen=True, eq=False)

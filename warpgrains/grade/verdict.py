@@ -110,6 +110,8 @@ class Verdict:
     """Reason why the file cannot be read; empty if it can."""
     values: str = ""
     """A hash that two homeworks share if their wrong values are bit-identical; empty without wrong values."""
+    seed: int | None = None
+    """The seed of the calls that are drawn; None if the file cannot be read."""
     seconds: float = 0.0
     """Wall time [s]."""
 
@@ -133,6 +135,10 @@ class Verdict:
         told = alone if any(part.status != "right" for part in alone) else self.parts
         return [part for part in told if part.first]
 
+    def seeded(self) -> Words:
+        """Return how to repeat the verdict."""
+        return Words("(--seed {seed} draws the same calls again)", seed=self.seed)
+
     def text(self, color: bool, language: str = "en") -> str:
         """Return the verdict as text for people."""
 
@@ -145,7 +151,7 @@ class Verdict:
         lines = [f"{printable(self.file)}: {_colored(say(self.status), self.status, color)}"]
         lines += [f"  {paragraph('warning', warning)}" for warning in self.warnings]
         lines += ["", *printable(self.compiler).splitlines()] if self.compiler else []
-        lines += ["", *self._table(color, language)] if self.parts else []
+        lines += ["", *self._table(color, language), say(self.seeded())] if self.parts else []
         for part in self.reported_parts():
             lines += ["", say(Words(part.name)), f"  {say(part.first)}"]
             lines += [f"  {paragraph(heading, said)}" for heading, said in part.advice()]
@@ -186,6 +192,7 @@ class Verdict:
             "warnings": list(self.warnings),
             "compiler": self.compiler,
             "parts": parts,
+            "seed": self.seed,
             "seconds": self.seconds,
         }
 
@@ -202,6 +209,7 @@ class Verdict:
             **{name: status.get(name, self.status) for name in _PARTS},
             "mistakes": say(mistake.name for part in self.parts for mistake in part.mistakes),
             "warnings": say(self.warnings),
+            "seed": "" if self.seed is None else str(self.seed),
             "first": self.first_line(language),
         }
         return {name: printable(cell) for name, cell in row.items()}
