@@ -15,6 +15,9 @@ class InputError(ValueError):
     warpgrains.errors.InputError: drag is -1.0: it must be 0 or more
     """
 
+    def __init__(self, message: str = "") -> None:
+        super().__init__(" ".join(message.splitlines()))  # a value may hold several lines
+
 
 class NoAreaError(InputError):
     """Area that is unknown, of a container that walls leave open or unknown, or of an empty region.

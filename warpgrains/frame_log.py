@@ -28,7 +28,7 @@ Arrays = Mapping[str, NDArray[Any]]
 """One frame: arrays of numbers by name, shape (n,) or (n, k)."""
 
 LOG_SUFFIX = ".frames"
-_KIND = re.compile(r"(\([1-9]\d?,\))?<[fiu][248]")
+_KIND = re.compile(r"(\([1-9][0-9]?,\))?<[fiu][248]")
 _MAGIC = b"warpgrains frames 1\n"
 _HEAD = struct.Struct("<QI")
 _SYNC_FRAMES = 100
@@ -161,7 +161,7 @@ class LogReader:
         with suppress(ValueError, RecursionError):
             header = json.loads(content or b"")
         match header:
-            case {"constants": str(constants), "kinds": dict(kinds)} if _are_kinds(kinds.values()):
+            case {"constants": str(constants), "kinds": dict(kinds)} if kinds and _are_kinds(kinds.values()):
                 self.constants: str = constants
                 self.kinds: dict[str, str] = kinds
             case _:

@@ -11,23 +11,25 @@ import zipfile
 from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
 from checkpoints import rewrite_checkpoint
-from command import exit_code
+from command import exit_code, small_disk
 from recordings import make_frames, record
 from same_bits import contents
 from sample_scenes import SCENE_FILE
 from sweeps import write
 
 import warpgrains
-from warpgrains import Batch, Box, InputError, Scene, Segment, Simulation, analysis
+from warpgrains import Batch, Box, InputError, Polyline, Scene, Segment, Simulation, analysis
 from warpgrains.accuracy import certify
 from warpgrains.analysis.plots import plot_history
 from warpgrains.cli import main as command_line
 from warpgrains.locks import Lock
 from warpgrains.scene.annulus import Annulus
+from warpgrains.scene.bodies import Joints
 from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.region import Region
 from warpgrains.scene.state import first_state
@@ -259,6 +261,36 @@ def test_command(folder, monkeypatch, capfd, command, complaint, missing):
     assert printed.err.startswith("warpgrains: error: ")
     require_line(printed.err.removeprefix("warpgrains: error: ").removesuffix("\n"), complaint)
     assert files(folder) == before
+
+
+def test_exact_steps_that_are_solved_to_the_last_bit():
+    """At tolerance 0, with masses of 1e-3 to 1e3 kg, all products q s of the interior point method vanish."""
+    velocity = [[0.44835621616645077, 0.9061805352307977], [1.3069112702041161, -0.8550261027787118]]
+    velocity += [[0.8026157078296301, 0.3946607284633689]]
+    grains = {"position": [[1 / 6, 1 / 6], [0.5, 1 / 6], [5 / 6, 1 / 6]], "radius": 1 / 15, "dt": 0.1}
+    box = {"domain": Box((0.0, 1.0), (0.0, 1.0)), "scheme": "leapfrog", "method": "exact", "tolerance": 0.0}
+    summary = Simulation(Scene(**grains, **box, velocity=velocity, mass=[1e-3, 1.0, 1e3]), threads=1).run(20)
+    assert summary.overlap < 1e-12
+
+
+def test_compiler_without_room_is_one_line(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "homework.c").write_text(PLAIN)
+    with small_disk(60_000):
+        assert exit_code("grade", "homework.c") != 0
+    assert capfd.readouterr().err.count("\n") == 1
+
+
+def test_joints_of_polylines_take_linear_time():
+    """Twice the corners take twice the time, and not four times as with a test of all pairs."""
+    taken = []
+    for corners in (1500, 6000):
+        angle = np.linspace(0.0, 6.0, corners)
+        walls = Polyline(np.stack([np.cos(angle), np.sin(angle)], axis=1)).segments(0)
+        begun = process_time()
+        assert sum(map(len, Joints(walls).others)) == 2 * (corners - 2)
+        taken.append(process_time() - begun)
+    assert taken[1] < 8.0 * taken[0]  # 4 if linear, 16 if quadratic
 
 
 def test_no_help_text_is_a_riddle():

@@ -94,7 +94,8 @@ def scale(name, number):
 
 
 CODES = "has other time codes than the grains' positions"
-OUTSIDE = "does not contain all grains or bands"
+OUTSIDE = "does not contain all grains, bands or points"
+LARGER = "is larger than that of all grains, bands or points"
 ALL = "(frame 0 and 3 more)"
 FAR = "float32 coordinates are 0.0625 m apart there, but the smallest radius is 0.031 m"
 OF_POINTS = [
@@ -114,6 +115,7 @@ OF_POINTS = [
     ("Grains.points", edit((3, 1), -1e6, 2), f"are rounded: {FAR} (frame 2)"),
     ("Grains.extent", drop(2), CODES),
     ("Grains.extent", edit((0, 0), 0.0, 3), f"{OUTSIDE} (frame 3)"),
+    ("Grains.extent", edit((0, 0), -2.0, 3), f"{LARGER} (frame 3)"),
     ("Grains.extent", edit(..., np.nan, 3), f"{OUTSIDE} (frame 3)"),
     ("Grains.extent", put(Vt.Vec3fArray(1), 3), "is not two corners (frame 3)"),
     ("Grains.primvars:speed", put([0.1], 1), "hold 1 values, not 5 for 5 grains (frame 1)"),
@@ -167,6 +169,14 @@ def test_names_the_attribute_that_is_broken(damaged, form, place, damage, proble
 @pytest.mark.parametrize(("damage", "problem"), OF_THE_STAGE)
 def test_names_what_is_broken(damaged, damage, problem):
     assert problem in inspect_recording(damaged(damage))
+
+
+def test_walls_are_inspected(damaged):
+    for half, problem in {0.0: OUTSIDE, 9.0: LARGER}.items():
+        wrong = put([Gf.Vec3f(-half), Gf.Vec3f(half)])
+        assert f"Outer: extent {problem} {ALL}" in inspect_recording(
+            damaged(within("Walls/Outer.extent", wrong))
+        )
 
 
 def test_instances_are_inspected_at_their_size(damaged):

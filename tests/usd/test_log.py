@@ -103,13 +103,28 @@ class TestLog:
 LAYER = '#usda 1.0\ndef Points "P" {{ int[] a\n point3f[] b\n {} }}\n'
 KINDS = {"/P.a": "<i4", "/P.b": "(3,)<f4"}
 NESTED = {"constants": LAYER.format("customData = {" + "dictionary d = {" * 100_000)}
-NO_KINDS = ["O", 7, None, "V0", "<U4", "<M8", "(0,)<f4", "(999999999,)<f4", "<f3", "", [], "i4,f4", "|b1"]
+NO_KINDS = [
+    "O",
+    7,
+    None,
+    "V0",
+    "<U4",
+    "<M8",
+    "(0,)<f4",
+    "(999999999,)<f4",
+    "<f3",
+    "",
+    [],
+    "i4,f4",
+    "|b1",
+    "(1\u0663,)<f4",
+]
+OTHER_NAMES = ["/P.c"], ["/P"], ["a b"], [""], ["/P.\xe9"], ["/\xe9.a"]
 OTHER_KINDS = ["<f4", "<i8", "<u4", "(3,)<i4"]
 HEADERS = [
     *({"kinds": KINDS | {"/P.a": kind}} for kind in NO_KINDS + OTHER_KINDS),
     *({"kinds": kinds} for kinds in (None, 3, "<f4", ["<f4"])),
-    *({"kinds": dict.fromkeys(names, "<i4")} for names in (["/P.c"], ["/P"], ["a b"], [""])),
-    *({"constants": text} for text in (None, 3, "", "#usda 1.0", "\ud800", LAYER[:40])),
+    *({"kinds": dict.fromkeys(names, "<i4")} for names in OTHER_NAMES),
     NESTED,
     *(b"", b"7", b"{}", b"[" * 100_000, b'{"a":' * 100_000, b"\xff"),
 ]
@@ -132,15 +147,23 @@ def content(lengths, a, b):
 GOOD = content([1, 2], [7], [[1, 2, 3], [4, 5, 6]])
 
 
+def test_empty_records_are_no_frames(tmp_path):
+    """Zeros are records without content: a log whose kinds are none would have one in 12 bytes."""
+    log = crafted(tmp_path, {"kinds": {}}, bytes(12 * 1000))
+    with pytest.raises(InputError, match="is not a log of frames"):
+        recover(log)
+
+
 class TestCrafted:
     @pytest.mark.parametrize("header", HEADERS, ids=lambda one: str(one)[:60])
-    def test_header(self, tmp_path, header):
+    def test_header(self, tmp_path, capfd, header):
         log = crafted(tmp_path, header, GOOD)
         with pytest.raises(
             InputError, match=r"run\.usda\.frames' is (not a log of frames|damaged: )"
         ) as refusal:
             recover(log)
         assert "\n" not in str(refusal.value)
+        assert capfd.readouterr() == ("", "")
         assert list(tmp_path.iterdir()) == [log]
 
     @pytest.mark.parametrize(

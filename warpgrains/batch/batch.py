@@ -257,7 +257,7 @@ class Batch(Shown):
         return errors, lambda k: runs[k].statistics
 
     def _checked_gravity(self, gravity: ArrayLike) -> FloatArray:
-        one = np.ndim(gravity) == 1
+        one = np.iterable(gravity) and not any(map(np.iterable, gravity))
         given = checks.vectors("gravity", [gravity] * len(self) if one else gravity, "scene")
         if len(given) != len(self):
             raise InputError(f"gravity has {len(given)} rows: it must have {len(self)}, one for each scene")

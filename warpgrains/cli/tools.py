@@ -111,19 +111,13 @@ def report(arguments: Namespace) -> bool:
         for library in ("matplotlib", "scipy", "clarabel"):
             import_module(library)
     scenes = [Scene.load(name) for name in arguments.scenes or shipped_scenes()]
-    if not arguments.scenes:
-        # with friction there is no one exact solution, and with driven walls none that is computed;
-        # trajectories of grains that bounce part
-        scenes = [
-            scene
-            for scene in scenes
-            if not (scene.has_friction or scene.has_driven_walls or scene.has_restitution)
-        ]
-    scenes = [scene.replace(on_unconverged="report") for scene in scenes]
     with stdout_to_stderr():
         start_warp()
-        from warpgrains.report.report import write_report
+        from warpgrains.report.report import why_not, write_report
 
+        if not arguments.scenes:
+            scenes = [scene for scene in scenes if not why_not(scene)]
+        scenes = [scene.replace(on_unconverged="report") for scene in scenes]
         written = write_report(scenes, Path(arguments.output), progress=True)
     print("\n".join(map(str, written)))
     return False

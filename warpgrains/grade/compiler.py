@@ -46,10 +46,7 @@ class Compiler:
         self._headers = folder / "headers"
         self._headers.mkdir()
         (self._headers / "fem.h").write_bytes((SOURCE.parent / "fem.h").read_bytes())
-        try:
-            self._run(["cc", *_FLAGS, str(_HERE / "fence.c"), "-o", str(self._fence)], folder)
-        except CompileError as error:
-            raise InputError(f"the C compiler failed: {error}") from None
+        self._compile(self._fence, str(_HERE / "fence.c"))
         self._readable = [str(path) for path in (self._headers, *toolchain_paths())]
         self.is_fenced = self._has_fence(folder / "trial")
         """Whether a homework can include only files of the compiler on this system."""
@@ -85,8 +82,12 @@ class Compiler:
         return self._compile(folder / f"{''.join(defines)}.so", *_options(folder, defines), str(SOURCE))
 
     def _compile(self, output: Path, *arguments: str) -> Path:
-        """Compile a trusted source."""
-        self._run(["cc", *_FLAGS, *DEFINES, _REFERENCE, *arguments, "-o", str(output), "-lm"], output.parent)
+        """Compile a trusted source, or raise InputError."""
+        command = ["cc", *_FLAGS, *DEFINES, _REFERENCE, *arguments, "-o", str(output), "-lm"]
+        try:
+            self._run(command, output.parent)
+        except CompileError as error:
+            raise InputError(f"the C compiler failed: {error}") from None
         return output
 
     def compile_homework(

@@ -50,6 +50,16 @@ frontier.csv, all in m, s and m/s.
 """
 
 
+def why_not(scene: Scene) -> str:
+    """Return the reason why there is no report of a scene; empty if there is one."""
+    reasons = {
+        "has friction, with which a step has no one exact solution": scene.has_friction,
+        "has driven walls, whose exact step is not computed": scene.has_driven_walls,
+        "has restitution, with which trajectories part": scene.has_restitution,
+    }
+    return next((reason for reason, holds in reasons.items() if holds), "")
+
+
 def write_report(scenes: Sequence[Scene], folder: Path, progress: bool = False) -> list[Path]:
     """Measure speed against error of scenes, write a report, and return its files, report.md first.
 
@@ -61,6 +71,9 @@ def write_report(scenes: Sequence[Scene], folder: Path, progress: bool = False) 
             f"two scenes have the name '{name}': rename one, because a report identifies scenes by their"
             " names"
         )
+    for scene in scenes:
+        if reason := why_not(scene):
+            raise InputError(f"scene '{scene.name}' {reason}: leave it out of the report")
     make_folder(folder)
     budget, found = Budget(), Findings()
     pictures: list[Path] = []

@@ -14,6 +14,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.geometry import ROUNDING, Circle, area_below, directions, distance
 
 SMALLEST, LARGEST = 1e-140, 1e150  # m, of the radius of the outer wall
+MOST_RADII = 1e12  # radius of the outer wall, in smallest grain radii; beyond it doubles cannot resolve a gap
 WALLS = ("tangent", "round")
 NO_WALL = "none"  # of the circle about a box
 OUTER, INNER, INSIDE = 0, 1, 2

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 NO_CIRCLE = 1e100  # m, radius of the outer wall of the device where there is a box
 CLOSE = 1e-9  # how far an end may be off the other wall, as a part of the size of the larger one
+ACROSS = np.array([np.cos(1.0), np.sin(1.0)])  # direction in which ends are sorted, along no usual wall
 FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as in kernels/walls.py
 
 
@@ -41,10 +42,16 @@ class Joints:
         found: list[list[int]] = [[] for _ in range(2 * len(walls))]
         ends = np.concatenate([np.zeros((0, 2)), *(wall.ends for wall in walls)])
         owner = np.repeat(np.arange(len(walls)), [len(wall.ends) for wall in walls])
-        size = [wall.circle[2] if len(wall.ends) > 0 else 0.0 for wall in walls]
+        size = np.array([wall.circle[2] if len(wall.ends) > 0 else 0.0 for wall in walls])
+        order = np.argsort(ends @ ACROSS)
+        place = ends[order] @ ACROSS
         for other, wall in enumerate(walls if len(ends) > 0 else ()):
-            off = np.abs(wall.side(ends, np.zeros(len(ends))).gap)
-            for end in np.flatnonzero(off <= CLOSE * np.maximum(np.array(size)[owner], size[other])).tolist():
+            x, y, reach = wall.circle
+            reach += 2.0 * CLOSE * (size.max() + abs(x) + abs(y))
+            first, last = np.searchsorted(place, (x, y) @ ACROSS + np.array([-reach, reach]))
+            near = np.sort(order[first:last])
+            off = np.abs(wall.side(ends[near], np.zeros(len(near))).gap)
+            for end in near[off <= CLOSE * np.maximum(size[owner[near]], size[other])].tolist():
                 own = walls[k := owner[end]]
                 if (
                     k != other
@@ -68,6 +75,8 @@ class Joints:
         end = np.where(gap <= radius, wall.end_of(x), -1)
         for which, others in enumerate(self.of(number)):
             grain, known = np.flatnonzero(end == which), sorted([*others, number])
+            if len(grain) == 0:
+                continue
             gaps = np.array([self._walls[k].side(x[grain], radius[grain]).gap for k in known])
             nearest, least = gaps.argmin(axis=0), gaps.min(axis=0)
             for place, other in enumerate(known):

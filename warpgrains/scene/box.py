@@ -17,7 +17,7 @@ from warpgrains.scene.annulus import NO_WALL, Annulus
 from warpgrains.scene.line import Line
 from warpgrains.scene.motion import AT_REST
 from warpgrains.scene.region import Region
-from warpgrains.scene.row import Row
+from warpgrains.scene.row import MOST_SHOWN, Row
 from warpgrains.scene.wall import Wall
 
 Ends = tuple[float, float]
@@ -219,6 +219,9 @@ class Box:
 
     def _rows(self, line: Line, radius: float, spacing: float) -> Iterator[Wall]:
         """Yield the discs on a side, in two rows: a disc of each is between two of the other."""
+        largest = max(line.length, *map(abs, line.point))
+        if spacing < (least := 2.0 * largest / MOST_SHOWN):
+            raise InputError(f"roughness.spacing is {spacing} m: it must be at least {least:.3g} m")
         # a whole number of steps, so that the discs continue beyond periodic sides
         step = line.length / max(1, round(line.length / (2.0 * spacing)))
         common: dict[str, Any] = {own.name: getattr(line, own.name) for own in fields(Wall)}

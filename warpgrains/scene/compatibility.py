@@ -13,7 +13,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import INNER, INSIDE, OUTER
+from warpgrains.scene.annulus import INNER, INSIDE, LARGEST, MOST_RADII, OUTER, SMALLEST
 from warpgrains.scene.energy import TOLERANCES
 from warpgrains.scene.geometry import require_distinct, wrapped
 from warpgrains.scene.line import Line
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody is warned
 ROUNDED = 1e-9  # of a number of steps of a row
 MOST_STEPS = 1e12  # start time, in steps
-MOST_RADII = 1e12  # radius of the outer wall, in smallest grain radii; beyond it doubles cannot resolve a gap
 FARTHEST = 1e6  # distance of a periodic box from the origin, in smallest radii: places beyond it lose digits
 
 
@@ -124,6 +123,17 @@ def _of_steps(scene: Scene) -> Iterator[str]:
         yield (
             f"drag is {scene.drag} kg/s: drag dt / m is not finite for dt {dt} s and"
             f" grain {lightest} of mass {mass} kg"
+        )
+    too_extreme = (scene.mass < SMALLEST) | (scene.mass > LARGEST)
+    if too_extreme.any():
+        yield (
+            f"{checks.first_bad('mass', scene.mass, too_extreme)}: it must be between {SMALLEST:g} and"
+            f" {LARGEST:g} kg, for products of masses to be finite"
+        )
+    if not isfinite(float(scene.mass.max()) * scene.radius_out / dt / dt):
+        yield (
+            f"dt is {dt} s: forces of {scene.mass.max()} kg that moves {scene.radius_out} m in a step are"
+            " not finite"
         )
     if abs(scene.time) >= MOST_STEPS * dt:
         yield (

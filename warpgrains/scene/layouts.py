@@ -14,6 +14,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import MOST_RADII
 from warpgrains.scene.placing import grow, place_at_random
 from warpgrains.scene.radii import drawn_radii, listed_radii
 from warpgrains.scene.region import Region, region_of
@@ -187,6 +188,7 @@ def _random_radii(
     if (count is None) == (fraction is None):
         raise InputError("layout 'random' needs one of grains.count and grains.packing_fraction")
     draw, largest = drawn_radii(radius, generator)
+    _radius(region, largest)
     if fraction is None:
         return draw(_count(count))
     wanted = checks.positive("grains.packing_fraction", fraction) * region.area
@@ -236,6 +238,9 @@ def _radius(space: Region, value: Any) -> float:
     widest = min(space.ring.largest_radius, *((high - low) * np.where(space.period > 0.0, 0.25, 0.5)))
     if radius > widest or radius == space.ring.radius_out:
         raise InputError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
+    if radius * MOST_RADII <= space.ring.radius_out:
+        least = space.ring.radius_out / MOST_RADII
+        raise InputError(f"grains.radius is {radius} m: it must be more than {least:.3g} m in this domain")
     return radius
 
 

@@ -15,6 +15,7 @@ from warpgrains.scene.geometry import left_of
 from warpgrains.scene.wall import InfiniteWall, Wall, kind_of_wall
 
 _POINTS = 16  # of the drawing of a disc
+MOST_SHOWN = 1e5  # discs of a row in pictures
 _ROUNDED = 1e-9  # of places, in steps
 
 Vector = tuple[float, float]
@@ -61,6 +62,11 @@ class Row(InfiniteWall):
         super().__post_init__()
         if not hypot(*self.step) >= 2.0 * self.radius:
             raise InputError(f"step of a row is {self.step}: discs of radius {self.radius} m would overlap")
+        if self.length > MOST_SHOWN * hypot(*self.step):
+            raise InputError(
+                f"length of a row is {self.length} m: it must be at most {MOST_SHOWN:g} steps of"
+                f" {hypot(*self.step)} m"
+            )
 
     @property
     def numbers(self) -> tuple[float, ...]:

@@ -33,7 +33,8 @@ def checked_walls(field: str, value: Any) -> tuple[Wall, ...]:
             parts = wall.segments(k)
             if wall.name is None and any(parts[0].name == other.name for other in walls):
                 raise InputError(f"{field}[{k}] has no name: give it one other than {parts[0].name}")
-        if (largest := max(abs(number) for part in parts for number in part.numbers)) > LARGEST:
+        lengths = [abs(number) for part in parts for number in (*part.numbers, getattr(part, "length", 0.0))]
+        if (largest := max(lengths)) > LARGEST:
             raise InputError(
                 f"{field}[{k}] has the length or coordinate {largest} m: it must be at most {LARGEST:g} m,"
                 " for squares of distances to be finite"

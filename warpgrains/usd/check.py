@@ -36,6 +36,7 @@ from warpgrains.usd.stage import (
 )
 
 _HALF = 1e-3  # of a quaternion: half precision, and angles as float32 up to 1e4 rad
+_ROUNDED = 4  # float32 steps by which an extent may be larger than what it contains
 _FINITE, _POSITIVE = (-np.inf, np.inf, "finite"), (0.0, np.inf, "positive and finite")
 
 
@@ -173,6 +174,9 @@ def _frame_problems(stage: Usd.Stage, rows: list[Row], code: float) -> Iterator[
     counts["own grains"] = own, f"{own} grains"  # images of others follow
     half_width = size[:, 0] if size.ndim == 2 else size / 2.0
     drawn = [(grains, position, half_width)] if len(size) in (1, n) else []
+    for wall in stage.GetPrimAtPath(WALLS).GetChildren() if stage.GetPrimAtPath(WALLS) else ():
+        points = _values(wall.GetAttribute("points"), code)
+        drawn += [(wall, points, np.zeros(len(points)))] if len(points) else []
     if forces:
         corners, sides = (_values(forces.GetAttribute(name), code) for name in ("points", "faceVertexCounts"))
         bands = f"{len(sides)} bands"
@@ -187,7 +191,8 @@ def _frame_problems(stage: Usd.Stage, rows: list[Row], code: float) -> Iterator[
         if not ((low < values) & (values < high)).all():
             yield f"{name} are not all {what}"
     for prim, places, reach in drawn:
-        yield from _extent_problems(_values(prim.GetAttribute("extent"), code), places, reach)
+        for problem in _extent_problems(_values(prim.GetAttribute("extent"), code), places, reach):
+            yield f"{prim.GetName()}: {problem}" if prim.GetParent().GetPath() == WALLS else problem
     if len(size) and half_width.min() > 0.0 and (complaint := too_coarse(position, half_width)):
         yield f"{position_of(grains).GetName()} are rounded: {complaint}"
     angle, turned = (_values(grains.GetAttribute(name), code) for name in (f"primvars:{ANGLE}", ORIENTATIONS))
@@ -200,8 +205,14 @@ def _extent_problems(extent: Values, places: Values, half_width: Values) -> Iter
         yield "extent is not two corners"
         return
     centre, reach = places.astype(np.float64), half_width.astype(np.float64)[:, np.newaxis]
-    if not ((centre - reach >= extent[0]) & (centre + reach <= extent[1])).all():
-        yield "extent does not contain all grains or bands"
+    low, high = (centre - reach).min(axis=0), (centre + reach).max(axis=0)
+    if not ((low >= extent[0]) & (high <= extent[1])).all():
+        yield "extent does not contain all grains, bands or points"
+        return
+    # it is rounded outwards, from half widths before they were rounded
+    slack = _ROUNDED * float(np.spacing(np.float32(np.abs(extent).max())))
+    if not ((low <= extent[0] + slack) & (high >= extent[1] - slack)).all():
+        yield "extent is larger than that of all grains, bands or points"
 
 
 def _size_of(grains: Usd.Prim) -> Usd.Attribute:

@@ -92,7 +92,7 @@ def _constants(reader: LogReader) -> Sdf.Layer:
     """Return the constants of a log. Raises ValueError unless they have an attribute for each array."""
     layer = _layer_of(reader.constants)
     for name, kind in reader.kinds.items():
-        spec = layer.GetAttributeAtPath(name)
+        spec = layer.GetAttributeAtPath(name) if Sdf.Path.IsValidPathString(name)[0] else None
         if spec is None or kind_of(_logged(spec.typeName.defaultValue)) != kind:
             raise ValueError(f"it has no attribute {name} of type {kind}")
     return layer

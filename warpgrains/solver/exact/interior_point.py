@@ -90,7 +90,7 @@ def solve(
     """Solve a step from the corrections of some sweeps, to a natural residual of `tolerance` [m/s].
 
     If this residual is not reached, the best corrections are returned; they may be those given. Once it is
-    below `near` [m/s], a short step ends the iteration.
+    below `near` [m/s], a short step ends the iteration, and where all q s are 0 no step is left.
     """
     unit = problem.unit
     matrix.take(problem.rows)
@@ -98,7 +98,7 @@ def solve(
     lowest, stalled = np.inf, 0
     at, mu = _begin(problem, q)
     count, wider = 0, WIDER
-    while count < MOST and not problem.is_infeasible(at.q):
+    while count < MOST and at.gap() > 0.0 and not problem.is_infeasible(at.q):
         count += 1
         way = _direction(problem, matrix, at)
         a = at.longest(way)
