@@ -103,28 +103,14 @@ class TestLog:
 LAYER = '#usda 1.0\ndef Points "P" {{ int[] a\n point3f[] b\n {} }}\n'
 KINDS = {"/P.a": "<i4", "/P.b": "(3,)<f4"}
 NESTED = {"constants": LAYER.format("customData = {" + "dictionary d = {" * 100_000)}
-NO_KINDS = [
-    "O",
-    7,
-    None,
-    "V0",
-    "<U4",
-    "<M8",
-    "(0,)<f4",
-    "(999999999,)<f4",
-    "<f3",
-    "",
-    [],
-    "i4,f4",
-    "|b1",
-    "(1\u0663,)<f4",
-]
+NO_KINDS = ["O", 7, None, "V0", "<U4", "<M8", "(0,)<f4", "(999999999,)<f4", "<f3", "", [], "i4,f4", "|b1"]
 OTHER_NAMES = ["/P.c"], ["/P"], ["a b"], [""], ["/P.\xe9"], ["/\xe9.a"]
-OTHER_KINDS = ["<f4", "<i8", "<u4", "(3,)<i4"]
+OTHER_KINDS = ["<f4", "<i8", "<u4", "(3,)<i4", "(1\u0663,)<f4"]
 HEADERS = [
     *({"kinds": KINDS | {"/P.a": kind}} for kind in NO_KINDS + OTHER_KINDS),
     *({"kinds": kinds} for kinds in (None, 3, "<f4", ["<f4"])),
     *({"kinds": dict.fromkeys(names, "<i4")} for names in OTHER_NAMES),
+    *({"constants": text} for text in (None, 3, "", "#usda 1.0", "\ud800", LAYER[:40])),
     NESTED,
     *(b"", b"7", b"{}", b"[" * 100_000, b'{"a":' * 100_000, b"\xff"),
 ]
