@@ -131,10 +131,8 @@ def grain_at_other_image(s: Scene) -> int:
         largest = wp.max(largest, at(s.grains.radius, i))
     path, period = s.dt * (high - low), s.walls.period
     free = f64(0.5) * period - wp.vec2d(f64(2.0) * largest, f64(2.0) * largest)
-    across_x, across_y = (
-        period[0] > f64(0.0) and path[0] > free[0],
-        period[1] > f64(0.0) and path[1] > free[1],
-    )
+    across_x = period[0] > f64(0.0) and path[0] > free[0]
+    across_y = period[1] > f64(0.0) and path[1] > free[1]
     if not (across_x or across_y):
         return -1
     for i in range(grain_count(s)):

@@ -72,7 +72,7 @@ def pressed_length(s: Scene, j: int) -> f64:
     if j == grain_count(s):
         return -(TURN * s.walls.annulus.radius_out)
     drive = at(s.walls.drive, j - grain_count(s))
-    first, last = int(drive[DriveOf.BETWEEN]), int(drive[DriveOf.AND])
+    first, last = int(drive[DriveOf.FROM_LINE]), int(drive[DriveOf.TO_LINE])
     if first == 0:
         return drive[DriveOf.LENGTH]
     return -(height_of_line(s, first) + height_of_line(s, last))

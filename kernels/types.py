@@ -49,9 +49,9 @@ class DriveOf(IntEnum):
     INVERSE_MASS = 0  # [1/kg]; 0 where no force acts on it
     FORCE = 1  # [N]
     PRESSURE = 2  # [N/m]
-    LENGTH = 3  # of a line on which it acts [m], unless it is
-    BETWEEN = 4  # this wall
-    AND = 5  # and that one
+    LENGTH = 3  # of a line on which it acts [m], unless two others bound it:
+    FROM_LINE = 4  # the bodies of these; 0 if none do
+    TO_LINE = 5
     DIRECTION_X = 6  # 0 for the outer circle, as the next
     DIRECTION_Y = 7
     LEADER = 8  # the wall whose speed and coordinate it has: its own number, or that of a row's line

@@ -131,10 +131,8 @@ class Motion:
 
     def progress(self, time: float) -> float:
         """Return how long the wall would have moved at its velocities to be where it is at a time [s]."""
-        moved, rate = (
-            min(max(time, self.starts_at), self.stops_at) - self.starts_at,
-            2.0 * pi * self.frequency,
-        )
+        moved = min(max(time, self.starts_at), self.stops_at) - self.starts_at
+        rate = 2.0 * pi * self.frequency
         return (sin(rate * moved + self.phase) - sin(self.phase)) / rate if rate else moved
 
     def share(self, begin: float, end: float) -> float:
