@@ -31,6 +31,7 @@ from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, body_count, grain_count,
 
 f64 = wp.float64
 IN_MEAN = wp.constant(1024)  # grains, at most, of the mean velocity of the frame
+MOST_RADII = wp.constant(f64(1e12))  # longest way in a step, as scene/annulus.py has it of the domain
 ROUNDED = wp.constant(f64(1.0 + 1e-13))  # above the rounding of `elapsed`, a sum of at most 64 steps
 
 
@@ -127,12 +128,20 @@ def find_frame(s: Scene):
 
 
 @wp.func
+def is_resolved(s: Scene, i: int) -> bool:
+    """Return whether a body's place after the step is finite, and rounded by less than its radius."""
+    way = s.dt * at(s.grains.next_velocity, i)
+    most = MOST_RADII * s.tuning.smallest_radius
+    return is_finite(at(s.grains.position, i) + way) and wp.length_sq(way) <= most * most
+
+
+@wp.func
 def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
     """Check that a skin leaves `least` [m], also for `foreseen` times the last step's deviation."""
     x = at(s.grains.position, i)
     peak = wp.max(peak_of(s, i), foreseen * at(s.verlet.recent_deviation, i))
     used = displacement(s, x, i) + s.dt * peak
-    if not is_finite(x + s.dt * at(s.grains.next_velocity, i)):
+    if not is_resolved(s, i):
         s.verlet.flags.bad_body = i  # check_all finds the last one
     elif not (used + least <= at(s.verlet.skin, i)):
         s.verlet.flags.list_expired = 1
@@ -186,7 +195,7 @@ def check_all(s: Scene, least: f64):
         s.verlet.flags.list_expired = 1
     if s.verlet.flags.bad_body >= 0:
         for i in range(body_count(s)):
-            if not is_finite(at(s.grains.position, i) + s.dt * at(s.grains.next_velocity, i)):
+            if not is_resolved(s, i):
                 s.verlet.flags.bad_body = i
 
 

@@ -93,7 +93,13 @@ def _of_domain(scene: Scene) -> Iterator[str]:
     """Yield which walls do not continue beyond periodic sides, and which rows are alone."""
     periods = scene.period.tolist()
     period = min((own for own in periods if own > 0.0), default=inf)
+    smallest = scene.smallest_radius
     for k, wall in enumerate(scene.walls):
+        if (largest := max(map(abs, wall.numbers))) >= MOST_RADII * smallest:
+            yield (
+                f"walls[{k}] has the length or coordinate {largest} m: it must be less than {MOST_RADII:g}"
+                f" radii of {smallest} m, because float64 could not resolve gaps"
+            )
         if isinstance(wall, Row) and not any(wall.fills_gaps_of(other) for other in scene.walls):
             yield f"walls[{k}] is {wall}: another row must have its discs in the middle between these"
         which = f"walls[{k}], {wall.one()}, in a periodic box:"

@@ -195,8 +195,8 @@ def _random_radii(
     radii = np.empty(0)
     while (area := np.pi * np.cumsum(radii**2)).size == 0 or area[-1] < wanted:
         missing = 1.0 if area.size == 0 else (wanted - area[-1]) / area[-1]
-        more = int(missing * max(len(radii), wanted / (np.pi * largest**2))) + 1
-        radii = np.append(radii, draw(_count(min(more, MOST_GRAINS))))
+        more = missing * max(len(radii), wanted / (np.pi * largest**2))
+        radii = np.append(radii, draw(int(min(more + 1.0, MOST_GRAINS))))
         _count(len(radii))
     kept = int(np.searchsorted(area, wanted, side="right"))
     if kept == 0:

@@ -83,8 +83,9 @@ class Scene(SceneFields, Shown):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        self._check(FIELDS)
-        require_valid_positions(self)
+        with np.errstate(all="ignore"):  # the checks find what is not finite, and say so in one line
+            self._check(FIELDS)
+            require_valid_positions(self)
 
     def _check(self, names: Collection[str]) -> None:
         """Check fields, but not the places of the grains, and keep them in the form of a scene."""

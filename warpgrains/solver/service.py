@@ -117,7 +117,7 @@ def _excess(scene: Scene, velocity: list[float]) -> str:
     path = scene.dt * max(map(abs, velocity))
     return (
         f"in a step of {scene.dt} s it would move by {path:.3g} m, out of the domain of radius"
-        f" {scene.radius_out} m, and the square of that is not finite"
+        f" {scene.radius_out} m, and too far for float64 to resolve gaps"
     )
 
 
