@@ -5,6 +5,7 @@ import io
 import os
 import re
 import shlex
+import shutil
 import sys
 import tomllib
 import zipfile
@@ -16,7 +17,7 @@ from time import process_time
 import numpy as np
 import pytest
 from checkpoints import rewrite_checkpoint
-from command import exit_code, small_disk
+from command import exit_code, require_refusal
 from recordings import make_frames, record
 from same_bits import contents
 from sample_scenes import SCENE_FILE
@@ -273,12 +274,16 @@ def test_exact_steps_that_are_solved_to_the_last_bit():
     assert summary.overlap < 1e-12
 
 
-def test_compiler_without_room_is_one_line(tmp_path, monkeypatch, capfd):
+def test_compiler_that_fails_is_one_line(tmp_path, monkeypatch, capfd):
+    """As one without room for its files does, after it has compiled something smaller."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "homework.c").write_text(PLAIN)
-    with small_disk(60_000):
-        assert exit_code("grade", "homework.c") != 0
-    assert capfd.readouterr().err.count("\n") == 1
+    fails = '#!/bin/sh\ncase "$*" in *sandbox.c*) echo full; echo disk; exit 1;; esac\n'
+    (tmp_path / "cc").write_text(f'{fails}exec {shutil.which("cc")} "$@"\n')
+    (tmp_path / "cc").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    assert exit_code("grade", "homework.c") == 2
+    require_refusal(capfd, "the C compiler failed: full disk")
 
 
 def test_joints_of_polylines_take_linear_time():
