@@ -173,7 +173,7 @@ def _shear() -> Iterable[Sequence[str]]:
     for row in rows:
         cases.setdefault((row["n"], row["I"]), []).append(row)
     for (n, number), case in cases.items():
-        for program in dict.fromkeys(row["program"] for row in rows):
+        for program in dict.fromkeys(row["program"] for row in case):
             fit = (row for row in case if row["program"] == program and error(row, case) <= ACCURACY)
             best = min(fit, key=lambda row: float(row["s of a strain"]), default=None)
             head = f"{int(n):,}", number, program
