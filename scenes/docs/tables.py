@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from tests.bench.__main__ import BENCHES
-from tests.bench.shear import FIGURES, error
+from tests.bench.plane_shear import FIGURES, error
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES
 from warpgrains.cli.scenes import keys, wall_keys
 from warpgrains.scene.radii import DISTRIBUTIONS, OF_MEAN

@@ -4,7 +4,7 @@ python scenes/programs/time_and_overlap.py [peers|shear] [--csv CSV] [-o PNG]
 
 For the common flow (peers), the time is that of 10 ms, and the error is the worst overlap of two grains. For
 plane shear, the time is that of a unit of strain, and the error is the largest relative one of mu, phi and
-rate (tests.bench.shear.error). Lines join the settings of a program that no other setting beats in both.
+rate (tests.bench.plane_shear.error). Lines join the settings of a program that no other one beats in both.
 """
 
 import argparse
@@ -19,7 +19,7 @@ import matplotlib
 matplotlib.use("Agg")
 from matplotlib import pyplot
 
-from tests.bench.shear import error
+from tests.bench.plane_shear import error
 
 ROOT = Path(__file__).parents[2]
 OURS = {

@@ -35,7 +35,7 @@ BENCHES = {
     ),
     "shear": Bench(
         "plane shear in this and other programs",
-        "shear.rows",
+        "plane_shear.rows",
         {"grains": [400], "rates": [0.1], "seeds": 1, "longest": 60.0},
         {"grains": [400, 4_000], "rates": [0.1, 0.01], "seeds": 3, "longest": 2e3},
     ),

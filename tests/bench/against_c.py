@@ -15,7 +15,7 @@ from warpgrains import Scene, Simulation, State
 from warpgrains.kernels.record import Phase
 from warpgrains.kernels.step import METHODS
 from warpgrains.kernels.threads import team_records
-from warpgrains.reference.reference import SOURCE, Reference
+from warpgrains.reference.reference import DEFINES, SOURCE, Reference
 from warpgrains.solver.sizes import kind_of
 
 from ..support.same_bits import assert_same_bits
@@ -46,7 +46,7 @@ def compiled(compiler: str, flags: Sequence[str], sources: Sequence[Path]) -> ct
 
 @cache
 def library() -> ctypes.CDLL:
-    loaded = compiled("gcc", [f"-I{SOURCE.parent}"], [SOURCE, Path(__file__).with_name("in_c.c")])
+    loaded = compiled("gcc", [f"-I{SOURCE.parent}", *DEFINES], [SOURCE, Path(__file__).with_name("in_c.c")])
     loaded.sweeps.restype = ctypes.c_double
     return loaded
 

@@ -17,7 +17,7 @@ from pages import PAGES
 
 from warpgrains.files import read_table
 from warpgrains.grade.sandbox import CONTACT, UPDATE
-from warpgrains.reference.reference import SOURCE
+from warpgrains.reference.reference import DEFINES, SOURCE
 
 EXCHANGED = PLAIN_WRONG["masses exchanged in the share of a pair"]
 
@@ -59,7 +59,8 @@ def test_one_that_does_not_compile(tmp_path, capfd):
 
 def test_strict_lets_only_the_bits_of_the_reference_pass(tmp_path, capfd):
     header = (SOURCE.parent / "grains.h").read_text()
-    text = f"#define NOCREATE\n{header}" + SOURCE.read_text().replace('#include "grains.h"', "")
+    places = "".join(f"#define {one[2:].replace('=', ' ')}\n" for one in DEFINES)
+    text = f"#define NOCREATE\n{places}{header}" + SOURCE.read_text().replace('#include "grains.h"', "")
     assert exit_code("grade", homework(tmp_path / "homework.c", text), "--strict") == 0
     assert exit_code("grade", homework(tmp_path / "homework.c"), "--strict") == 1
     assert capfd.readouterr().out.count("it differs by rounding only") == 2

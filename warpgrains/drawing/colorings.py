@@ -62,8 +62,8 @@ def speed_scale(scene: Scene) -> float:
         rim = wall.border.radius if wall.border is not None and scene.has_friction else 0.0
         found.append(wall.largest_speed(wall.farthest(wall.about) + rim))
         if wall.drive is not None:
-            inverse_mass, force, *_ = wall.drive
-            found.append(sqrt(2.0 * abs(force) * scene.widest / (1.0 / inverse_mass + mass)))
+            whole = 1.0 / wall.drive.inverse_mass + mass
+            found.append(sqrt(2.0 * abs(wall.drive.given_force) * scene.widest / whole))
     return max(found)
 
 
@@ -84,7 +84,7 @@ def pressure_scale(scene: Scene) -> float:
     stopped within one step from the scene's largest speed, or if that is zero, from a radius per step.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
-    driven = [abs(wall.drive[1]) / _length(wall) for wall in scene.walls if wall.drive is not None]
+    driven = [abs(wall.drive.given_force) / _length(wall) for wall in scene.walls if wall.drive is not None]
     given = 4.0 * max([abs(scene.pressure or 0.0), *driven])
     if weight > 0.0 or given > 0.0:
         return max(given, weight / (scene.widest / 4.0))

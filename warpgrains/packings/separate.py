@@ -123,7 +123,7 @@ def _wide(box: Box) -> Box:
 
 
 def _at_rest(wall: Wall) -> Wall:
-    """Return a wall of the same shape, without anything that all kinds may have: motion, laws, a name."""
-    shared = {own.name for own in fields(StraightWall)}
+    """Return a wall of the same shape, without what several kinds may have: motion, forces, laws, a name."""
+    shared = {"pressure", *(own.name for own in fields(StraightWall))}
     changes: dict[str, Any] = {own.name: own.default for own in fields(wall) if own.name in shared}
     return replace(wall, **changes)

@@ -43,6 +43,11 @@ class Drive(NamedTuple):
     leader: int = 0
     """The body whose speed and coordinate the wall has: itself, or the line of a row."""
 
+    @property
+    def given_force(self) -> float:
+        """Force on a wall inside that is as long as it is given [N]."""
+        return self.force + self.pressure * self.length
+
 
 def _checked_name(field: str, name: Any) -> str:
     if not _NAME.fullmatch(checks.text(field, name)):
