@@ -185,12 +185,8 @@ class Bodies:
 
     def _between(self, k: int) -> tuple[int, int]:
         """Return the bodies of the two opposite lines that bound a line, body 1 + k, or (0, 0)."""
-        line, lines = (
-            self.inside[k],
-            {b: wall for b, wall in enumerate(self.inside, 1) if isinstance(wall, Line)},
-        )
-        assert isinstance(line, Line)
-        found = [b for b, other in lines.items() if other.bounds(line)]
+        lines = {b: wall for b, wall in enumerate(self.inside, 1) if isinstance(wall, Line)}
+        found = [b for b, other in lines.items() if other.bounds(lines[1 + k])]
         pairs = [(a, b) for a, b in pairwise(found) if np.dot(lines[a].normal, lines[b].normal) < 0.0]
         return pairs[0] if pairs else (0, 0)
 

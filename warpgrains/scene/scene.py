@@ -333,19 +333,16 @@ class Scene(SceneFields, Shown):
 
         `position` is that of all grains [m], and `time` that of the start of the step [s] (eq. 26b).
         """
-        normal, gap = self.wall_frames(position, wall, time=time)
         found = np.zeros(wall.shape)
         for number in np.unique(wall[:, 1]).tolist():
             own = wall[:, 1] == number
             found[own, 1] = self.surface_speed(number)
-            if number >= INSIDE:
-                moving, grain = self.walls[number - INSIDE], wall[own, 0]
-                if moving.moves:
-                    x = moving.nearest_images(position[grain], self.period, time)
-                    reach = self.radius[grain] + gap[own]
-                    found[own] = moving.velocity_at_contacts(
-                        time, time + self.dt, self.dt, x, reach, normal[own]
-                    )
+            if number >= INSIDE and (moving := self.walls[number - INSIDE]).moves:
+                x, radius = position[wall[own, 0]], self.radius[wall[own, 0]]
+                normal, gap = self.side(number, x, radius, time=time)
+                x = moving.nearest_images(x, self.period, time)
+                end = time + self.dt
+                found[own] = moving.velocity_at_contacts(time, end, self.dt, x, radius + gap, normal)
         return found
 
     @property

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
 from warpgrains.errors import SimulationError, requiring
 from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE, TOO_FAR
 from warpgrains.scene.geometry import nearest_image
@@ -66,9 +65,8 @@ def _reason(records: SceneRecords, k: int, outcome: int) -> str:
             f" of {scene.dt} s it would leave no room for the grains, or its place would not be finite"
         )
     reached = f"grain {body} reached a velocity of {velocity} m/s"
-    places, velocities = (records.array(k, f"grains.{name}") for name in ("position", "next_velocity"))
-    other = _across(scene, body, places, velocities) if scene.period.any() else None
-    if outcome == TOO_FAR and other is not None:
+    is_across = outcome == TOO_FAR and scene.period.any()
+    if is_across and (other := _across(records, k, body)) is not None:
         return (
             f"{reached}: in a step of {scene.dt} s it would meet grain {other} by two of its images in the"
             " periodic box: dt must be shorter"
@@ -97,12 +95,13 @@ def _wall_without_normal(records: SceneRecords, k: int, grain: int, path: float)
     return None
 
 
-def _across(scene: Scene, grain: int, position: FloatArray, velocity: FloatArray) -> int | None:
+def _across(records: SceneRecords, k: int, grain: int) -> int | None:
     """Return a grain that meets another in a step by an image that is not its nearest one, or None."""
+    scene = records.scenes[k]
+    position, velocity = (records.array(k, f"grains.{name}") for name in ("position", "next_velocity"))
     way = nearest_image(position[: scene.n] - position[grain], scene.period)
     move = scene.dt * (velocity[grain] - velocity[: scene.n])
-    shifts = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)]) * scene.period
-    images = (way + shifts[np.hypot(*shifts.T) > 0.0][:, np.newaxis]).transpose(1, 0, 2)
+    images = (way + scene.space.shifts[1:, np.newaxis]).transpose(1, 0, 2)  # but the nearest one
     size = np.maximum((move**2).sum(axis=1), np.finfo(float).tiny)[:, np.newaxis]
     share = np.clip((images * move[:, np.newaxis]).sum(axis=2) / size, 0.0, 1.0)[..., np.newaxis]
     apart = np.hypot(*(images - share * move[:, np.newaxis]).transpose(2, 0, 1)).min(axis=1) - scene.radius
