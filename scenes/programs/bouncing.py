@@ -93,7 +93,7 @@ def warm(fraction: float, time: float, side: int = SIDE) -> wg.Scene:
     simulation.advance(round(time / 0.01))
     temperature = analysis.kinetic_energy(simulation) / scene.n
     return scene.replace(
-        position=simulation.position % scene.period, velocity=simulation.velocity / sqrt(temperature)
+        position=scene.period.wrapped(simulation.position), velocity=simulation.velocity / sqrt(temperature)
     )
 
 
@@ -115,7 +115,7 @@ def cooling(start: wg.Scene, e: float, step: float) -> tuple[FloatArray, FloatAr
 
     A disc meets others at a rate 2 n d g sqrt(pi T / m), and the two lose (1 - e^2) m T on average.
     """
-    fraction = start.n * pi * DIAMETER**2 / (4.0 * start.period.prod())
+    fraction = start.n * pi * DIAMETER**2 / (4.0 * start.period.lengths.prod())
     rate = 8.0 * fraction * contact_value(fraction) / (sqrt(pi) * DIAMETER)
     tau, simulation = 4.0 / ((1.0 - e**2) * rate), wg.Simulation(start, dt=step * DIAMETER, restitution=e)
     times, temperatures = [0.0], [1.0]

@@ -81,7 +81,7 @@ def slope() -> Section:
     """Draw the grains on both slopes, and hold their ways against the closed forms."""
     scene, time = wg.Scene.load("slope"), 0.6
     figure, simulation, _ = moments(scene, (0.2, 0.4, time), "spin")
-    g, theta, friction = -scene.gravity[1], radians(30.0), scene.wall_frictions[3]
+    g, theta, friction = -scene.gravity[1], radians(30.0), scene.wall_frictions[1]
     rolls, slides = 2.0 / 3.0 * g * sin(theta), g * (sin(theta) - friction * cos(theta))
     ways = np.hypot(*(simulation.position - scene.position).T)
     return figure, {
@@ -133,9 +133,9 @@ def gas() -> Section:
         velocities.append(simulation.velocity.ravel())
     v, energy = np.concatenate(velocities[20:]), [float((one**2).sum()) for one in velocities]
     figure, (places, speeds) = panels(1, 2, width_ratios=(1, 2))
-    for x, y in simulation.position % scene.period:
+    for x, y in scene.period.wrapped(simulation.position):
         for image in itertools.product(
-            *((one - side, one, one + side) for one, side in zip((x, y), scene.period, strict=True))
+            *((one - side, one, one + side) for one, side in zip((x, y), scene.period.lengths, strict=True))
         ):
             places.add_patch(Circle(image, scene.radius[0], color="C0", linewidth=0.0))
     places.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0), xlabel="x [m]", ylabel="y [m]", aspect="equal")

@@ -11,7 +11,6 @@ import warpgrains as wg
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
-from warpgrains.scene.region import Region
 from warpgrains.scene.state import Corrections, State
 
 FRICTIONS = (0.1, 0.3, 0.5, 0.8, 1.2)
@@ -28,7 +27,7 @@ TOLERANCES = 10.0 ** -np.arange(3.0, 10.0)  # m/s, of the exact method
 
 def falling(friction: float, seed: int) -> wg.Scene:
     """Return 40 discs that fall in a circle."""
-    position, radius = random(Region(Annulus(0.0, 1.0)), radius=[0.05, 0.08], count=40, seed=seed)
+    position, radius = random(Annulus(0.0, 1.0).space, radius=[0.05, 0.08], count=40, seed=seed)
     body = {"position": position, "radius": radius, "mass": 10.0 * np.pi * radius**2, "radius_out": 1.0}
     return wg.Scene(**body, friction=friction, dt=0.005, tolerance=1e-6, max_iterations=2000)
 

@@ -66,5 +66,5 @@ def test_cells_of_unequal_discs_are_where_the_power_is_least():
     power = ((points[:, np.newaxis] - now.position) ** 2).sum(axis=2) - now.scene.radius**2
     share = np.bincount(power.argmin(axis=1), minlength=now.n) / len(points)
     # a share of k points has a standard deviation of sqrt(p / k): five of them
-    expected = analysis.cell_areas(now) / now.scene.annulus.area
+    expected = analysis.cell_areas(now) / now.container.region.area
     assert (np.abs(share - expected) < 5.0 * np.sqrt(expected / len(points))).all()

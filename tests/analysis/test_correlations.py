@@ -46,7 +46,7 @@ def test_points_at_random_have_g_of_one(fields, count, reach, region, left_out):
     """
     points = np.random.default_rng(4).uniform(-1.0, 1.0, (count, 2))
     space = moment_of([(0.0, 0.35)], **fields).container.region
-    points = points[(points == space.wrapped(points)).all(axis=1) & (space.clearance(points) > 1e-3)]
+    points = points[(points == space.period.wrapped(points)).all(axis=1) & (space.clearance(points) > 1e-3)]
     found = analysis.radial_distribution(far_away(moment_of(points, 0.001, **fields)), 20, reach, region)
     deviation = 1.0 / np.sqrt(np.maximum(found.pairs, 1)) + 1.0 / np.sqrt(len(points) / left_out)
     assert (np.abs(found.g - 1.0) < 3.0 * deviation)[found.pairs > 0].all()

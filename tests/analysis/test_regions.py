@@ -13,7 +13,6 @@ from warpgrains import Disc, analysis
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
 from warpgrains.scene.outline import Part
-from warpgrains.scene.region import Region
 
 INSIDE = [Disc((0.0, -0.6), 0.15), Disc((0.1, 0.1), 0.9, inside=True)]
 KITE = [(-0.9, -0.8), (0.9, -0.7), (0.8, 0.9), (-0.7, 0.6)]
@@ -52,7 +51,7 @@ def test_area_in_closed_form(region, area):
 def pile():
     """Grains clear of a disc, within a ring."""
     layout = {"count": 60, "radius": [0.02, 0.03], "seed": 1, "region": {"y": [-0.9, 0.4]}}
-    made = of(*random(Region(Annulus(0.3, 1.0)), **layout, walls=INSIDE), walls=INSIDE)
+    made = of(*random(Annulus(0.3, 1.0).space, **layout, walls=INSIDE), walls=INSIDE)
     assert made.scene.count_overlaps() == (0, 0, 0.0)
     return made
 
@@ -102,7 +101,7 @@ def test_areas_of_discs_that_touch():
     cap = np.arccos(1.0 - depth) - (1.0 - depth) * sqrt(depth * (2.0 - depth))
     square = Part(np.minimum(2.0 * corner, (2.0, 1.0 - depth)), ())
     assert square.areas(np.zeros((1, 2)), np.ones(1)) == pytest.approx(pi - cap, rel=64 * EPS)
-    ring = Part(2.0 * corner, Annulus(0.5, 1.0).borders)
+    ring = Part(2.0 * corner, Annulus(0.5, 1.0).space.discs)
     along = on_circle(2.0 * pi * np.arange(16) / 16)
     for distance in (0.6, 0.9):
         assert ring.areas(distance * along, np.full(16, 0.1)) == pytest.approx(pi * 0.01, rel=1e-12)

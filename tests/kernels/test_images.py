@@ -62,7 +62,7 @@ def test_a_pressure_acts_on_the_length_that_a_side_has_now() -> None:
     how = AT_REST | {"drag": 2.0, "tolerance": 1e-7, "max_iterations": 5000}
     simulation = Simulation(Scene(**grains, domain=box, **how))
     simulation.advance(600)
-    length = [1.0 - way for way, _ in simulation.driven[[2, 4]]]  # of the right side, and of the top
+    length = [1.0 - way for way, _ in simulation.driven[[1, 3]]]  # of the right side, and of the top
     assert length == pytest.approx([0.8, 0.8], abs=1e-6)
     # forces are those of a step that leaves 1e-7 m/s: 8 kg m/s2 of 8 grains at a wall times 1e-7 / 0.01
     assert np.diag(analysis.mean_stress(simulation)) == pytest.approx([10.0, 10.0], abs=1e-3)

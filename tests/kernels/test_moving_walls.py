@@ -95,11 +95,11 @@ def test_walls_that_are_new_begin_to_move_now() -> None:
     new = Segment((-0.9, 0.0), (-0.8, 0.0), velocity=(0.0, 0.1))
     simulation.change(walls=[*simulation.scene.walls, new])
     simulation.advance(10)
-    stone, segment = simulation.present_scene.walls
+    stone, segment, _ = simulation.present_scene.walls
     assert np.allclose(stone.middle, STONE.starting(0.0).at(simulation.time).middle, rtol=0, atol=1e-15)
     assert np.allclose(segment.middle, (-0.85, 0.005), rtol=0, atol=1e-15)
     later = stirred(20, walls=(replace(STONE, from_time=0.1), new), time=0.3)
-    assert [wall.from_time for wall in later.walls] == [0.1, 0.3]
+    assert [wall.from_time for wall in later.walls] == [0.1, 0.3, None]
 
 
 ONE: dict[str, Any] = {"position": [(0.0, 0.5)], "radius": 0.1, "mass": 1.0, "radius_out": 1.0}
@@ -107,7 +107,7 @@ ONE: dict[str, Any] = {"position": [(0.0, 0.5)], "radius": 0.1, "mass": 1.0, "ra
 
 def test_grains_are_laid_out_and_checked_where_walls_are_at_the_start() -> None:
     scene = Scene.load("collapse", ["time.time=100.0"])
-    assert scene.walls[-1].at(100.0) != scene.walls[-1]
+    assert any(wall.at(100.0) != wall for wall in scene.walls)
     assert scene.count_overlaps()[:2] == (0, 0)
     disc = Disc((0.0, 0.0), 0.2, velocity=(0.0, 0.5), from_time=0.0)
     with pytest.raises(InputError, match=r"grain 0 is \(0.0, 0.5\): its center is inside walls\[0\]"):
@@ -146,7 +146,7 @@ def test_a_recording_of_a_later_state_has_its_normals(tmp_path: Path) -> None:
     recording, now = Recording(tmp_path / "run.usdc"), analysis.snapshot(simulation)
     frame = recording.frame(-1)
     assert (frame.steps, frame.time) == (520, simulation.time)
-    assert {2, 3} <= set(frame.wall[:, 1].tolist())
+    assert {0, 1} <= set(frame.wall[:, 1].tolist())
     assert np.array_equal(frame.wall, now.wall)
     # grains move by about 2 mm in a step, where the blade has turned by 1 rad
     assert np.abs(frame.loads.normal - now.loads.normal).max() < 0.02

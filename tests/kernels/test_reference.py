@@ -16,7 +16,7 @@ from walled_scenes import BOUNCY, DRIVEN, ROLLING, ROUGH, WALLED, cloud, pressed
 
 from warpgrains import Scene, Simulation, State
 from warpgrains.reference.reference import Grains, Reference
-from warpgrains.scene.annulus import OUTER
+from warpgrains.scene.rim import Rim
 from warpgrains.solver import tuning
 
 COLOR, ROUND, LEAPFROG = {"order": "color"}, {"wall": "round"}, {"scheme": "leapfrog"}
@@ -53,9 +53,8 @@ def restarts(met: Followed) -> bool:
 
 def touches_walls(met: Followed) -> bool:
     """Whether three of five walls carry a grain, or of many that stand in line a few."""
-    walls = {*met.scene.numbered_walls}
-    if not walls and met.scene.domain is None:
-        walls = {OUTER}
+    every = enumerate(met.scene.walls)
+    walls = {k for k, wall in every if not isinstance(wall, Rim)} or {0} & {*range(len(met.scene.walls))}
     return len(met.touched & walls) >= min(0.6 * len(walls), 7)
 
 
@@ -64,7 +63,8 @@ def matters(law: dict[str, float], met: Followed) -> bool:
     for name in {"restitution", "wall_restitution", "rolling_friction", "wall_rolling_friction"} & {*law}:
         if "wall" in name and not met.touched:
             continue
-        plain = Simulation(met.scene.replace(**{name: 0.0}), threads=1)
+        without = {name: 0.0} | ({} if met.scene.walls else {"restitution_speed": 0.0})
+        plain = Simulation(met.scene.replace(**without), threads=1)
         plain.advance(len(met.reports))
         if np.array_equal(plain.position, met.position):
             return False

@@ -158,7 +158,7 @@ def with_row(array, row, value):
 MATRIX = np.arange(400).reshape(20, 20)
 PLACES = "position = [[0.75, 0.0], [0.0, 0.75]]"
 AXES = 'scene = "annulus"\n[axes]\n'
-RING = Region(Annulus(0.5, 1.0))
+RING = Annulus(0.5, 1.0).space
 BOX = Box((-0.5, 0.5), (2.0, 2.8), periodic="x").space
 LID = {"pressure": 1.0, "mass": 1.0}
 PISTON = Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0)

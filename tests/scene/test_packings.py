@@ -1,5 +1,7 @@
 """Random packings: radii against scipy's distributions, places against what was asked for."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -8,11 +10,11 @@ from warpgrains import InputError, Scene
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
 from warpgrains.scene.radii import drawn_radii
-from warpgrains.scene.region import Region, region_of
+from warpgrains.scene.region import region_of
 from warpgrains.sweep.sweep import Sweep
 
 WALLS = Annulus(0.2, 1.0)
-SPACE = Region(WALLS)
+SPACE = WALLS.space
 MANY = 20_000
 SIGNIFICANCE = 1e-4  # a true draw is refused once in so many seeds: these are fixed
 
@@ -31,7 +33,7 @@ def draws(radius):
 
 
 def require_clear(placement, walls=WALLS):
-    scene = Scene(position=placement[0], radius=placement[1], mass=1.0, **walls._asdict())
+    scene = Scene(position=placement[0], radius=placement[1], mass=1.0, **asdict(walls))
     assert scene.count_overlaps() == (0, 0, 0.0)
 
 
@@ -85,8 +87,8 @@ FINE = {"distribution": "lognormal", "mean": 0.012, "deviation": 0.003}
 )
 def test_a_packing_fraction_is_met_without_overlaps(fraction, radius):
     position, radii = random(SPACE, radius=radius, packing_fraction=fraction, seed=2)
-    filled = np.pi * (radii**2).sum() / WALLS.area
-    assert fraction - np.pi * 0.08**2 / WALLS.area < filled <= fraction
+    filled = np.pi * (radii**2).sum() / SPACE.area
+    assert fraction - np.pi * 0.08**2 / SPACE.area < filled <= fraction
     require_clear((position, radii))
     again, other = (random(SPACE, radius=radius, packing_fraction=fraction, seed=k)[0] for k in (2, 3))
     assert np.array_equal(again, position)
@@ -96,7 +98,7 @@ def test_a_packing_fraction_is_met_without_overlaps(fraction, radius):
 @pytest.mark.parametrize("seed", [1, 3, 4])
 def test_large_discs_that_get_in_each_others_way_are_placed_again(seed):
     """Some seeds leave the second no room until all are smaller."""
-    placement = random(Region(Annulus(0.0, 1.0)), radius=[0.49, 0.49, 0.02], seed=seed)
+    placement = random(Annulus(0.0, 1.0).space, radius=[0.49, 0.49, 0.02], seed=seed)
     require_clear(placement, Annulus(0.0, 1.0))
     assert placement[1].tolist() == [0.49, 0.49, 0.02]
 
@@ -171,6 +173,6 @@ def test_what_does_not_fit_says_what_would():
         random(SPACE, radius=0.08, packing_fraction=0.95)
     fits = int(str(caught.value).partition("about ")[2].split()[0])
     require_clear(random(SPACE, radius=0.08, count=fits))
-    assert fits * 0.08**2 * np.pi / WALLS.area > 0.7
+    assert fits * 0.08**2 * np.pi / SPACE.area > 0.7
     with pytest.raises(InputError, match="count is 2000: the grains have 1\\.87 times the area"):
         random(SPACE, radius=0.03, count=2000)

@@ -34,7 +34,7 @@ FIELDS = {
         " seconds output met error frames held means",
     }.items()
 }
-"""Fields of version 16. Whoever changes them must increase `VERSION`."""
+"""Fields of version 17. Whoever changes them must increase `VERSION`."""
 
 
 ODD = {"dt": 1e-2 / 3.0, "name": '"quoted" \u00e9\u4e2d', "text": "line\nline\t\\ \x7f \U0001f40d"}
@@ -54,7 +54,7 @@ def saved(simulation, tmp_path):
 
 def test_layout_of_this_version(saved):
     """A file that another version could not read needs another number."""
-    assert VERSION == 16
+    assert VERSION == 17
     assert {kind.__name__: [own.name for own in fields(kind)] for kind in STORED} == FIELDS
     with np.load(saved, allow_pickle=False) as archive:
         header = json.loads(archive["header"].tobytes())

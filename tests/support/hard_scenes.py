@@ -8,7 +8,6 @@ from warpgrains import Scene
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import column, lattice
-from warpgrains.scene.region import Region
 
 RADIUS_OUT = 1.0  # m
 ROUGH: dict[str, Any] = {"method": "exact", "tolerance": 1e-9, "max_iterations": 320}
@@ -21,7 +20,7 @@ SOON: dict[str, Any] = {"method": "exact", "tolerance": 1e-10, "max_iterations":
 def stack(count: int) -> Scene:
     """A column of grains that touch, on the axis of symmetry, and one more that lands on it at 1 m/s."""
     position, radius = column(
-        Region(Annulus(0.0, RADIUS_OUT)), count=count + 1, radius=0.95 / (count + 2), spacing=2.0
+        Annulus(0.0, RADIUS_OUT).space, count=count + 1, radius=0.95 / (count + 2), spacing=2.0
     )
     position[-1, 1] += 0.02
     velocity = np.zeros_like(position)
@@ -32,7 +31,7 @@ def stack(count: int) -> Scene:
 def heap(count: int, spacing: float = 2.05, **changes: Any) -> Scene:
     """Grains of one size over two fifths of the disc, each a little off its place on a lattice."""
     radius = np.sqrt(0.4 / count)
-    position, _ = lattice(Region(Annulus(0.0, RADIUS_OUT)), radius=radius, count=count, spacing=spacing)
+    position, _ = lattice(Annulus(0.0, RADIUS_OUT).space, radius=radius, count=count, spacing=spacing)
     off = abs(spacing - 2.0) * radius / 4.0
     position += np.random.default_rng(1).uniform(-off, off, position.shape)
     return Scene(**{"position": position, "radius": radius, "mass": 0.1, "radius_out": RADIUS_OUT, **changes})
@@ -53,7 +52,7 @@ def heavy_top(count: int, ratio: float) -> Scene:
 
 def jam() -> Scene:
     """Grains that fill four fifths of the disc, and run in all directions."""
-    position, radius = lattice(Region(Annulus(0.0, RADIUS_OUT)), radius=0.04, spacing=2.04)
+    position, radius = lattice(Annulus(0.0, RADIUS_OUT).space, radius=0.04, spacing=2.04)
     velocity = np.random.default_rng(4).normal(0.0, 1.0, position.shape)
     return Scene(position=position, velocity=velocity, radius=radius, mass=0.1, radius_out=RADIUS_OUT)
 
@@ -82,7 +81,7 @@ def drum(**changes: Any) -> Scene:
 
 
 def couette(**changes: Any) -> Scene:
-    place, radius = lattice(Region(Annulus(0.3, 1.0)), radius=0.06, count=60, spacing=2.02)
+    place, radius = lattice(Annulus(0.3, 1.0).space, radius=0.06, count=60, spacing=2.02)
     mass = 0.1 * 10.0 ** np.random.default_rng(2).uniform(0.0, 1.0, len(place))
     circles = {"radius_in": 0.3, "radius_out": 1.0, "angular_velocity_in": 5.0}
     return Scene(position=place, radius=radius, mass=mass, **{**circles, **ROUGH, **changes})

@@ -8,7 +8,6 @@ import numpy as np
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray
 from warpgrains.reference.reference import Reference, pair_index
-from warpgrains.scene.annulus import INNER
 
 
 class AtAnnulus(NamedTuple):
@@ -22,7 +21,8 @@ def at_annulus(simulation: Simulation) -> AtAnnulus:
     """Return what the grains of a simulation carried during the last step."""
     contacts, n = simulation.wall_contacts(), simulation.scene.n
     grain, wall = contacts.wall.T
-    sign, (correction, force) = np.where(wall == INNER, -1.0, 1.0), np.zeros((2, n))
+    inner = simulation.scene.bodies.circle_walls[0]
+    sign, (correction, force) = np.where(wall == inner, -1.0, 1.0), np.zeros((2, n))
     correction[grain], force[grain] = sign * contacts.correction, sign * contacts.force
     return AtAnnulus(correction, force)
 

@@ -55,7 +55,7 @@ class Followed(NamedTuple):
 def worst_overlap(simulation: Simulation) -> float:
     """Measure the overlaps of all pairs and of all grains with the circles [m]."""
     now, x = simulation.present_scene, simulation.position
-    gaps = [now.side(wall, x, now.radius, time=now.time).gap for wall in now.wall_numbers]
+    gaps = [now.side(wall, x, now.radius, time=now.time).gap for wall in range(len(now.walls))]
     gaps.append(now.pair_frames(x, np.stack(np.triu_indices(now.n, 1), axis=1))[1])
     return max(0.0, -float(np.concatenate(gaps).min()))
 

@@ -144,7 +144,7 @@ def test_a_box_is_recorded_with_images_and_read_back_without(tmp_path, kind, opt
     stage = Usd.Stage.Open(str(path))
     prim, end, n = stage.GetPrimAtPath(GRAINS), stage.GetEndTimeCode(), now.n
     points, radius = position_of(prim).Get(end), prim.GetAttribute("primvars:radius").Get(end)
-    points, period, high = np.array(points)[:, :2], now.scene.period, np.array([1.0, 0.7])
+    points, period, high = np.array(points)[:, :2], now.scene.period.lengths, np.array([1.0, 0.7])
     assert ((points[:n] >= -6e-8) & (points[:n] <= high + 6e-8)).all()
     ways = np.unique(np.array([*product((-1, 0, 1), repeat=2)]) * period, axis=0)
     images = np.concatenate([np.zeros((0, 2)), *(points[:n] + way for way in ways if way.any())])

@@ -39,7 +39,7 @@ from scipy.spatial import cKDTree
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
-from warpgrains.scene.geometry import left_of, wrapped
+from warpgrains.scene.geometry import left_of
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.solver.exact.constraints import StepConstraints, every_wall
@@ -88,8 +88,8 @@ class StepProblem:
 
 def pairs_within(scene: Scene, position: FloatArray, reach: FloatArray) -> IndexArray:
     """Return the pairs i < j of grains whose gap is at most the sum of their reaches, shape (m, 2)."""
-    radius, places = scene.radius, wrapped(position, scene.period)
-    around = cKDTree(places, boxsize=scene.period).query_ball_point(
+    radius, places = scene.radius, scene.period.from_corner(position)
+    around = cKDTree(places, boxsize=scene.period.lengths).query_ball_point(
         places, radius + radius.max() + 2.0 * reach
     )
     i = np.repeat(np.arange(len(position)), [len(found) for found in around])

@@ -23,16 +23,14 @@ from warpgrains.analysis.packing import cell_areas
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.annulus import INSIDE
 from warpgrains.scene.geometry import left_of
 from warpgrains.scene.snapshot import Snapshot, Snapshots
 
 
 def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
-    """Return the sums of the normal forces on the outer wall, the inner wall and each wall inside [N].
+    """Return the sums of the normal forces on each of `Scene.walls` [N].
 
-    In a box, there are only the walls inside and the sides. Walls of one name, such as the segments of a
-    polyline, count as one wall (`Scene.wall_names`).
+    Walls of one name, such as the segments of a polyline, count as one wall (`Scene.wall_names`).
 
     Examples
     --------
@@ -42,16 +40,21 @@ def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
     """
     now = snapshot(of)
     grains, names = now.grains, now.scene.wall_names
-    own = range(INSIDE if now.scene.domain else 0, len(names))
-    total = dict.fromkeys((names[wall] for wall in own), 0.0)
-    for wall in own:
-        total[names[wall]] += wall_force_sums(grains, wall).item()
+    total = dict.fromkeys(names, 0.0)
+    for wall, name in enumerate(names):
+        total[name] += wall_force_sums(grains, wall).item()
     return tuple(total.values())
 
 
-def circle_forces(grains: Snapshots, wall: int) -> FloatArray:
-    """Return the sum of the forces on a circle for many runs [N], shape (m,); NaN in boxes."""
-    return np.where(np.isnan(grains.annulus.radius_out), np.nan, wall_force_sums(grains, wall))
+def circle_forces(grains: Snapshots, which: int) -> FloatArray:
+    """Return the sum of the forces on the inner circle, 0, or the outer one, 1, for many runs [N], (m,).
+
+    It is 0 without an inner circle, and NaN without an outer one.
+    """
+    own, found = grains.circle_walls[:, which], np.where(which, np.nan, 0.0) * np.ones(len(grains.mass))
+    for wall in np.unique(own[own >= 0]):
+        found = np.where(own == wall, wall_force_sums(grains, wall), found)
+    return np.where(grains.circle_walls[:, 1] >= 0, found, np.nan)
 
 
 def wall_force_sums(grains: Snapshots, wall: int) -> FloatArray:

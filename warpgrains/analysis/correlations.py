@@ -148,7 +148,8 @@ def _counted(
         from scipy.spatial import cKDTree
     counted, position = counted_region(now, region), now.position
     bins = checks.whole_number("bins", bins)
-    most = 0.5 * float(min(counted.period[counted.period > 0.0], default=np.inf))
+    cell = counted.period
+    most = 0.5 * float(min(cell.lengths[cell.repeats], default=np.inf))
     mean = float(now.scene.radius.mean())
     reach = min(10.0 * mean, most) if reach is None else checks.positive("reach", reach)
     if reach > most:
@@ -156,11 +157,9 @@ def _counted(
     inside = counted.contains(position)
     kinds, kind = np.unique(label, return_inverse=True)
     position, kind, k = position[inside], kind[inside], len(kinds)
-    places, period = counted.wrapped(position) - counted.low, counted.period
-    places = np.where(period > 0.0, np.clip(places, 0.0, np.nextafter(period, 0.0)), places)
-    tree = cKDTree(places, boxsize=period if period.any() else None)
+    tree = cKDTree(cell.from_corner(position), boxsize=cell.lengths if cell else None)
     i, j = tree.query_pairs(reach, output_type="ndarray").T
-    apart = distance(counted.nearest_image(position[j] - position[i]))
+    apart = distance(cell.nearest(position[j] - position[i]))
     of_pair = kind[i] * k + kind[j]
     edges = np.linspace(0.0, reach, bins + 1)
     counts = [np.histogram(apart[of_pair == one], bins, (0.0, reach))[0] for one in range(k * k)]

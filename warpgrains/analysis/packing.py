@@ -15,11 +15,11 @@ from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import NoAreaError, requiring
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import area_below, area_in_disc
-from warpgrains.scene.region import Region
+from warpgrains.scene.geometry import area_below, area_in_disc, distance
+from warpgrains.scene.region import Region, sides_of
 from warpgrains.scene.snapshot import Snapshot, Snapshots
 
-BEYOND = 10.0  # in radii of the outer wall: three auxiliary points there close the outermost cells
+BEYOND = 10.0  # in sizes of the region: three auxiliary points there close the outermost cells
 
 
 def heights(of: Snapshot | HasState) -> FloatArray:
@@ -59,10 +59,10 @@ def pile_height(of: Snapshot | HasState) -> float:
 
 def pile_heights(grains: Snapshots) -> FloatArray:
     """Return the pile heights of many runs [m], shape (m,); NaN where the container is unknown or endless."""
-    lowest = np.broadcast_to(-grains.annulus.radius_out, len(grains.mass)).copy()
+    lowest = -grains.circles[:, 1]
     for k, container in grains.containers.items():
         span = container.region.span(container.up)
-        lowest[k] = span[0] if container.is_known and not all(container.walled.periodic) else np.nan
+        lowest[k] = span[0] if container.is_known and not container.walled.period.repeats.all() else np.nan
     return (_heights(grains) + grains.radius).max(axis=-1) - lowest
 
 
@@ -103,7 +103,8 @@ def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
 def packing_fractions(grains: Snapshots) -> FloatArray:
     """Return the packing fractions of many runs, shape (m,); NaN where the area is unknown."""
     radius, height, level = grains.radius, _heights(grains), mean_heights(grains)
-    space = grains.annulus.area_below(level)
+    inner, outer = (area_below(circle, level) for circle in grains.circles.T)
+    space = outer - inner
     for k, container in grains.containers.items():
         is_enclosed = container.is_known and level[k] <= container.mouth
         space[k] = container.walled.cut((container.up, level[k].item())).area if is_enclosed else np.nan
@@ -118,7 +119,7 @@ def mean_heights(grains: Snapshots) -> FloatArray:
     """
     area = grains.radius**2
     level: FloatArray = (area * _heights(grains)).sum(axis=-1) / area.sum(axis=-1)
-    level[[k for k, container in grains.containers.items() if all(container.walled.periodic)]] = np.inf
+    level[[k for k, container in grains.containers.items() if container.walled.period.repeats.all()]] = np.inf
     return level
 
 
@@ -152,17 +153,17 @@ def cell_areas(of: Snapshot | HasState) -> FloatArray:
 
     Examples
     --------
-    >>> bool(np.isclose(analysis.cell_areas(simulation).sum(), simulation.scene.annulus.area))
+    >>> bool(np.isclose(analysis.cell_areas(simulation).sum(), analysis.region_of(simulation).area))
     True
     """
     now = snapshot(of)
     now.container.require_known(takes_region=False)
     region = now.container.region
     outside = ~region.contains(now.position)
-    if region.cells is not None and outside.any():
+    if outside.any():
         grain = checks.first_bad("position", now.position, outside)
         raise NoAreaError(f"{grain}: it is above the mouth of the container, where it has no cell")
-    return radical_cell_areas(region.wrapped(now.position), now.scene.radius, region)
+    return radical_cell_areas(region.period.wrapped(now.position), now.scene.radius, region)
 
 
 def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
@@ -178,28 +179,31 @@ def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
 
 
 def radical_cell_areas(position: FloatArray, radius: FloatArray, region: Region) -> FloatArray:
-    """Return the areas of the cells of discs in a region of one polygon, or of a whole ring [m2], (n,)."""
-    near, far, _ = region.ring
-    images = np.concatenate([position + shift for shift in region.shifts])
-    grain, corner = _corners(images / far, np.tile(radius, len(region.shifts)) / far)
+    """Return the areas of the cells of discs in a region of one polygon [m2], shape (n,)."""
+    near, far = region.ring
+    size, shifts = float(distance(region.outer_box).max()), region.period.shifts
+    images = np.concatenate([position + shift for shift in shifts])
+    grain, corner = _corners(images / size, np.tile(radius, len(shifts)) / size)
     corner, grain = corner[grain < len(position)], grain[grain < len(position)]
     _, first, count = np.unique(grain, return_index=True, return_counts=True)
     middle = np.repeat(np.add.reduceat(corner, first) / count[:, np.newaxis], count, axis=0)
     around = np.arctan2(*(corner - middle).T[::-1])
-    corner = corner[np.lexsort((around, grain))] * far  # by angle, because each cell is convex
+    corner = corner[np.lexsort((around, grain))] * size  # by angle, because each cell is convex
     onward = np.arange(1, len(grain) + 1)
     onward[first + count - 1] = first
-    outer, inner = (area_in_disc(corner, corner[onward], radius) for radius in (far, near))
+    outer, inner = (area_in_disc(corner, corner[onward], ring) for ring in (min(far, BEYOND**2 * size), near))
     area = np.bincount(grain, outer - inner, len(position))
     reach = np.maximum.reduceat(np.hypot(*(corner - position[grain]).T), first)  # of each cell from its grain
     is_cut = np.zeros(len(first), bool)
-    for circle in region.discs:
-        to = np.hypot(*region.nearest_image(position[grain[first]] - circle[:2]).T)
+    others = [circle for circle in region.discs if circle[:2] != (0.0, 0.0)]
+    for circle in others:
+        to = np.hypot(*region.period.nearest(position[grain[first]] - circle[:2]).T)
         is_cut |= to + reach > circle.radius if circle.keeps_inside else to - reach < circle.radius
-    if region.cells is not None:
-        is_cut |= ~np.logical_and.reduceat(region.contains(corner), first)
+    sides = [side for cell in region.cells for side in sides_of(np.array(cell))]
+    if min(level for _, level in sides) < far:  # a circle does not bound the region all around
+        is_cut |= ~np.logical_and.reduceat(replace(region, discs=tuple(others)).contains(corner), first)
     for start, size, own in zip(first[is_cut], count[is_cut], grain[first[is_cut]], strict=True):
-        images = corner[start : start + size] + region.shifts[:, np.newaxis]
+        images = corner[start : start + size] + shifts[:, np.newaxis]
         cells = (replace(region, cells=(tuple(map(tuple, cell.tolist())),)) for cell in images)
         area[own] = sum(cell.within(replace(region, discs=())).area for cell in cells)
     return np.asarray(area, np.float64)
@@ -208,7 +212,7 @@ def radical_cell_areas(position: FloatArray, radius: FloatArray, region: Region)
 def _corners(position: FloatArray, radius: FloatArray) -> tuple[IndexArray, FloatArray]:
     """Return the corners of all cells, shape (c, 2), and the grain of each corner, in ascending order.
 
-    Lengths are in units of the outer radius.
+    Lengths are in units of the size of the region.
     """
     with requiring("cell areas"):
         from scipy.spatial import ConvexHull

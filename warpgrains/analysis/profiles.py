@@ -86,11 +86,11 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     """
     now = snapshot(of)
     space, counted = now.scene.space_at(now.time), _counted(now, region)
-    near, far, _ = space.ring
+    near, far = space.ring
     far = min(far, float(np.hypot(*np.abs(space.outer_box).max(axis=0))))
     edges = np.linspace(near, far, checks.whole_number("bins", bins) + 1)
     slices = [counted.distances(near, far) for near, far in pairwise(edges)]
-    return _means(now, edges, slices, directions(counted.wrapped(now.position)))
+    return _means(now, edges, slices, directions(counted.period.wrapped(now.position)))
 
 
 def _counted(now: Snapshot, region: Where) -> Region:

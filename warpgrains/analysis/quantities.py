@@ -15,7 +15,6 @@ from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import INNER, OUTER
 from warpgrains.scene.container import container_of
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import Snapshot, Snapshots
@@ -67,13 +66,15 @@ def _force(part: str, meaning: str) -> Quantity:
     return Quantity("N", forces.force_statistics, attrgetter(part), meaning=f"{meaning} between grains")
 
 
-def _circle_force(wall: int, meaning: str) -> Quantity:
-    one = _of_runs("N", partial(contacts.circle_forces, wall=wall), f"sum of the contact forces on {meaning}")
+def _circle_force(which: int, meaning: str) -> Quantity:
+    one = _of_runs(
+        "N", partial(contacts.circle_forces, which=which), f"sum of the contact forces on {meaning}"
+    )
     return one._replace(require=_require_circle)
 
 
 def _require_circle(name: str, scene: Scene) -> None:
-    if scene.domain:
+    if scene.bodies.outer is None:
         raise InputError(f"{name}: the scene is a box; analysis.wall_forces has the forces on its sides")
 
 
@@ -95,8 +96,8 @@ QUANTITIES = {
     "drag_power": _power("drag_loss", "power that drag dissipates, in the last step"),
     "friction_power": _power("friction_loss", "part of `contact_power` due to friction"),
     "wall_power": _power("wall_work", "power of walls that rotate or move, in the last step"),
-    "outer_wall_force": _circle_force(OUTER, "the outer wall"),
-    "inner_wall_force": _circle_force(INNER, "the inner wall"),
+    "outer_wall_force": _circle_force(1, "the outer wall"),
+    "inner_wall_force": _circle_force(0, "the inner wall"),
     "pile_height": Quantity(
         "m",
         packing.pile_height,
@@ -174,7 +175,7 @@ def require_quantities(names: Iterable[str], scene: Scene, region: Mapping[str, 
     So must a region; the surface of a pile is not known yet.
     """
     if region is not None:
-        to_surface = {"below": scene.radius_out} if region.get("below") == "surface" else {}
+        to_surface = {"below": scene.reach} if region.get("below") == "surface" else {}
         region_of(snapshot(scene, first_state(scene)), {**region, **to_surface})
     for name in names:
         if region is None or name not in _TAKE_REGION:

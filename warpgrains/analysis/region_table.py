@@ -133,11 +133,11 @@ def _below(now: Snapshot, given: Any) -> list[list[Side]]:
         return [[(up, checks.number("region.below", given))]]
     checks.one_of("region.below", given, ["surface"])
     across, diameter = np.array([up[1], -up[0]]), 2.0 * float(now.scene.radius.mean())
-    low, high = space.span(across) if now.scene.domain else (-now.scene.radius_out, now.scene.radius_out)
+    low, high = space.span(across)
     count = max(1, min(MOST_COLUMNS, int((high - low) / 2.0 / diameter)))
     edges = np.linspace(low, high, count + 1)
     grain = np.unique(now.loads.grain) if len(now.loads.grain) else np.arange(now.n)
-    place = space.wrapped(now.position[grain])
+    place = space.period.wrapped(now.position[grain])
     column = np.clip(np.searchsorted(edges, place @ across, "right") - 1, 0, count - 1)
     top = np.full(count, -np.inf)
     np.maximum.at(top, column, place @ up)

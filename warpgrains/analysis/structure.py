@@ -72,8 +72,8 @@ def structure_factor(
     position = now.position[counted.contains(now.position)]
     angle = np.pi * np.arange(checks.whole_number("directions", directions)) / directions
     way = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    if any(counted.periodic):
-        return _of_cell(number, way, position, counted.period)
+    if counted.period:
+        return _of_cell(number, way, position, counted.period.lengths)
     along = way @ position.T
     total = np.zeros((len(number), directions), np.complex128)
     for start in range(0, len(position), CHUNK):

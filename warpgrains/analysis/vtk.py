@@ -86,7 +86,7 @@ def _blocks(source: Recording, k: int) -> dict[str, bytes]:
     if source.has_forces:
         pair, force, tangential = all_contacts(frame)
         start, end, _ = contact_lines(frame, pair)
-        start, end, contact = cut(scene.space, start, end)
+        start, end, contact = cut(scene.period, start, end)
         ends = np.stack([start, end], axis=1).reshape(-1, 2)
         carried = {"force": force} | ({"tangential_force": tangential} if scene.has_friction else {})
         of_contact = {"grain": pair[contact, 0], "other": pair[contact, 1]}

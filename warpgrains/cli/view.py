@@ -58,6 +58,7 @@ def _homework(arguments: Namespace, held: ExitStack) -> Homework:
 
 
 def _require_the_texts(scene: Scene) -> None:
+    others = len(scene.written_walls)
     lacking = {
         f"scheme is {scene.scheme!r}": scene.scheme != "text",
         f"wall is {scene.wall!r}": scene.wall != "tangent",
@@ -69,7 +70,7 @@ def _require_the_texts(scene: Scene) -> None:
         f"wall_restitution is {scene.wall_restitution}": scene.wall_restitution,
         f"spin_drag is {scene.spin_drag} kg m2/s": scene.spin_drag,
         f"pressure is {scene.pressure} N/m": scene.pressure is not None,
-        f"walls has {len(scene.walls)} entries": scene.walls,
+        f"walls has {others} entries": others,
         f"the scene has {scene.n} grains": scene.n > MOST_GRAINS,
     }
     for what, is_lacking in lacking.items():

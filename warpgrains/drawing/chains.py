@@ -10,10 +10,9 @@ import numpy as np
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from warpgrains.drawing.colorings import pressure_scale
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import left_of, nearest_image
+from warpgrains.scene.geometry import Period, left_of
 
 if TYPE_CHECKING:
-    from warpgrains.scene.region import Region
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.snapshot import Snapshot
 
@@ -63,7 +62,7 @@ def chains_of(scale: ChainScale, now: Snapshot) -> Chains:
     start, end, normal = contact_lines(now, pair)
     if now.scene.has_friction:
         start, end = _turned(now.scene.radius[pair[:, :1]], normal, (start, end), (force, tangential))
-    start, end, contact = cut(now.scene.space, start, end)
+    start, end, contact = cut(now.scene.period, start, end)
     width = (np.minimum(np.hypot(force, tangential) / scale.force, 1.0) * scale.width)[contact]
     along = end - start
     length = np.hypot(*along.T)[:, np.newaxis]
@@ -71,11 +70,11 @@ def chains_of(scale: ChainScale, now: Snapshot) -> Chains:
     return Chains(np.stack([start - side, end - side, end + side, start + side], axis=1), width, contact)
 
 
-def cut(space: Region, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, IndexArray]:
+def cut(cell: Period, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, IndexArray]:
     """Return the pieces of lines in a periodic box [m], and the line of each: first those at their starts."""
     start, end, line = start.copy(), end.copy(), np.arange(len(start))
-    for d in np.flatnonzero(space.period).tolist():
-        low, period = space.low[d], space.period[d]
+    for d in np.flatnonzero(cell.repeats).tolist():
+        low, period = cell.low[d], cell.lengths[d]
         away = period * np.floor((start[:, d] - low) / period)
         start[:, d] -= away
         end[:, d] -= away
@@ -136,6 +135,5 @@ def contact_lines(now: Snapshot, pair: IntArray) -> tuple[FloatArray, FloatArray
     normal[~between], _ = now.scene.wall_frames(center, wall, time=now.time)
     foot = center[i] + now.scene.radius[i, np.newaxis] * normal
     other = center[np.maximum(j, 0)]
-    if now.scene.period.any():
-        other = center[i] + nearest_image(other - center[i], now.scene.period)
+    other = center[i] + now.scene.period.nearest(other - center[i]) if now.scene.period else other
     return center[i], np.where(between[:, np.newaxis], other, foot), normal

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.annulus import INNER, OUTER
 from warpgrains.scene.line import Line
+from warpgrains.scene.rim import Rim
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.scene.wall import Wall
 
@@ -54,11 +54,12 @@ def speed_scale(scene: Scene) -> float:
     falling = np.sqrt(gravity * scene.widest)
     if scene.drag > 0.0:
         falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
-    out, inside = (scene.surface_speed(wall) for wall in (OUTER, INNER))
-    mass = float(scene.mass.sum())
-    pressed = np.sqrt(2.0 * abs(scene.pressure or 0.0) * scene.area / mass)
-    found = [thrown, float(falling), float(pressed), abs(out), abs(inside)]
+    mass, found = float(scene.mass.sum()), [thrown, float(falling)]
     for wall in scene.walls:
+        if isinstance(wall, Rim):
+            pressed = sqrt(2.0 * abs(wall.pressure or 0.0) * scene.area / mass) if wall.drive else 0.0
+            found += pressed, abs(wall.surface_speed)
+            continue
         rim = wall.border.radius if wall.border is not None and scene.has_friction else 0.0
         found.append(wall.largest_speed(wall.farthest(wall.about) + rim))
         if wall.drive is not None:
@@ -68,7 +69,7 @@ def speed_scale(scene: Scene) -> float:
 
 
 def _length(wall: Wall) -> float:
-    """Return the length over which a force on a wall is spread [m]."""
+    """Return the length over which the force on a wall is spread [m]."""
     return wall.length if isinstance(wall, Line) else 2.0 * wall.circle[2]
 
 
@@ -84,8 +85,12 @@ def pressure_scale(scene: Scene) -> float:
     stopped within one step from the scene's largest speed, or if that is zero, from a radius per step.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
-    driven = [abs(wall.drive.given_force) / _length(wall) for wall in scene.walls if wall.drive is not None]
-    given = 4.0 * max([abs(scene.pressure or 0.0), *driven])
+    driven = [
+        abs(wall.pressure or 0.0) if isinstance(wall, Rim) else abs(wall.drive.given_force) / _length(wall)
+        for wall in scene.walls
+        if wall.drive is not None
+    ]
+    given = 4.0 * max([0.0, *driven])
     if weight > 0.0 or given > 0.0:
         return max(given, weight / (scene.widest / 4.0))
     radius = float(scene.radius.mean())
@@ -103,9 +108,9 @@ def pressure(now: Snapshot) -> FloatArray:
 
 def mobilized(now: Snapshot) -> FloatArray:
     """Return the largest |tangential| / (friction * normal force) of each grain, shape (n,); 1 slides."""
-    found, (i, j), (grain, wall) = np.zeros(now.n), now.pair.T, now.wall.T
+    found, (i, j), grain = np.zeros(now.n), now.pair.T, now.wall[:, 0]
     between = _share(now.tangential_force, now.scene.friction * now.force)
-    at_wall = _share(now.wall_tangential_force, np.array(now.scene.wall_frictions)[wall] * now.wall_force)
+    at_wall = _share(now.wall_tangential_force, now.scene.at_walls("friction", now.wall) * now.wall_force)
     for loaded, share in ((i, between), (j, between), (grain, at_wall)):
         np.maximum.at(found, loaded, share)
     return found

@@ -35,7 +35,7 @@ class Painter:
         self.scene, self.colors = scene, GrainColors(scene, color_by)
         self.chain_scale = ChainScale.of(scene) if forces else None
         self._is_framed = frame is not None
-        margin = (_MARGIN * scene.extent.half * (scene.period == 0.0)).tolist()
+        margin = (_MARGIN * scene.extent.half * ~scene.period.repeats).tolist()
         self.view = scene.extent.grown(*margin) if frame is None else frame_of("frame", frame)
 
     @property
@@ -62,6 +62,6 @@ class Painter:
     def show_all(self, *snapshots: Snapshot) -> None:
         """Widen the rectangle to contain all grains of snapshots, unless it was given or is periodic."""
         if not self._is_framed:
-            reach = np.outer(self.scene.radius, self.scene.period == 0.0)
-            boxes = [box_of_discs(self.scene.space.wrapped(now.position), reach) for now in snapshots]
+            reach = np.outer(self.scene.radius, ~self.scene.period.repeats)
+            boxes = [box_of_discs(self.scene.period.wrapped(now.position), reach) for now in snapshots]
             self.view = reduce(Bounds.covering, boxes, self.view)

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import BoolArray, FloatArray
-from warpgrains.scene.annulus import OUTER
-from warpgrains.scene.band import Band, ring
+from warpgrains.scene.band import Band
 from warpgrains.scene.row import Row
 
 if TYPE_CHECKING:
@@ -118,17 +117,14 @@ def wall_mesh(band: Band) -> Shape:
 def drawn_walls(scene: Scene) -> dict[str, Band]:
     """Return the drawn walls by name; they lie outside the space of the grains."""
     thickness = _THICKNESS * scene.extent.half
-    circles = () if scene.domain else enumerate(scene.annulus.borders)
-    drawn = {number: ring(border, thickness) for number, border in circles if border.radius > 0.0}
-    drawn |= {number: _drawn(scene, wall, None, thickness) for number, wall in scene.numbered_walls.items()}
+    drawn = {k: _drawn(scene, wall, None, thickness) for k, wall in enumerate(scene.walls)}
     return _by_name(scene, drawn)
 
 
 def moved_walls(scene: Scene, now: Scene, time: float) -> dict[str, Band]:
     """Return the mobile walls of a scene as drawn at a time [s], by name; driven ones as in the scene now."""
     thickness = _THICKNESS * scene.extent.half
-    moved = {} if scene.pressure is None else {OUTER: ring(now.annulus.borders[OUTER], thickness)}
-    moved |= {number: _drawn(scene, wall, time, thickness) for number, wall in now.mobile_walls.items()}
+    moved = {number: _drawn(scene, wall, time, thickness) for number, wall in now.mobile_walls.items()}
     return _by_name(scene, moved)
 
 
@@ -136,22 +132,24 @@ def _drawn(scene: Scene, wall: Wall, time: float | None, thickness: float) -> Ba
     """Return a wall as drawn at a time [s] or, for None, as given; and in a periodic box its images."""
     when, (x, y, reach) = scene.time if time is None else time, wall.circle
     if isinstance(wall, Row):
-        return wall.drawn_about(scene.domain.middle if scene.domain else wall.point, when)
+        return wall.drawn_about(scene.space_at(scene.time).outer_box.mean(axis=0), when)
     band = wall.drawn(thickness) if time is None else wall.drawn_at(time, thickness)
-    if not scene.period.any() or reach == np.inf:
+    if not scene.period or reach == np.inf:
         return band
     center = wall.pose(when).place(np.array([[x, y]]))
-    ways = scene.space.images(center, np.array([reach]))[0] - center
-    most = 2 ** int(np.count_nonzero(scene.period))  # a mesh has the same number of points at all times
+    ways = scene.period.images(center, np.array([reach]))[0] - center
+    most = 2 ** int(
+        np.count_nonzero(scene.period.repeats)
+    )  # a mesh has the same number of points at all times
     return band.copied(np.concatenate([ways, np.tile(ways[:1], (most - len(ways), 1))]))
 
 
 def _by_name(scene: Scene, drawn: dict[int, Band]) -> dict[str, Band]:
-    """Return walls by name, such as "Outer" or "Segment0", from walls by number, see `Scene.wall_numbers`.
+    """Return walls by name, such as "Outer" or "Segment0", from walls by number.
 
     The number of a wall is added to a name that is given, because several may have it.
     """
-    given = ["", "", *(f"_{k}" if wall.name else "" for k, wall in enumerate(scene.walls))]
+    given = [f"_{k}" if wall.name else "" for k, wall in enumerate(scene.walls)]
     return {scene.wall_names[number] + given[number]: wall for number, wall in drawn.items()}
 
 

@@ -1,20 +1,17 @@
 """Jammed packings: grains without gravity in walls under a pressure, until they rest."""
 
 from dataclasses import dataclass, field, replace
-from math import prod
 from typing import Any
 
 import numpy as np
 
 from warpgrains.analysis.network import rattlers
 from warpgrains.analysis.packing import global_packing_fraction, packing_fraction
-from warpgrains.analysis.profiles import radial_profile
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import OUTER
-from warpgrains.scene.box import SIDES, Box
+from warpgrains.scene.box import Box
 from warpgrains.scene.container import container_of
 from warpgrains.scene.energy import TOLERANCES, kinetic_energy
 from warpgrains.scene.geometry import left_of
@@ -31,7 +28,6 @@ BALANCE = 1e-3  # largest relative difference of the forces of a wall from its p
 HELD = 10  # tests in a row that the grains must rest
 WEAK = 1e-4  # force of contacts that do not count, in mean forces
 WALL_LAYER = 4.0  # depth of the grains that a wall orders, in mean diameters
-RINGS = 50  # of the profile from which the fraction of the bulk is taken
 
 
 @fields_in_help
@@ -137,19 +133,19 @@ def compress(
     (True, 1.0)
     """
     scene = as_scene("scene", scene)
-    sides = SIDES if scene.domain else ()
-    if thin := [wall for wall in scene.walls if wall.border is None and wall.name not in sides]:
-        which = "a side" if scene.domain else "the outer wall"
+    boundary = scene.boundary
+    if thin := [wall for wall in scene.walls if wall.border is None and not boundary.owns(wall)]:
+        which = "a side" if isinstance(boundary, Box) else "the outer wall"
         raise InputError(f"the scene has {thin[0].one()}: {which} would move through it")
-    if scene.domain is not None:
-        scene = _under_pressure(scene, scene.domain, pressure)
+    if isinstance(boundary, Box):
+        scene = _under_pressure(scene, boundary, pressure)
     else:
         pressure = scene.pressure if pressure is None else pressure
         if pressure is None:
             raise InputError("pressure is missing: give it, or domain.pressure in the scene")
         pressure = checks.positive("pressure", pressure)
         scene = scene.replace(pressure=pressure, gravity=(0.0, 0.0), wall="tangent")
-        if scene.n == 1 and scene.radius_in == 0.0 and not scene.walls:
+        if scene.n == 1 and len(scene.walls) == 1:
             raise InputError("compress: the scene has one grain, which cannot hold a circle around it")
     simulation, rest = Simulation(scene), EndCriterion(_is_at_rest, (HELD - 1) * TEST_INTERVAL, "rest")
     run = simulation.run(duration=duration, until=rest, progress=progress)
@@ -174,9 +170,11 @@ def _under_pressure(scene: Scene, box: Box, pressure: float | None) -> Scene:
 def _load(simulation: Simulation) -> tuple[float, float, float]:
     """Return the forces of contacts and pressures on the walls under pressure [N], and their length [m]."""
     scene, contacts = simulation.present_scene, simulation.wall_contacts()
-    if scene.pressure is not None:
-        length = 2.0 * np.pi * scene.radius_out
-        return float(contacts.force[contacts.wall[:, 1] == OUTER].sum()), scene.pressure * length, length
+    outer = scene.bodies.outer
+    if outer is not None and outer.pressure is not None:
+        length, at_outer = 2.0 * np.pi * outer.radius, scene.bodies.circle_walls[1]
+        pressing = float(contacts.force[contacts.wall[:, 1] == at_outer].sum())
+        return pressing, outer.pressure * length, length
     names, normal = np.array(scene.wall_names)[contacts.wall[:, 1]], contacts.normal
     push = contacts.force[:, np.newaxis] * normal + contacts.tangential_force[:, np.newaxis] * left_of(normal)
     lids = {wall.name: wall for wall in scene.walls if isinstance(wall, Line) and wall.pressure is not None}
@@ -189,13 +187,13 @@ def _load(simulation: Simulation) -> tuple[float, float, float]:
 def _is_at_rest(simulation: Simulation) -> bool:
     scene, (force, given, length) = simulation.scene, _load(simulation)
     assert simulation.driven is not None
-    inverse_mass = np.array([drive.inverse_mass for drive in scene.bodies.drives])
+    inverse_mass = np.array([wall.drive.inverse_mass if wall.drive else 0.0 for wall in scene.walls])
     is_driven, speed = inverse_mass > 0.0, simulation.driven[:, 1]
     # without rotation: a rattler without drag on its spin never stops turning
     energy = float(kinetic_energy(scene.mass, scene.radius, simulation.velocity, 0.0))
     energy += float((0.5 * speed[is_driven] ** 2 / inverse_mass[is_driven]).sum())
     least = 0.5 * float(scene.mass.sum()) * (TOLERANCES * scene.tolerance) ** 2
-    area = prod(_lengths(simulation)) if scene.domain else np.pi * simulation.present_scene.radius_out**2
+    area = simulation.present_scene.space_at(simulation.time).area
     most = max(ENERGY * given / length * area, least)
     return bool(abs(force / given - 1.0) <= BALANCE and energy <= most)
 
@@ -212,11 +210,12 @@ def _packing(simulation: Simulation, run: Summary) -> Packing:
     force = now.force if len(now.force) else np.array([np.nan])
     contacts, loose = carrying_contacts(now)
     pressing, _, length = _load(simulation)
+    outer = now.scene.bodies.outer
     return Packing(
         simulation=simulation,
         at_rest=run.met,
-        radius=float("nan") if now.scene.domain else now.scene.radius_out,
-        lengths=_lengths(simulation) if now.scene.domain else None,
+        radius=float("nan") if outer is None else outer.radius,
+        lengths=_lengths(simulation) if outer is None else None,
         fraction=global_packing_fraction(now),
         bulk_fraction=_bulk_fraction(now),
         contacts=contacts,
@@ -241,17 +240,9 @@ def carrying_contacts(now: Snapshot) -> tuple[float, int]:
 
 def _bulk_fraction(now: Snapshot) -> float:
     """Return the packing fraction far from circles and sides; NaN if little space is left."""
-    scene = now.scene
-    layer = WALL_LAYER * 2.0 * float(scene.radius.mean())
-    if scene.domain is not None:
-        region = now.container.region
-        lengths = np.ptp(region.outer_box, axis=0)[region.period == 0.0]
-        is_small = (lengths < 3.0 * layer).any()
-        return float("nan") if is_small else packing_fraction(now, region.without_layer(layer))
-    profile = radial_profile(now, RINGS)
-    inner, outer, _ = scene.annulus.without_layer(layer)
-    if outer - inner < layer:
-        return float("nan")
-    low, high = profile.edges[:-1], profile.edges[1:]
-    space = np.where((low >= inner) & (high <= outer), high**2 - low**2, 0.0)
-    return float(profile.packing_fraction @ space / space.sum())
+    layer = WALL_LAYER * 2.0 * float(now.scene.radius.mean())
+    bulk = now.container.region.without_layer(layer)
+    near, far = bulk.ring
+    widths = np.ptp(bulk.outer_box, axis=0)[~bulk.period.repeats]
+    is_small = not bulk.cells or min([far - near, *widths]) < layer
+    return float("nan") if is_small else packing_fraction(now, bulk)

@@ -205,9 +205,9 @@ def _require_rest_is_possible(scene: Scene) -> None:
     """Raise InputError if a scene has no gravity, or if its grains may keep moving, or rest in many ways."""
     if hypot(*scene.gravity) == 0.0 or scene.gravity_rate:
         raise InputError("gravity is 0 or turns: pack needs a constant one; compress needs none")
-    if (scene.period[np.array(scene.gravity) != 0.0] > 0.0).any():
+    if scene.period.repeats[np.array(scene.gravity) != 0.0].any():
         raise InputError(
-            f"gravity is {tuple(scene.gravity)} and the domain a {scene.domain}: grains fall without end"
+            f"gravity is {tuple(scene.gravity)} and the domain a {scene.boundary}: grains fall without end"
         )
     if scene.has_friction:
         raise InputError("friction is given: pack takes grains without friction; use run --until rest")

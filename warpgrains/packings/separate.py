@@ -84,13 +84,14 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
     if overlap is None:
         overlap = max(scene.dt * scene.tolerance, LEAST * scene.smallest_radius)
     overlap = checks.positive("overlap", overlap)
+    boundary = scene.boundary
     domain: dict[str, Any] = {"radius_in": scene.radius_in, "radius_out": scene.radius_out}
     resting = Scene(
         position=scene.position,
         radius=scene.radius,
         mass=(scene.radius / scene.smallest_radius) ** 2,
-        **({"domain": _wide(scene.domain)} if scene.domain else domain),
-        walls=tuple(_at_rest(wall.at(scene.time)) for wall in scene.walls),
+        **({"domain": _wide(boundary)} if isinstance(boundary, Box) else domain),
+        walls=[_at_rest(wall.at(scene.time)) for wall in scene.written_walls],
         gravity=(0.0, 0.0),
         dt=1.0,
         tolerance=overlap,
@@ -116,8 +117,8 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
 def _wide(box: Box) -> Box:
     """Return a box like another, but with plain sides far beyond: its own are among the walls at rest."""
     x, y = (
-        (low, high) if period > 0.0 else (2.0 * low - high, 2.0 * high - low)
-        for (low, high), period in zip((box.x, box.y), box.period, strict=True)
+        (low, high) if repeats else (2.0 * low - high, 2.0 * high - low)
+        for (low, high), repeats in zip((box.x, box.y), box.period.repeats, strict=True)
     )
     return Box(x, y, periodic=box.periodic)
 

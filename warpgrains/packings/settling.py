@@ -111,7 +111,7 @@ class Settling:
 
     def _balance(self) -> bool:
         """Let the forces balance, and return whether they do, up to rest after `TESTED` steps."""
-        half = 0.5 * float(np.ptp(self._scene.space.box, axis=0).max())
+        half = 0.5 * float(np.ptp(self._scene.boundary.space.box, axis=0).max())
         first, longest = FIRST * self._time, SLIDING * sqrt(half / self.gravity)
         dt = first
         for _ in range(TRIED):

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
-from warpgrains.scene.annulus import OUTER
 from warpgrains.scene.motion import MOTION_NUMBERS
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
@@ -106,16 +105,16 @@ class Reference:
         pointers = [array.ctypes.data_as(_Doubles) for array in self._arrays.values()]
         gravity = (ctypes.c_double * 2)(*scene.gravity)
         bodies, walls = scene.bodies, scene.bodies.inside
-        self._grains = Grains(n, *bodies.annulus[:2], gravity, scene.drag, *pointers)
+        self._grains = Grains(n, *bodies.circles, gravity, scene.drag, *pointers)
         self._arrays["walls"] = np.array([wall.shape for wall in walls]).ravel()
         self._arrays["dvWalls"] = np.zeros(n * len(walls))
-        self._grains.friction, self._grains.wallFriction = scene.friction, scene.wall_frictions[OUTER]
+        self._grains.friction, self._grains.wallFriction = scene.friction, bodies.surfaces[0, 0]
         self._grains.spinDrag = scene.spin_drag
-        self._grains.turningOut = scene.angular_velocity_out
+        self._grains.turningOut = bodies.outer.rotation if bodies.outer else 0.0
         self._arrays["frictionWalls"], self._arrays["speedWalls"] = bodies.surfaces[1:].T.copy()
         self._arrays["motions"] = np.array([[*wall.motion_numbers.values()] for wall in walls]).ravel()
         self._grains.rough, self._grains.moving = scene.has_friction, scene.has_moving_walls
-        self._grains.period[:] = scene.period
+        self._grains.period[:] = scene.period.lengths
         self._grains.turning, self._grains.start = scene.gravity_rate, scene.time
         rotating = (
             scene.spin.copy(),
@@ -125,13 +124,16 @@ class Reference:
         self._arrays |= dict(zip(_ROTATING, rotating, strict=True))
         driven = first_state(scene).driven if state is None else state.driven
         self._grains.driven = driven is not None
-        places, speeds = np.zeros((2, 1 + len(walls))) if driven is None else driven.T.copy()
+        places, speeds = np.zeros((2, 1 + len(walls)))
+        self._of_walls = bodies.of_walls
+        if driven is not None:
+            places[0] = bodies.circles[1]
+            places[self._of_walls], speeds[self._of_walls] = driven.T
+            self._grains.radiusOut = places[0]
         self._arrays["drives"] = np.array([np.hstack(drive) for drive in bodies.drives]).ravel()
         self._arrays |= {"places": places, "speeds": speeds}
-        if driven is not None:
-            self._grains.radiusOut = places[OUTER]
         self._grains.bouncy, self._grains.restitution = scene.has_restitution, scene.restitution
-        self._grains.restitutionOut = scene.wall_restitutions[OUTER]
+        self._grains.restitutionOut = bodies.restitutions[0]
         self._grains.restitutionSpeed = scene.restitution_speed
         self._arrays["restitutionWalls"] = bodies.restitutions[1:].copy()
         self._arrays |= {name: self._arrays[own].copy() for name, own in _BEFORE.items()}
@@ -140,7 +142,7 @@ class Reference:
             scene.has_rolling_friction,
             scene.rolling_friction,
         )
-        self._grains.wallRollingFriction = scene.wall_rolling_frictions[OUTER]
+        self._grains.wallRollingFriction = bodies.rolling[0, 0]
         rolling = *bodies.rolling[1:].T.copy(), *(self._arrays[name].copy() for name in _ROTATING[3:])
         self._arrays |= dict(zip(_ROLLING, rolling, strict=True))
         for name in (*of_walls, *_ROTATING, *_ROLLING, *_DRIVEN, *_BEFORE):
@@ -150,7 +152,7 @@ class Reference:
             self._joints = [numbers.astype(np.intc) for numbers in lists]
             self._grains.jointStart, self._grains.joints = (own.ctypes.data_as(_Ints) for own in self._joints)
         self._grains.nWalls = self._walls = len(walls)
-        self._grains.leapfrog, self._grains.round = scene.scheme == "leapfrog", scene.wall == "round"
+        self._grains.leapfrog, self._grains.round = scene.scheme == "leapfrog", bodies.is_round
         if state is not None:
             arrays, corrections = self._arrays, state.corrections
             self._grains.staggered, self._grains.steps = state.staggered, state.steps
@@ -158,7 +160,7 @@ class Reference:
             arrays["vx"][:], arrays["vy"][:] = state.velocity.T
             arrays["dvContacts"][pair_index(corrections.pair, n)] = corrections.pair_correction
             (grain, wall), carried = corrections.wall.T, corrections.wall_correction
-            body = bodies.of(wall)
+            body = bodies.of_walls[wall]
             inside, own = body > 0, grain * self._walls + body - 1
             arrays["dvWalls"][own[inside]] = carried[inside]
             signed = bodies.sign(wall) * carried
@@ -208,7 +210,7 @@ class Reference:
         arrays["angle"] += scene.dt * arrays["w"]
         if self._grains.driven:
             arrays["places"] += scene.dt * arrays["speeds"]
-            self._grains.radiusOut = arrays["places"][OUTER]
+            self._grains.radiusOut = arrays["places"][0]
         self._grains.staggered = self._grains.leapfrog
         self._grains.steps += 1
         return iterations, zeta
@@ -252,7 +254,7 @@ class Reference:
     @property
     def driven(self) -> FloatArray:
         """Coordinate [m] and speed [m/s] of every wall, shape (walls, 2), see `State.driven`."""
-        return np.stack([self._arrays["places"], self._arrays["speeds"]], axis=1)
+        return np.stack([self._arrays[name][self._of_walls] for name in ("places", "speeds")], axis=1)
 
     @property
     def pair_friction(self) -> FloatArray:

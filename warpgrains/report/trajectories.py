@@ -79,7 +79,8 @@ def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[Front
                     overlap = follow(spending, fraction, horizon).overlap
                 except SimulationError:
                     overlap = np.nan
-                is_tangent = scene.domain is None and scene.wall == "tangent"
+                outer = scene.bodies.outer
+                is_tangent = outer is not None and not outer.is_round
                 yield FrontierRow(
                     scene=scene.name,
                     method=method,
@@ -88,7 +89,7 @@ def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[Front
                     dt=dt,
                     iterations=iterations,
                     overlap=overlap,
-                    wall_floor=(fastest * dt) ** 2 / (2.0 * scene.radius_out) * is_tangent,
+                    wall_floor=(fastest * dt) ** 2 / (2.0 * scene.reach) * is_tangent,
                 )
 
 

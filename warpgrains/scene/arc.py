@@ -9,9 +9,8 @@ from warpgrains.arrays import FloatArray, Indices
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band, strip
-from warpgrains.scene.geometry import distance, hollow_normals, left_of
+from warpgrains.scene.geometry import Side, distance, hollow_normals, left_of
 from warpgrains.scene.wall import Wall, kind_of_wall
 
 _POINTS = 64  # of an arc as it is drawn
@@ -34,8 +33,8 @@ class Arc(Wall):
     --------
     >>> bowl = wg.Arc(center=(0.0, 0.0), radius=1.0, from_angle=-2.5, to_angle=-0.5)
     >>> grain = {"position": [[0.3, 0.0]], "radius": 0.1, "mass": 0.1}
-    >>> wg.Scene(**grain, radius_out=2.0, walls=[bowl]).walls
-    (Arc(center=(0.0, 0.0), radius=1.0, from_angle=-2.5, to_angle=-0.5),)
+    >>> wg.Scene(**grain, radius_out=2.0, walls=[bowl]).walls[0]
+    Arc(center=(0.0, 0.0), radius=1.0, from_angle=-2.5, to_angle=-0.5)
     """
 
     kind: ClassVar[str] = "arc"

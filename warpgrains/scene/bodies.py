@@ -1,8 +1,8 @@
 """The walls of a scene as bodies of the device (kernels/walls.py).
 
-Body 0 is the annulus, whose circles are its two sides. The walls inside it follow. With friction or a driven
-wall the inner circle is body 1 instead, a disc at the origin, because each circle then needs its own friction
-and speed.
+Body 0 is the annulus, whose circles are its two sides; it is out of reach if there is none. The other walls
+follow. With friction or a driven wall the inner circle is body 1 instead, a disc at the origin, because each
+circle then needs its own friction and speed.
 
 At a joint, an end of a wall lies on another wall (MODEL.md, eq. 8c).
 """
@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
-from warpgrains.scene.annulus import INNER, NO_WALL, OUTER, Annulus, Side
-from warpgrains.scene.disc import Disc
-from warpgrains.scene.geometry import distance, left_of
+from warpgrains.scene.geometry import Side, distance, left_of
 from warpgrains.scene.line import Line
+from warpgrains.scene.rim import Rim
 from warpgrains.scene.row import Row
 from warpgrains.scene.wall import Drive, Wall
 
@@ -28,7 +27,8 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 
-NO_CIRCLE = 1e100  # m, radius of the outer wall of the device where there is a box
+NO_CIRCLE = 1e100  # m, radius of the outer circle of the device where there is none
+NONE = -1  # the number of a wall that is not there
 CLOSE = 1e-9  # how far an end may be off the other wall, as a part of the size of the larger one
 ACROSS = np.array([np.cos(1.0), np.sin(1.0)])  # direction in which ends are sorted, along no usual wall
 FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as in kernels/walls.py
@@ -117,63 +117,78 @@ class Bodies:
     """The bodies that the walls of a scene are on the device."""
 
     def __init__(self, scene: Scene):
-        self._scene = scene
-        self.two_circles = (scene.has_friction or scene.has_driven_walls) and scene.radius_in > 0.0
+        self._scene, walls = scene, scene.walls
+        rims = {wall.inside: k for k, wall in enumerate(walls) if isinstance(wall, Rim)}
+        outer, inner = rims.get(True, NONE), rims.get(False, NONE)
+        self.two_circles = (scene.has_friction or scene.has_driven_walls) and inner != NONE
+        self.circle_walls = inner, outer
+        """Numbers of the inner and the outer circle."""
+        self._inner = NONE if self.two_circles else inner
+        others = [k for k in range(len(walls)) if k not in rims.values()]
+        self.walls = [outer, *([inner] if self.two_circles else []), *others]
+        """Number of the wall that each body is; that of the annulus is its outer circle."""
 
     def __len__(self) -> int:
-        return 1 + self.two_circles + len(self._scene.walls)
+        return len(self.walls)
 
     @property
-    def annulus(self) -> Annulus:
-        """The annulus as body 0, without an inner circle that is another body."""
-        annulus = self._scene.annulus
-        if annulus.wall == NO_WALL:
-            return annulus._replace(radius_out=NO_CIRCLE)
-        return annulus._replace(radius_in=0.0) if self.two_circles else annulus
+    def circles(self) -> tuple[float, float]:
+        """Radii of the inner and the outer circle of body 0 [m]: 0 and very large without these."""
+        inner = self._scene.walls[self._inner] if self._inner != NONE else None
+        near = inner.radius if isinstance(inner, Rim) else 0.0
+        return near, NO_CIRCLE if self.outer is None else self.outer.radius
+
+    @property
+    def outer(self) -> Rim | None:
+        """The outer circle, if there is one."""
+        wall = self._scene.walls[self.walls[0]] if self.walls[0] != NONE else None
+        return wall if isinstance(wall, Rim) else None
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the outer circle is round within a step."""
+        return self.outer is not None and self.outer.is_round
 
     @property
     def inside(self) -> tuple[Wall, ...]:
         """The bodies 1, 2, ..."""
-        circle = (Disc((0.0, 0.0), self._scene.radius_in),) if self.two_circles else ()
-        return circle + self._scene.walls
+        return tuple(self._scene.walls[k] for k in self.walls[1:])
 
     @property
     def joints(self) -> list[list[int]]:
         """The bodies inside, from 0 on, at the joints of each, see `Joints.others`."""
-        others, first = self._scene.joints.others, int(self.two_circles)
-        return [[]] * (2 * first * bool(others)) + [[first + wall for wall in own] for own in others]
+        others = self._scene.joints.others
+        if not others:
+            return []
+        place = {wall: k for k, wall in enumerate(self.walls[1:])}
+        own = [others[2 * wall + end] for wall in self.walls[1:] for end in (0, 1)]
+        return [[place[wall] for wall in joined] for joined in own]
 
-    @property
-    def _numbers(self) -> list[int]:
-        """Numbers of the walls that the bodies are; that of the annulus is its outer circle."""
-        return [wall for wall in self._scene.wall_numbers if wall != INNER or self.two_circles]
+    def _of_bodies(self, values: Sequence[float]) -> list[float]:
+        """Return values of walls by body; 0 for an annulus that is not there."""
+        return [values[k] if k != NONE else 0.0 for k in self.walls]
 
     @property
     def surfaces(self) -> FloatArray:
         """Friction of each body, and the speed of its surface [m/s], shape (bodies, 2)."""
-        scene = self._scene
-        return np.array([(scene.wall_frictions[wall], scene.surface_speed(wall)) for wall in self._numbers])
+        speeds = [wall.surface_speed for wall in self._scene.walls]
+        return np.transpose([*map(self._of_bodies, (self._scene.wall_frictions, speeds))])
 
     @property
     def rolling(self) -> FloatArray:
         """Rolling friction of each body, and the spin of a circle that rotates [rad/s], shape (bodies, 2)."""
-        scene = self._scene
-        spins = {OUTER: scene.angular_velocity_out, INNER: scene.angular_velocity_in}
-        return np.array([(scene.wall_rolling_frictions[k], spins.get(k, 0.0)) for k in self._numbers])
+        spins = [wall.rotation for wall in self._scene.walls]
+        return np.transpose([*map(self._of_bodies, (self._scene.wall_rolling_frictions, spins))])
 
     @property
     def restitutions(self) -> FloatArray:
         """Restitution of each body, shape (bodies,)."""
-        return np.array(self._scene.wall_restitutions)[self._numbers]
+        return np.array(self._of_bodies(self._scene.wall_restitutions))
 
     @property
     def drives(self) -> list[Drive]:
         """The drive of each body; that of one that no force acts on is all 0."""
-        scene, outer = self._scene, Drive()
-        if scene.pressure is not None:
-            mass = float(scene.mass.sum()) if scene.wall_mass is None else scene.wall_mass
-            outer = Drive(1.0 / mass, pressure=scene.pressure)
-        drives = [outer]
+        drives = [(self.outer.drive if self.outer else None) or Drive()]
         for k, leader in enumerate(leaders_of(self.inside)):
             drive = self.inside[leader].drive or Drive()
             if k != leader:
@@ -198,17 +213,20 @@ class Bodies:
         walls = (self.inside[b - 1] for b in between)
         return -sum(float(np.dot(wall.point, wall.normal)) for wall in walls if isinstance(wall, Line))
 
-    def of(self, wall: IntArray) -> IntArray:
-        """Return the body of each wall."""
-        return wall if self.two_circles else np.maximum(wall - 1, 0)
+    @property
+    def of_walls(self) -> IntArray:
+        """Body of each wall, shape (walls,)."""
+        found = np.zeros(len(self._scene.walls), np.int32)  # 0 remains for an inner side of body 0
+        for body, wall in enumerate(self.walls):
+            if wall != NONE:
+                found[wall] = body
+        return found
 
     def sign(self, wall: IntArray) -> FloatArray:
         """Return the sign of the device's corrections at each wall: -1 at the inner side of body 0."""
-        return np.where((wall == INNER) & (not self.two_circles), -1.0, 1.0)
+        return np.where(wall == self._inner, -1.0, 1.0)
 
     def carried(self, body: IntArray, correction: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the walls that carry corrections of bodies [m/s], by sign on body 0, and these, >= 0."""
-        wall = body
-        if not self.two_circles:
-            wall = np.where(body > 0, body + 1, np.where(correction < 0.0, INNER, OUTER))
-        return wall.astype(np.int32), np.abs(correction)
+        wall = np.array(self.walls, np.int32)[body]
+        return np.where((body == 0) & (correction < 0.0), self._inner, wall), np.abs(correction)

@@ -8,19 +8,17 @@ from functools import cached_property
 from math import hypot
 from typing import Any, ClassVar
 
-import numpy as np
-
+from warpgrains.arrays import FloatArray
 from warpgrains.described import checked, described, described_fields, documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import NO_WALL, Annulus
+from warpgrains.scene.boundary import Boundary
+from warpgrains.scene.geometry import Ends, Period
 from warpgrains.scene.line import Line
 from warpgrains.scene.motion import AT_REST
-from warpgrains.scene.region import Region
 from warpgrains.scene.row import MOST_SHOWN, Row
 from warpgrains.scene.wall import Wall
 
-Ends = tuple[float, float]
 PERIODIC = ("", "x", "y", "xy")
 SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1.0)}
 """The sides, and the component and sign of the direction from each to the grains."""
@@ -62,7 +60,7 @@ def _side_field(meaning: str) -> Any:
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(Boundary):
     """A rectangle with sides along the axes, of which two opposite ones, or all, may be periodic.
 
     What leaves the box through a periodic side comes in through the opposite one. Positions in states are
@@ -82,7 +80,7 @@ class Box:
     >>> shear = wg.Box((0.0, 1.0), (0.0, 0.5), periodic="x", top={"velocity": (0.2, 0.0)})
     >>> scene = wg.Scene(position=[[0.1, 0.2]], radius=0.1, mass=0.1, domain=shear, friction=0.5)
     >>> scene.wall_names
-    ('Outer', 'Inner', 'bottom', 'top')
+    ('bottom', 'top')
     """
 
     kind: ClassVar[str] = "box"
@@ -130,44 +128,36 @@ class Box:
         return self.x[1] - self.x[0], self.y[1] - self.y[0]
 
     @property
-    def period(self) -> Ends:
-        """Lengths in the directions in which the box is periodic [m]; 0 in the others."""
-        x, y = (length * (name in self.periodic) for length, name in zip(self.lengths, "xy", strict=True))
-        return x, y
+    def period(self) -> Period:
+        return Period(self.x if "x" in self.periodic else None, self.y if "y" in self.periodic else None)
 
     @property
-    def middle(self) -> Ends:
-        """The middle of the box [m]."""
-        return sum(self.x) / 2.0, sum(self.y) / 2.0
+    def size(self) -> str:
+        return f"domain is up to {self.reach / 2.0:g} m from the origin"
 
     @property
-    def circle(self) -> Annulus:
-        """A circle about the origin that contains the box, which is no wall."""
-        return _circle_about(self.x, self.y)
+    def reach(self) -> float:
+        # twice the farthest corner, for sides that move outwards
+        return 2.0 * hypot(*(max(map(abs, ends)) for ends in (self.x, self.y)))
 
     @property
-    def space(self) -> Region:
-        """The box as a region."""
-        return self._between(self.x, self.y)
+    def widest(self) -> float:
+        return max(self.lengths)
 
-    def space_at(self, time: float, walls: Sequence[Wall]) -> Region:
-        """Return the box between its sides as they are among the walls of a scene at a time [s]."""
-        ends = [[*self.x], [*self.y]]
-        for wall in walls:
-            if isinstance(wall, Line) and wall.name in self.sides:
-                component, sign = SIDES[wall.name]
-                (place,) = wall.pose(time).place(np.array([wall.point])).tolist()
-                ends[component][int(sign < 0.0)] = place[component]
-        (left, right), (bottom, top) = ends
-        return self._between((left, right), (bottom, top))
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        return tuple(wall for own in self.sides.values() for wall in own)
 
-    def _between(self, x: Ends, y: Ends) -> Region:
-        (left, right), (bottom, top) = x, y
-        corners = ((left, bottom), (right, bottom), (right, top), (left, top))
-        periodic = x if "x" in self.periodic else None, y if "y" in self.periodic else None
-        return Region(
-            _circle_about(x, y), (corners,) if left < right and bottom < top else (), periodic=periodic
-        )
+    def require_fits(self, radius: FloatArray) -> None:
+        largest = int(radius.argmax())
+        width = 2.0 * float(radius[largest])
+        for name, length in zip("xy", self.lengths, strict=True):
+            least = 2.0 * width if name in self.periodic else width
+            if not length > least:
+                raise InputError(
+                    f"domain.{name} is {getattr(self, name)} m: it must be longer than {least} m for grain"
+                    f" {largest} of radius {radius[largest]} m{', because it is periodic' * (least > width)}"
+                )
 
     @cached_property
     def sides(self) -> dict[str, tuple[Wall, ...]]:
@@ -176,7 +166,6 @@ class Box:
         return {name: self._walls_of(name, dict(getattr(self, name) or {})) for name in open_sides}
 
     def among(self, walls: Sequence[Wall]) -> tuple[Wall, ...]:
-        """Return walls and those of the sides, which may be among them already, at another place by now."""
         found = [*walls]
         for name in SIDES:
             own = self.sides.get(name, ())
@@ -189,10 +178,13 @@ class Box:
             found += () if given else own
         return tuple(found)
 
-    def continuing(self, before: Box | None, walls: Sequence[Wall], time: float) -> Iterator[Wall]:
+    def owns(self, wall: Wall) -> bool:
+        return wall.name in self.sides
+
+    def continuing(self, before: Boundary, walls: Sequence[Wall], time: float) -> Iterator[Wall]:
         """Yield the sides, of which those as before, and discs, are where the walls were at a time [s]."""
         for name, own in self.sides.items():
-            was = before.sides.get(name, ()) if before else ()
+            was = before.sides.get(name, ()) if isinstance(before, Box) else ()
             now = [wall for wall in walls if wall.name == name]
             for k, wall in enumerate(own):
                 old = now[k] if k < len(was) else None
@@ -206,7 +198,8 @@ class Box:
     def _walls_of(self, name: str, given: dict[str, Any]) -> tuple[Wall, ...]:
         component, sign = SIDES[name]
         length = self.lengths[1 - component]
-        (x, y), at = self.middle, self.x if component == 0 else self.y
+        x, y = 0.5 * sum(self.x), 0.5 * sum(self.y)
+        at = self.x if component == 0 else self.y
         own_place = at[0 if sign > 0.0 else 1]
         point = (own_place, y) if component == 0 else (x, own_place)
         normal = (sign, 0.0) if component == 0 else (0.0, sign)
@@ -231,10 +224,6 @@ class Box:
 
 
 documented(described_fields(Box).values())(Box)
-
-
-def _circle_about(x: Ends, y: Ends) -> Annulus:
-    return Annulus(0.0, 2.0 * hypot(*(max(map(abs, ends)) for ends in (x, y))), NO_WALL)
 
 
 def _at_start(wall: Wall) -> Wall:

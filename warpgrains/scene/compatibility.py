@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from math import inf, isfinite, pi
-from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 from warnings import warn
 
@@ -13,10 +12,10 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import INNER, INSIDE, LARGEST, MOST_RADII, OUTER, SMALLEST
 from warpgrains.scene.energy import TOLERANCES
-from warpgrains.scene.geometry import require_distinct, wrapped
+from warpgrains.scene.geometry import LARGEST, MOST_RADII, SMALLEST, require_distinct
 from warpgrains.scene.line import Line
+from warpgrains.scene.rim import Rim
 from warpgrains.scene.row import Row
 
 if TYPE_CHECKING:
@@ -31,70 +30,57 @@ FARTHEST = 1e6  # distance of a periodic box from the origin, in smallest radii:
 def require_valid_positions(scene: Scene) -> None:
     """Raise InputError unless grains lie between the walls, do not coincide, and have resolvable gaps."""
     require_size(scene)
-    require_inside(scene, scene.position)
-    require_clear(scene, scene.wall_numbers, scene.position, scene.time)
-    require_distinct("position", wrapped(scene.position, scene.period))
+    require_clear(scene, range(len(scene.walls)), scene.position, scene.time)
+    require_distinct("position", scene.period.wrapped(scene.position))
 
 
-def require_inside(scene: Scene, position: FloatArray) -> None:
-    """Raise InputError unless all grains fit into the domain and, in an annulus, have their centers there."""
-    if scene.domain is None:
-        return scene.annulus.require_inside(position, scene.radius)
-    largest = int(scene.radius.argmax())
-    width = 2.0 * scene.radius[largest]
-    for name, length, period in zip("xy", scene.domain.lengths, scene.period, strict=True):
-        least = 2.0 * width if period > 0.0 else width
-        if not length > least:
-            given = getattr(scene.domain, name)
-            raise InputError(
-                f"domain.{name} is {given} m: it must be longer than {least} m for grain {largest} of radius"
-                f" {scene.radius[largest]} m{', because it is periodic' if period > 0.0 else ''}"
-            )
-
-
-def require_clear(scene: Scene, numbers: list[int], position: FloatArray, time: float) -> None:
+def require_clear(scene: Scene, numbers: Collection[int], position: FloatArray, time: float) -> None:
     """Raise InputError if a grain is in one of these walls at a time [s], or touches it without a normal."""
-    for number, wall in scene.numbered_walls.items():
-        if number in numbers and (covered := wall.at(time).covers(position)).any():
+    for number in numbers:
+        wall = scene.walls[number]
+        if (covered := wall.at(time).covers(position)).any():
             grain = checks.first_bad("position", position, covered)
-            raise InputError(f"{grain}: its center is inside walls[{number - INSIDE}], {wall}")
+            raise InputError(f"{grain}: {wall.complaint(number)}")
     for number in numbers:
         undefined = scene.side(number, position, scene.radius, time=time).without_normal()
         if undefined.any():
-            grain = checks.first_bad("position", position, undefined)
-            raise InputError(f"{grain}: it touches wall {number}, which has no normal there")
+            grain, name = checks.first_bad("position", position, undefined), scene.wall_names[number]
+            raise InputError(f"{grain}: it touches {name}, which has no normal there")
 
 
 def require_size(scene: Scene) -> None:
-    """Raise InputError unless doubles resolve gaps of this size and hold the square of it."""
+    """Raise InputError unless doubles resolve gaps of this size and hold the square of it, and grains fit."""
     smallest = scene.smallest_radius
-    if scene.radius_out / MOST_RADII >= smallest:
+    if scene.reach / MOST_RADII >= smallest:
         raise InputError(
-            f"radius_out is {scene.radius_out} m: it must be less than {MOST_RADII:g} radii of"
+            f"{scene.boundary.size}: it must be less than {MOST_RADII:g} radii of"
             f" grain {int(np.argmin(scene.radius))}, {smallest} m, because"
             " float64 positions could not resolve gaps"
         )
-    scene.annulus.require_size()
-    if scene.domain and scene.period.any() and scene.radius_out > 2.0 * FARTHEST * smallest:
+    scene.boundary.require_size()
+    scene.boundary.require_fits(scene.radius)
+    if scene.period and scene.reach > 2.0 * FARTHEST * smallest:
         raise InputError(
-            f"domain is up to {scene.radius_out / 2.0:g} m from the origin: a periodic box must be within"
-            f" {FARTHEST:g} radii of the smallest grain, {smallest} m"
+            f"{scene.boundary.size}: a periodic box must be within {FARTHEST:g} radii of the smallest grain,"
+            f" {smallest} m, from the origin"
         )
 
 
 def require_compatible_settings(scene: Scene) -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
-    for complaints in (_of_domain, _of_steps, _of_friction, _of_restitution, _of_driven_walls, _of_methods):
+    for complaints in (_of_walls, _of_steps, _of_friction, _of_restitution, _of_driven_walls, _of_methods):
         for complaint in complaints(scene):
             raise InputError(complaint)
 
 
-def _of_domain(scene: Scene) -> Iterator[str]:
+def _of_walls(scene: Scene) -> Iterator[str]:
     """Yield which walls do not continue beyond periodic sides, and which rows are alone."""
-    periods = scene.period.tolist()
+    periods = scene.period.lengths.tolist()
     period = min((own for own in periods if own > 0.0), default=inf)
     smallest = scene.smallest_radius
     for k, wall in enumerate(scene.walls):
+        if isinstance(wall, Rim):
+            continue
         if (largest := max(map(abs, wall.numbers))) >= MOST_RADII * smallest:
             yield (
                 f"walls[{k}] has the length or coordinate {largest} m: it must be less than {MOST_RADII:g}"
@@ -136,9 +122,9 @@ def _of_steps(scene: Scene) -> Iterator[str]:
             f"{checks.first_bad('mass', scene.mass, too_extreme)}: it must be between {SMALLEST:g} and"
             f" {LARGEST:g} kg, for products of masses to be finite"
         )
-    if not isfinite(float(scene.mass.max()) * scene.radius_out / dt / dt):
+    if not isfinite(float(scene.mass.max()) * scene.reach / dt / dt):
         yield (
-            f"dt is {dt} s: forces of {scene.mass.max()} kg that moves {scene.radius_out} m in a step are"
+            f"dt is {dt} s: forces of {scene.mass.max()} kg that moves {scene.reach} m in a step are"
             " not finite"
         )
     if abs(scene.time) >= MOST_STEPS * dt:
@@ -164,12 +150,14 @@ def _of_friction(scene: Scene) -> Iterator[str]:
     """Yield which fields have no effect without friction, and which rotations cannot be computed."""
     if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
         yield f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall"
-    for name, wall in {"angular_velocity_out": OUTER, "angular_velocity_in": INNER}.items():
-        given = f"{name} is {getattr(scene, name)} rad/s"
-        if getattr(scene, name) != 0.0 and scene.wall_frictions[wall] == 0.0:
-            yield f"{given}: a wall without friction moves no grain; give wall_friction"
-        if not isfinite(scene.surface_speed(wall)):
-            yield f"{given}: the speed of the wall is not finite"
+    for wall, friction in zip(scene.walls, scene.wall_frictions, strict=True):
+        if isinstance(wall, Rim) and wall.rotation != 0.0:
+            name = "angular_velocity_out" if wall.inside else "angular_velocity_in"
+            given = f"{name} is {wall.rotation} rad/s"
+            if friction == 0.0:
+                yield f"{given}: a wall without friction moves no grain; give wall_friction"
+            if not isfinite(wall.surface_speed):
+                yield f"{given}: the speed of the wall is not finite"
     if not scene.has_friction:
         if scene.spin.any():
             grain = checks.first_bad("spin", scene.spin, scene.spin != 0.0)
@@ -228,11 +216,10 @@ def _of_methods(scene: Scene) -> Iterator[str]:
 
 def warn_of_overlaps(scenes: Sequence[Scene]) -> None:
     """Warn if grains of scenes overlap at the start; of several scenes, name the worst."""
-    start = attrgetter("radius_in", "radius_out", "domain", "time")
     of_start: dict[Any, float] = {}  # many scenes of a batch start alike
     overlap = []
     for scene in scenes:
-        key = *start(scene), id(scene.walls), scene.position.tobytes(), scene.radius.tobytes()
+        key = scene.boundary, scene.time, id(scene.walls), scene.position.tobytes(), scene.radius.tobytes()
         if key not in of_start:
             of_start[key] = scene.count_overlaps().largest
         overlap.append(of_start[key])

@@ -1,7 +1,7 @@
-"""The container of the grains: the part of the domain that straight walls leave to them.
+"""The space of the grains, which circles and lines bound where they are, and their container in it.
 
-A box is bounded by its sides where they are. A segment that has all centers on one side bounds the container
-along its whole line. That is right as long as walls cover the border of the convex polygon that remains, but
+The container is what segments leave of the space. A segment that has all centers on one side bounds it along
+its whole line. That is right as long as walls cover the border of the convex polygon that remains, but
 for gaps through which no grain passes. Under gravity, the polygon may be open above: its mouth is the lowest
 point of the border that no wall covers. With walls of other kinds, or a wall that cuts the polygon, the
 container is unknown.
@@ -9,6 +9,7 @@ container is unknown.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -17,17 +18,19 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import NoAreaError
-from warpgrains.scene.geometry import Circle
+from warpgrains.scene.geometry import Circle, Period
 from warpgrains.scene.line import Line
 from warpgrains.scene.outline import Part, clip
-from warpgrains.scene.region import Region, Side, sides_of
+from warpgrains.scene.region import Region, Side, rectangle, sides_of
+from warpgrains.scene.rim import Rim
 from warpgrains.scene.row import Row
 from warpgrains.scene.segment import Segment
+from warpgrains.scene.wall import Wall
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
-ROUNDING = 1e-9  # of places of walls, in radii of the outer circle
+ROUNDING = 1e-9  # of places of walls, in the largest distance of a place from the origin
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class Container:
     """The container of the grains at one time."""
 
     walled: Region
-    """The domain, without discs and what is beyond straight walls and their lines. Where the container is
+    """The space without discs and what is beyond straight walls and their lines. Where the container is
     unknown, segments are left out."""
     up: FloatArray
     """Direction against gravity, see `Scene.up_at`."""
@@ -63,10 +66,23 @@ class Container:
         return self.region
 
 
+def space_of(walls: Iterable[Wall], period: Period, reach: float) -> Region:
+    """Return the space that walls as they are given leave within a reach [m], in a period."""
+    circles, sides = list[Circle](), list[Side]()
+    for wall in walls:
+        if isinstance(wall, Line):
+            normal = np.array(wall.normal)
+            sides.append((-normal, -float(wall.point @ normal)))
+        elif isinstance(wall, Rim):
+            circles.append(wall.border)
+    whole = -2.0 * reach, 2.0 * reach
+    return Region((rectangle(period.x or whole, period.y or whole),), tuple(circles), period).cut(*sides)
+
+
 def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
     """Return the container of grains at positions [m], shape (n, 2), at a time [s]."""
-    up = scene.up_at(time)
-    space = _domain(scene, time)
+    up, domain = scene.up_at(time), scene.space_at(time)
+    space = without_discs(domain, scene.walls, time)
     unknown = Container(space, up, is_known=False)
     thin = [wall for wall in scene.walls if not (wall.border or isinstance(wall, Line | Row))]
     if not thin:
@@ -75,9 +91,9 @@ def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
         return unknown
     ends = np.array([wall.pose(time).place(np.reshape(wall.numbers, (2, 2))) for wall in thin])
     middle = ends.mean(axis=1, keepdims=True)
-    ends += space.wrapped(middle) - middle
-    position = space.wrapped(position)
-    sides, rounding = [_side(own, position) for own in ends], ROUNDING * scene.radius_out
+    ends += space.period.wrapped(middle) - middle
+    position = space.period.wrapped(position)
+    sides, rounding = [_side(own, position) for own in ends], ROUNDING * scene.reach
     region = space.cut(*(side for side in sides if side is not None))
     inner = ends[[side is None for side in sides]]
     if not region.parts or any(_cuts(region.parts[0], own, rounding) for own in inner):
@@ -94,23 +110,19 @@ def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
     return container if any(scene.gravity_at(time)) and container.region.area > 0.0 else unknown
 
 
-def _domain(scene: Scene, time: float) -> Region:
-    """Return the domain between its sides as they are at a time [s], without discs."""
-    space, discs, sides = scene.space_at(time), list[Circle](), list[Side]()
-    for wall in scene.walls:
-        if (border := wall.border_at(time)) is not None:
-            around = space.shifts if not border.keeps_inside else np.zeros((1, 2))
-            around = around + space.wrapped(np.array([border[:2]]))
-            discs += (border._replace(x=x, y=y) for x, y in around.tolist())
-        elif isinstance(wall, Row):
-            centers = wall.discs_at(time, scene.domain.middle if scene.domain else wall.point)
+def without_discs(space: Region, walls: Iterable[Wall], time: float) -> Region:
+    """Return a space without the discs of walls as they are at a time [s]."""
+    discs = list[Circle]()
+    low, high = space.outer_box
+    for wall in walls:
+        if isinstance(wall, Row):
+            centers = wall.discs_at(time, 0.5 * (low + high))
             discs += (Circle(x, y, wall.radius, False) for x, y in centers.tolist())
-        elif isinstance(wall, Line):
-            normal, point = np.array(wall.normal), wall.pose(time).place(np.array([wall.point]))
-            sides.append((-normal, -(point[0] @ normal).item()))
-    for axis, ends in zip(np.eye(2), space.periodic, strict=True):
-        sides += [(-axis, -ends[0]), (axis, ends[1])] if ends else []
-    return replace(space, discs=tuple(discs)).cut(*sides)
+        elif (border := wall.border_at(time)) is not None and not isinstance(wall, Rim):
+            around = space.period.shifts if not border.keeps_inside else np.zeros((1, 2))
+            around = around + space.period.wrapped(np.array([border[:2]]))
+            discs += (border._replace(x=x, y=y) for x, y in around.tolist())
+    return replace(space, discs=space.discs + tuple(discs))
 
 
 def _side(ends: FloatArray, position: FloatArray) -> Side | None:

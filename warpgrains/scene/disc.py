@@ -8,9 +8,8 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.described import described
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band, ring
-from warpgrains.scene.geometry import Circle, directions, distance, hollow_normals
+from warpgrains.scene.geometry import Circle, Side, directions, distance, hollow_normals
 from warpgrains.scene.wall import Wall, kind_of_wall
 
 
@@ -31,8 +30,8 @@ class Disc(Wall):
     --------
     >>> disc = wg.Disc(center=(0.0, -1.0), radius=0.2)
     >>> grain = {"position": [[0.3, 0.0]], "radius": 0.1, "mass": 0.1}
-    >>> wg.Scene(**grain, radius_out=2.0, walls=[disc]).walls
-    (Disc(center=(0.0, -1.0), radius=0.2),)
+    >>> wg.Scene(**grain, radius_out=2.0, walls=[disc]).walls[0]
+    Disc(center=(0.0, -1.0), radius=0.2)
     """
 
     kind: ClassVar[str] = "disc"

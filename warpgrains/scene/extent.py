@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray
-from warpgrains.scene.annulus import INNER, OUTER
-from warpgrains.scene.band import ring
 from warpgrains.scene.bounds import Bounds
 from warpgrains.scene.gravity import upwards
 from warpgrains.scene.line import Line
+from warpgrains.scene.rim import Rim
 
 if TYPE_CHECKING:
-    from warpgrains.scene.box import Box
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.wall import Wall
 
@@ -28,25 +26,28 @@ def box_of_discs(position: FloatArray, reach: FloatArray) -> Bounds:
 
 def extent_of(scene: Scene) -> Bounds:
     """Return the smallest box about the grains at the start and the walls that they can touch."""
-    if scene.domain is not None:
-        return _extent_of_box(scene, scene.domain)
-    borders = enumerate(scene.annulus.borders)
-    lines = {number: ring(border, 0.0).first for number, border in borders if border.radius > 0.0}
-    for number, wall in scene.numbered_walls.items():
-        lines[number] = _reached(scene, wall)
+    if _outer(scene) is None:
+        return _extent_of_box(scene)
+    lines = {number: _reached(scene, wall) for number, wall in enumerate(scene.walls)}
     box = box_of_discs(scene.position, scene.radius[:, np.newaxis])
-    touched = _touched(scene, box, lines) if scene.walls else lines
-    for number in touched:
-        box = box.covering(Bounds.around(np.clip(lines[number], -scene.radius_out, scene.radius_out)))
+    is_plain = all(isinstance(wall, Rim) for wall in scene.walls)
+    for number in lines if is_plain else _touched(scene, box, lines):
+        box = box.covering(Bounds.around(np.clip(lines[number], -scene.reach, scene.reach)))
     return box
 
 
-def _extent_of_box(scene: Scene, domain: Box) -> Bounds:
-    """Return the box, and where its sides that move as given in advance are at any time."""
+def _outer(scene: Scene) -> int | None:
+    """Return the number of the outer circle, if there is one."""
+    rims = (k for k, wall in enumerate(scene.walls) if isinstance(wall, Rim) and wall.inside)
+    return next(rims, None)
+
+
+def _extent_of_box(scene: Scene) -> Bounds:
+    """Return the box at the start, and where its sides that move as given in advance are at any time."""
     sides = [wall for wall in scene.walls if isinstance(wall, Line)]
-    corners = np.stack([domain.x, domain.y], axis=1)
+    corners = scene.space_at(scene.time).outer_box
     reached = np.concatenate([corners, *(_reached(scene, wall) for wall in sides)])
-    return Bounds.around(np.where(scene.period > 0.0, np.clip(reached, *corners), reached))
+    return Bounds.around(np.where(scene.period.repeats, np.clip(reached, *corners), reached))
 
 
 def _reached(scene: Scene, wall: Wall) -> FloatArray:
@@ -57,13 +58,14 @@ def _reached(scene: Scene, wall: Wall) -> FloatArray:
 
 def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[int]:
     """Return the numbers of the walls that grains can touch, from cells that their centers can reach."""
+    outer = _outer(scene)
     for number, line in lines.items():
-        box = box if number == OUTER else box.covering(Bounds.around(line))
+        box = box if number == outer else box.covering(Bounds.around(line))
     largest, step = float(scene.radius.max()), np.sqrt(box.width * box.height / _CELLS)
     left, bottom, right, top = box.grown(largest + 2.0 * step)
     x, y = np.arange(left, right, step), np.arange(bottom, top, step)
     cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    mobile = scene.mobile_walls
+    mobile = {k for k, wall in scene.mobile_walls.items() if not isinstance(wall, Rim)}
     with np.errstate(invalid="ignore", divide="ignore"):  # of normals, at the centers of circles
         point = np.zeros(len(cells))
         gaps = {k: scene.side(k, cells, point).gap for k in lines if k not in mobile}
@@ -79,14 +81,14 @@ def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[in
         return list(lines)
     leaves = reached[[0, -1]].any() or reached[:, [0, -1]].any()
     near = {k: bool((gap[reached.ravel()] <= largest + 1.5 * step).any()) for k, gap in gaps.items()}
-    return [k for k in lines if k in mobile or near[k] or (k == OUTER and leaves)]
+    return [k for k in lines if k in mobile or near[k] or (k == outer and leaves)]
 
 
 def _direction_up(scene: Scene, is_lifted: bool) -> FloatArray | None:
     """Return the unit vector against gravity; None if grains can be lifted any height."""
     gravity = np.array(scene.gravity_at(0.0))
-    is_lifted = is_lifted or scene.gravity_rate != 0.0 or not gravity.any() or scene.pressure is not None
-    is_lifted = is_lifted or any(scene.surface_speed(number) for number in (OUTER, INNER))
+    is_lifted = is_lifted or scene.gravity_rate != 0.0 or not gravity.any() or scene.has_driven_walls
+    is_lifted = is_lifted or any(wall.surface_speed for wall in scene.walls)
     return None if is_lifted else upwards(gravity)
 
 

@@ -16,7 +16,9 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import checked, described, described_fields
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.annulus import KEYS as OF_ANNULUS
 from warpgrains.scene.annulus import Annulus
+from warpgrains.scene.boundary import Boundary
 from warpgrains.scene.box import Box, checked_domain
 from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
 from warpgrains.scene.scheme import SCHEMES
@@ -27,7 +29,6 @@ ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
-OF_ANNULUS = ("radius_in", "wall", "pressure", "wall_mass", "angular_velocity_out", "angular_velocity_in")
 
 
 def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING) -> Any:
@@ -53,7 +54,7 @@ class SceneFields:
     )
     radius_in: float = _key("Radius of the inner wall [m]; 0 means there is none.", "domain", default=0.0)
     radius_out: float = _key(
-        "Radius of the outer wall [m]; with a box, of a circle about it, which is no wall.",
+        "Radius of the outer wall [m]; by default there is a box.",
         "domain",
         default=None,
     )
@@ -278,25 +279,35 @@ for _name, _field in FIELDS.items():
 def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]:
     """Return the named fields in the form in which a scene keeps them; all of grains with the position."""
     found = _checked_grains(scene) if "position" in names else {}
-    if not {"radius_out", "domain", *OF_ANNULUS}.isdisjoint(names):
-        found |= _checked_domain(scene)
+    if not {"domain", *OF_ANNULUS}.isdisjoint(names):
+        found |= _checked_boundary(scene)
     own = {name: FIELDS[name] for name in names if FIELDS[name].metadata["check"]}
     return found | {name: checked(name, field, getattr(scene, name)) for name, field in own.items()}
 
 
-def _checked_domain(scene: SceneFields) -> dict[str, Any]:
-    """Return the fields of the annulus, or of the circle about a box."""
-    box = checked_domain("domain", scene.domain)
-    if box is None:
+def boundary_of(scene: SceneFields) -> Boundary:
+    """Return the annulus or the box of a scene."""
+    if scene.domain is not None:
+        return scene.domain
+    own = {name: getattr(scene, name) for name in OF_ANNULUS}
+    if scene.pressure is not None and scene.wall_mass is None:
+        own["wall_mass"] = float(scene.mass.sum())
+    return Annulus(**own)
+
+
+def _checked_boundary(scene: SceneFields) -> dict[str, Any]:
+    """Return the fields of the annulus, which must be those by default with a box."""
+    if checked_domain("domain", scene.domain) is None:
         if scene.radius_out is None:
             raise InputError("radius_out is missing: give it, or domain")
-        return Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict()
-    if scene.radius_out not in (None, box.circle.radius_out):
+        annulus = Annulus(scene.radius_in, scene.radius_out, scene.wall).checked()
+        return {name: getattr(annulus, name) for name in ("radius_in", "radius_out", "wall")}
+    if scene.radius_out is not None:
         raise InputError(f"radius_out is {scene.radius_out}, and domain a box: give one of them")
     for name in OF_ANNULUS:
         if (given := getattr(scene, name)) != FIELDS[name].default:
             raise InputError(f"{name} is {given!r}: it concerns the annulus, and domain is a box")
-    return {"radius_out": box.circle.radius_out}
+    return {}
 
 
 def _checked_grains(scene: SceneFields) -> dict[str, Any]:

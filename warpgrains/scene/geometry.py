@@ -4,8 +4,9 @@ The search serves the checks of a scene at its start. The solver has its own (ke
 """
 
 from collections.abc import Iterator
-from functools import cache
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -14,7 +15,79 @@ from warpgrains.errors import InputError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
 """Relative rounding error of a gap: an overlap below this fraction of the coordinates counts as a contact."""
+SMALLEST, LARGEST = 1e-140, 1e150  # of a length [m], for squares to be finite and not 0
+MOST_RADII = 1e12  # of a length, in smallest grain radii; beyond it doubles cannot resolve a gap
 FEW = 64  # discs up to which all pairs are compared
+
+
+Ends = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Period:
+    """The cell by whose images a scene continues: where it begins and ends along x and y.
+
+    The ends [m] are None in a direction in which nothing repeats.
+    """
+
+    x: Ends | None = None
+    y: Ends | None = None
+
+    def __bool__(self) -> bool:
+        return self.x is not None or self.y is not None
+
+    @cached_property
+    def repeats(self) -> BoolArray:
+        """Whether the scene repeats along x and y, shape (2,)."""
+        return np.array([self.x is not None, self.y is not None])
+
+    @cached_property
+    def low(self) -> FloatArray:
+        """Lower corner of the cell [m], shape (2,); 0 in other directions."""
+        return np.array([ends[0] if ends else 0.0 for ends in (self.x, self.y)])
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Lengths of the cell [m], shape (2,); 0 in other directions."""
+        return np.array([ends[1] - ends[0] if ends else 0.0 for ends in (self.x, self.y)])
+
+    @property
+    def shifts(self) -> FloatArray:
+        """Ways from the cell to itself and those around it [m], shape (1, 3 or 9; 2)."""
+        steps = [(0.0, 1.0, -1.0) if length else (0.0,) for length in self.lengths]
+        return np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2) * self.lengths
+
+    def wrapped(self, position: FloatArray) -> FloatArray:
+        """Return the images of points in the cell [m], shape (..., 2)."""
+        return wrapped(position, self.lengths, self.low)
+
+    def from_corner(self, position: FloatArray) -> FloatArray:
+        """Return the places of points in the cell from its lower corner on, below its lengths [m], (n, 2)."""
+        places = self.wrapped(position) - self.low
+        return np.where(self.repeats, np.clip(places, 0.0, np.nextafter(self.lengths, 0.0)), places)
+
+    def nearest(self, ways: FloatArray) -> FloatArray:
+        """Return the shortest of ways and their images [m], shape (..., 2) (kernels/MODEL.md, eq. 36)."""
+        if not self:
+            return ways
+        images = np.rint(np.divide(ways, self.lengths, np.zeros_like(ways), where=self.repeats))
+        return np.asarray(ways - self.lengths * images)
+
+    def images(self, position: FloatArray, reach: FloatArray) -> tuple[FloatArray, IndexArray]:
+        """Return discs in the cell, and the images of those that reach across a periodic side.
+
+        `reach` holds the radii [m], shape (n,). The centers [m], shape (k, 2), and the disc of each as a
+        number, shape (k,), are returned; first the n centers in the cell.
+        """
+        places = self.wrapped(position)
+        number = np.arange(len(places))
+        for d in np.flatnonzero(self.repeats).tolist():
+            along, half = places[:, d] - self.low[d], 0.5 * self.lengths[d]
+            crosses = np.flatnonzero(half - np.abs(along - half) < reach[number])
+            images = places[crosses]
+            images[:, d] += np.where(along[crosses] < half, 1.0, -1.0) * self.lengths[d]
+            places, number = np.concatenate([places, images]), np.concatenate([number, number[crosses]])
+        return places, number
 
 
 class Circle(NamedTuple):
@@ -32,6 +105,25 @@ class Circle(NamedTuple):
         return np.asarray(rho <= self.radius if self.keeps_inside else rho >= self.radius)
 
 
+class Side(NamedTuple):
+    """Normals and gaps of grains at one wall."""
+
+    normal: FloatArray
+    """Unit vectors into the wall, shape (n, 2)."""
+    gap: FloatArray
+    """Gaps [m], shape (n,)."""
+
+    @classmethod
+    def at(cls, point: FloatArray, position: FloatArray, radius: FloatArray) -> Self:
+        """Return the side of a wall whose nearest points to grains are given [m], shape (n, 2)."""
+        away = point - position
+        return cls(directions(away), distance(away) - radius)
+
+    def without_normal(self, path: float = 0.0) -> BoolArray:
+        """Return which grains are where a wall within a path [m] has no normal, shape (n,)."""
+        return (distance(self.normal) == 0.0) & ~(self.gap > path)
+
+
 def distance(vectors: FloatArray) -> FloatArray:
     """Return the lengths of vectors, shape (m, 2) to (m,), with the same rounding as the solver."""
     with np.errstate(over="ignore"):
@@ -44,41 +136,12 @@ def directions(vectors: FloatArray) -> FloatArray:
     return np.divide(vectors, length, np.zeros_like(vectors), where=length != 0.0)
 
 
-def nearest_image(ways: FloatArray, period: FloatArray) -> FloatArray:
-    """Return the shortest of ways and their periodic images [m], shape (..., 2) (kernels/MODEL.md, eq. 36).
-
-    A period of 0 has no images.
-    """
-    if not period.any():
-        return ways
-    images = np.rint(np.divide(ways, period, np.zeros_like(ways), where=period > 0.0))
-    return np.asarray(ways - period * images)
-
-
 def wrapped(position: FloatArray, period: FloatArray, start: FloatArray | float = 0.0) -> FloatArray:
     """Return the images of points [m], shape (n, 2), from `start` on in periodic directions."""
     if not period.any():
         return position
     images = np.floor(np.divide(position - start, period, np.zeros_like(position), where=period > 0.0))
     return np.asarray(position - period * images)
-
-
-def with_images(
-    places: FloatArray, reach: FloatArray, period: FloatArray, low: FloatArray
-) -> tuple[FloatArray, IndexArray]:
-    """Return discs in a box from `low` on, and the images of those that reach across a periodic side.
-
-    `reach` holds the radii [m], shape (n,). The centers [m], shape (k, 2), and the disc of each as a number,
-    shape (k,), are returned; first the n centers in the box.
-    """
-    number = np.arange(len(places))
-    for d in np.flatnonzero(period).tolist():
-        along, half = places[:, d] - low[d], 0.5 * period[d]
-        crosses = np.flatnonzero(half - np.abs(along - half) < reach[number])
-        images = places[crosses]
-        images[:, d] += np.where(along[crosses] < half, 1.0, -1.0) * period[d]
-        places, number = np.concatenate([places, images]), np.concatenate([number, number[crosses]])
-    return places, number
 
 
 def require_distinct(field: str, position: FloatArray) -> None:
@@ -138,7 +201,7 @@ def _angle(u: FloatArray, v: FloatArray) -> FloatArray:
 
 
 def overlapping_pairs(
-    position: FloatArray, radius: FloatArray, period: FloatArray | None = None
+    position: FloatArray, radius: FloatArray, period: Period | None = None
 ) -> Iterator[tuple[IndexArray, IndexArray]]:
     """Yield the pairs i < j of discs that overlap, each once, in chunks, in memory proportional to n.
 
@@ -148,8 +211,8 @@ def overlapping_pairs(
     or a smaller class only if their cells are neighbors; a cell is as wide as the largest diameter of
     the class. So a few huge discs among many small ones cost no more than discs of one size.
     """
-    if period is not None and period.any():
-        places, grain = with_images(wrapped(position, period), radius, period, np.zeros(2))
+    if period:
+        places, grain = period.images(position, radius)
         found = [np.sort(grain[np.stack(pair)], axis=0) for pair in overlapping_pairs(places, radius[grain])]
         i, j = np.unique(np.concatenate([np.empty((2, 0), grain.dtype), *found], axis=1), axis=1)
         yield i, j

@@ -6,7 +6,7 @@ second argument. It raises InputError, one line, if a value is invalid or the gr
 """
 
 from collections.abc import Callable, Sequence
-from math import floor, sqrt
+from math import floor, inf, sqrt
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import MOST_RADII
+from warpgrains.scene.geometry import MOST_RADII, ROUNDING, distance
 from warpgrains.scene.placing import grow, place_at_random
 from warpgrains.scene.radii import drawn_radii, listed_radii
 from warpgrains.scene.region import Region, region_of
@@ -62,7 +62,7 @@ def rows(
     spacing = _spacing(spacing)
     height, shift = checks.number("grains.height", height), checks.number("grains.shift", shift)
     (left, bottom), (right, _) = space.box
-    lowest = space.ring.radius_in if space.cells is None else bottom
+    lowest = space.ring[0] if space.ring[1] < inf else bottom
     if columns is None:
         widths = _fitting_widths(space, count, radius, lowest + height * radius, spacing * radius)
     else:
@@ -97,21 +97,22 @@ def lattice(
         raise InputError(f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} sites")
     rows, half = floor(height / rise) + 1, floor(0.5 * width / pitch) + 1
     column = np.arange(-half, half + 1)
-    if space.periodic[0]:
+    if space.period.x:
         columns = floor(width / pitch)
         column, pitch = np.arange(columns) - 0.5 * columns, width / max(columns, 1)
-    if space.periodic[1]:
+    if space.period.y:
         rows = 2 * floor(height / (2.0 * rise))
         rise = height / max(rows, 1)
     row = np.arange(rows)[:, np.newaxis]
     x = (column + 0.5 * (row % 2)) * pitch + 0.5 * (left + right)
     y = np.broadcast_to(row * rise + bottom, x.shape)
     position = np.column_stack([x.ravel(), y.ravel()])
-    position = position[space.ring.contains(position, np.full(len(position), radius))]
-    rounding = space.ring.rounding if space.cells else 0.0  # of grains that touch a side
+    (near, far), rho = space.ring, distance(position)
+    position = position[(rho <= far - radius) & (rho >= near + radius * (near > 0.0))]
+    rounding = 0.0 if far < inf else 2.0 * ROUNDING * float(distance(space.box).max())  # at a side
     for wall in walls:
-        near = wall.nearest_images(position, space.period)
-        position = position[wall.side(near, np.full(len(position), radius)).gap >= -rounding]
+        images = wall.nearest_images(position, space.period)
+        position = position[wall.side(images, np.full(len(position), radius)).gap >= -rounding]
     if count is None:
         count = len(position)
     elif _count(count) > len(position):
@@ -235,11 +236,15 @@ def _count(value: Any) -> int:
 
 def _radius(space: Region, value: Any) -> float:
     radius, (low, high) = checks.positive("grains.radius", value), space.box
-    widest = min(space.ring.largest_radius, *((high - low) * np.where(space.period > 0.0, 0.25, 0.5)))
-    if radius > widest or radius == space.ring.radius_out:
+    near, far = space.ring
+    widest = min(
+        0.5 * (far - near) if near else far, *((high - low) * np.where(space.period.repeats, 0.25, 0.5))
+    )
+    if radius > widest or radius == far:
         raise InputError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
-    if radius * MOST_RADII <= space.ring.radius_out:
-        least = space.ring.radius_out / MOST_RADII
+    largest = far if far < inf else 2.0 * float(distance(space.box).max())
+    if radius * MOST_RADII <= largest:
+        least = largest / MOST_RADII
         raise InputError(f"grains.radius is {radius} m: it must be more than {least:.3g} m in this domain")
     return radius
 
@@ -254,7 +259,7 @@ def _spacing(value: Any) -> float:
 
 def _centers(space: Region, radius: float) -> FloatArray:
     """Return the box of the centers of grains in a domain [m], shape (2, 2)."""
-    margin = np.where(space.period > 0.0, 0.0, radius)
+    margin = np.where(space.period.repeats, 0.0, radius)
     return space.box + np.array([margin, -margin])
 
 
@@ -266,7 +271,7 @@ def _fitting_widths(space: Region, count: int, radius: float, lowest: float, pit
         y = lowest + len(widths) * pitch
         if not bottom <= y <= top:
             raise InputError(f"grains.count is {count}: only {count - missing} grains fit in the rows")
-        length = 2.0 * sqrt(top * top - y * y) if space.cells is None else right - left
+        length = 2.0 * sqrt(top * top - y * y) if space.ring[1] < inf else right - left
         fitting = floor(min(MOST_GRAINS, length / pitch))
-        widths.append(fitting if space.periodic[0] and fitting > 0 else 1 + fitting)
+        widths.append(fitting if space.period.x and fitting > 0 else 1 + fitting)
     return np.array(widths)

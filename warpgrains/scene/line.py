@@ -10,9 +10,8 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band, strip
-from warpgrains.scene.geometry import ROUNDING
+from warpgrains.scene.geometry import ROUNDING, Side
 from warpgrains.scene.wall import Drive, InfiniteWall, StraightWall, kind_of_wall
 
 Vector = tuple[float, float]
@@ -44,8 +43,8 @@ class Line(InfiniteWall, StraightWall):
     --------
     >>> floor = wg.Line(point=(0.0, -1.0), normal=(0.0, 1.0), length=4.0)
     >>> grain = {"position": [[0.0, 0.5]], "radius": 0.1, "mass": 0.1}
-    >>> wg.Scene(**grain, radius_out=2.0, walls=[floor]).walls
-    (Line(point=(0.0, -1.0), normal=(0.0, 1.0), length=4.0),)
+    >>> wg.Scene(**grain, radius_out=2.0, walls=[floor]).walls[0]
+    Line(point=(0.0, -1.0), normal=(0.0, 1.0), length=4.0)
     """
 
     kind: ClassVar[str] = "line"

@@ -23,7 +23,6 @@ from warpgrains.turns import BUILDING
 
 if TYPE_CHECKING:
     from warpgrains.scene.region import Region
-from warpgrains.scene.annulus import INNER, OUTER
 from warpgrains.warp_start import start_warp
 
 MOST_TRIES = 1_000_000  # for one disc; after that hardly any free space is left
@@ -67,12 +66,13 @@ class _Discs:
         self._arrays: dict[str, np.ndarray[Any, Any]] = {}
         self._record = np.zeros(1, _record_dtype())
         limits = self._record["walls"]
-        limits["annulus"]["radius_in"], limits["annulus"]["radius_out"] = region.ring[:2]
-        limits["period"] = region.period
+        limits["annulus"]["radius_in"], limits["annulus"]["radius_out"] = region.ring
+        limits["period"] = region.period.lengths
         self._record["bounds"]["low"], self._record["bounds"]["high"] = _box(region)
         self._set("shape", _shapes(walls), limits)
         _, start, count = np.unique(-np.frexp(radius)[1], return_index=True, return_counts=True)
-        low, high = np.where(region.period > 0.0, (region.low, region.low + region.period), region.box)
+        period = region.period
+        low, high = np.where(period.repeats, (period.low, period.low + period.lengths), region.box)
         roomy = 0.5 * np.sqrt((high - low).prod()) / np.ceil(np.sqrt(count))
         least = np.maximum(2.0 * radius[start], roomy)
         width = np.maximum(((high - low) / least[:, np.newaxis]).astype(np.int32), 1)
@@ -134,20 +134,20 @@ def grow(
         position, reached = grown, share
     _push(region, walls, position, reached * (1.0 + MARGIN) * radius, 0.5 * MARGIN, LAST_SWEEPS)
     share = min(1.0, _clear_share(region, walls, position, radius))
-    return region.wrapped(position), share
+    return region.period.wrapped(position), share
 
 
 def _clear_share(region: Region, walls: Sequence[Wall], position: FloatArray, radius: FloatArray) -> float:
     """Return the largest scale of the radii at which no disc overlaps another one, a wall or the box."""
     i, j = _near(region, position, radius).T
-    sides = (region.ring.side(number, position, radius) for number in (OUTER, INNER))
-    to_border = [side.gap + radius for side in sides]
+    (near, far), rho = region.ring, distance(position)
+    to_border = [far - rho, *([rho - near] if near else [])]
     for wall in walls:
         to_border.append(wall.side(wall.nearest_images(position, region.period), radius).gap + radius)
     low, high = _box(region)
     to_border += [position - low, high - position]
     shares = [(one.T / radius).min() for one in to_border]
-    apart = distance(region.nearest_image(position[j] - position[i]))
+    apart = distance(region.period.nearest(position[j] - position[i]))
     shares.append((apart / (radius[i] + radius[j])).min(initial=np.inf))
     return max(0.0, float(min(shares)))
 
@@ -196,8 +196,8 @@ def _limits(region: Region, walls: Sequence[Wall]) -> tuple[Any, Any]:
     from warpgrains.kernels.walls import Walls
 
     limits, bounds = Walls(), _kernels().Bounds()
-    limits.annulus.radius_in, limits.annulus.radius_out = region.ring.radius_in, region.ring.radius_out
-    limits.period = region.period
+    limits.annulus.radius_in, limits.annulus.radius_out = region.ring
+    limits.period = region.period.lengths
     limits.shape = shared(_shapes(walls), Shape)
     bounds.low, bounds.high = _box(region)
     return limits, bounds
@@ -206,7 +206,7 @@ def _limits(region: Region, walls: Sequence[Wall]) -> tuple[Any, Any]:
 def _box(region: Region) -> FloatArray:
     """Return the box about a region [m], shape (2, 2); infinite where it is as long as the period."""
     low, high = region.outer_box
-    is_whole = (region.period > 0.0) & (high - low >= region.period)
+    is_whole = region.period.repeats & (high - low >= region.period.lengths)
     return np.where(is_whole, [[-np.inf], [np.inf]], [low, high])
 
 

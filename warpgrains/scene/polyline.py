@@ -9,7 +9,7 @@ import numpy as np
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import SMALLEST
+from warpgrains.scene.geometry import SMALLEST
 from warpgrains.scene.segment import Segment
 from warpgrains.scene.wall import Wall, kind_of_wall
 
@@ -42,7 +42,7 @@ class Polyline(Wall):
     >>> scene.walls[0]
     Segment(start=(-0.8, 0.5), end=(-0.1, -0.5), name='hopper')
     >>> scene.wall_names
-    ('Outer', 'Inner', 'hopper', 'hopper', 'hopper')
+    ('hopper', 'hopper', 'hopper', 'Outer')
     """
 
     kind: ClassVar[str] = "polyline"

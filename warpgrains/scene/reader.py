@@ -22,10 +22,12 @@ from warpgrains.errors import InputError
 from warpgrains.files import open_regular, suffix_of
 from warpgrains.scene import checks
 from warpgrains.scene.annulus import Annulus
+from warpgrains.scene.boundary import Boundary
 from warpgrains.scene.box import OF_SIDES, SIDES, Box, checked_domain
 from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.layouts import LAYOUTS, Placement
 from warpgrains.scene.region import Region
+from warpgrains.scene.rim import Rim
 from warpgrains.scene.toml import Table, fields_of_sections, overridden, parse_toml, wall_key
 from warpgrains.scene.wall import Wall
 from warpgrains.scene.wall_kinds import WRITTEN_KINDS, checked_walls
@@ -86,17 +88,17 @@ def domain_keys(kinds: Iterable[str] = DOMAINS) -> list[str]:
 def document_fields(document: Table, folder: Path) -> Table:
     """Return the fields of a scene, except name and text, from its document in a folder."""
     fields = section_fields(document)
-    box = checked_domain("domain", fields.get("domain"))
-    if "radius_out" not in fields and box is None:
+    boundary: Boundary | None = checked_domain("domain", fields.get("domain"))
+    if boundary is None and "radius_out" not in fields:
         raise InputError('domain.radius_out is missing; or give domain.kind = "box", with x and y')
     if "grains" not in document:
         raise InputError("section [grains] is missing")
-    annulus = box.circle if box else Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
-    annulus.require_size()
+    boundary = boundary or Annulus(fields.get("radius_in", 0.0), fields["radius_out"]).checked()
+    boundary.require_size()
     time = checks.number("time", fields.get("time", 0.0))
-    all_walls = box.among(fields["walls"]) if box else fields["walls"]
-    walls = tuple(wall.starting(time).at(time) for wall in all_walls)
-    return fields | _grains(document["grains"], box.space if box else Region(annulus), walls, folder)
+    walls = (wall.starting(time).at(time) for wall in boundary.among(fields["walls"]))
+    inside = tuple(wall for wall in walls if not isinstance(wall, Rim))
+    return fields | _grains(document["grains"], boundary.space, inside, folder)
 
 
 def section_fields(document: Table) -> Table:

@@ -1,32 +1,31 @@
 """Regions: parts of the space between the walls, in which grains are placed, counted and cut.
 
-A region is a ring about the origin, cut by convex polygons, without the discs inside. A grain belongs to it
-if its center lies in it, a contact if its contact point does. Areas, also those of grains that the border
-cuts, are exact (outline.py). In periodic directions, points and discs count where their images are.
+A region is convex polygons without discs and inside rings. A grain belongs to it if its center lies in it, a
+contact if its contact point does. Areas, also those of grains that the border cuts, are exact (outline.py).
+In periodic directions, points and discs count where their images are.
 """
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from math import inf
 from typing import Any
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray, IndexArray
+from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import Annulus
-from warpgrains.scene.geometry import Circle, area_in_disc, nearest_image, with_images, wrapped
+from warpgrains.scene.geometry import Circle, Ends, Period
 from warpgrains.scene.outline import Part, clip, distinct
 
 RANGES = ("x", "y", "distance")
-ROUNDING = 1e-13  # of areas, sums of dozens of parts, in squares of the outer radius
+ROUNDING = 1e-13  # of areas, sums of dozens of parts, in squares of the region's diameter
 
-Ends = tuple[float, float]
 Corners = tuple[Ends, ...]
 Side = tuple[FloatArray, float]
 """Half plane, normal . x <= level [m]."""
@@ -45,75 +44,46 @@ class Region:
     (15, '5.890 m2')
     """
 
-    ring: Annulus
-    """Ring about the origin."""
-    cells: tuple[Corners, ...] | None = None
-    """Convex polygons without overlap that cut the ring: the corners of each [m], counter-clockwise. None for
-    the whole ring."""
+    cells: tuple[Corners, ...]
+    """Convex polygons without overlap: the corners of each [m], counter-clockwise."""
     discs: tuple[Circle, ...] = ()
     """Discs outside of which, and rings inside of which the region lies."""
-    periodic: tuple[Ends | None, Ends | None] = (None, None)
-    """Where a periodic box begins and ends along x and y [m]; None for directions that are not periodic."""
+    period: Period = field(default_factory=Period)
+    """The cell by whose images it continues."""
 
-    @property
-    def low(self) -> FloatArray:
-        """Lower ends of the box in periodic directions [m], shape (2,); 0 in others."""
-        return np.array([ends[0] if ends else 0.0 for ends in self.periodic])
-
-    @property
-    def period(self) -> FloatArray:
-        """Lengths of the box in periodic directions [m], shape (2,); 0 in others."""
-        return np.array([ends[1] - ends[0] if ends else 0.0 for ends in self.periodic])
-
-    def wrapped(self, position: FloatArray) -> FloatArray:
-        """Return the images of points in the box [m], shape (..., 2)."""
-        return wrapped(position, self.period, self.low)
-
-    def nearest_image(self, ways: FloatArray) -> FloatArray:
-        """Return the shortest of ways and their images in the box [m], shape (..., 2)."""
-        return nearest_image(ways, self.period)
-
-    def images(self, position: FloatArray, reach: FloatArray) -> tuple[FloatArray, IndexArray]:
-        """Return discs in the box, and the images of those that reach across a periodic side.
-
-        The centers [m], shape (k, 2), and the disc of each as a number, shape (k,).
-        """
-        return with_images(self.wrapped(position), reach, self.period, self.low)
-
-    @property
-    def shifts(self) -> FloatArray:
-        """Ways from a cell of a periodic box to itself and those around it [m], shape (1, 3 or 9; 2)."""
-        steps = [(0.0, 1.0, -1.0) if length else (0.0,) for length in self.period]
-        return np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2) * self.period
+    @cached_property
+    def ring(self) -> Ends:
+        """Radii of the circles about the origin between which the region lies [m]: 0 and inf without one."""
+        near, far = 0.0, inf
+        for x, y, radius, keeps_inside in self.discs:
+            if x == y == 0.0:
+                near, far = (near, min(far, radius)) if keeps_inside else (max(near, radius), far)
+        return near, far
 
     @cached_property
     def parts(self) -> list[Part]:
         """The parts of the region, one for each polygon."""
-        near, far, _ = self.ring
-        inner = (Circle(0.0, 0.0, near, False),) if near > 0.0 else ()
-        circles = (Circle(0.0, 0.0, far, True), *inner, *dict.fromkeys(self.discs))
-        corners = [distinct(corner) for corner in self._corners] if near < far else []
-        return [Part.of(corner, circles) for corner in corners if len(corner) > 2]
+        corners = [distinct(corner) for corner in self._corners]
+        return [Part.of(corner, dict.fromkeys(self.discs)) for corner in corners if len(corner) > 2]
 
     @property
     def _corners(self) -> list[FloatArray]:
-        cells = (rectangle(self.ring),) if self.cells is None else self.cells
-        return [np.array(corner) for corner in cells]
+        return [np.array(corner) for corner in self.cells]
 
     @property
     def outer_box(self) -> FloatArray:
         """Box about the polygons: its lower left and upper right corner [m], shape (2, 2)."""
-        corners = np.concatenate(self._corners)
+        corners = np.concatenate(self._corners) if self.cells else np.zeros((1, 2))
         return np.array([corners.min(axis=0), corners.max(axis=0)])
 
     @property
     def box(self) -> FloatArray:
-        """The part of it that lies in the box about the ring [m], shape (2, 2)."""
-        return np.clip(self.outer_box, -self.ring.radius_out, self.ring.radius_out)
+        """The part of it that lies in the box about a circle that bounds the region [m], shape (2, 2)."""
+        return np.clip(self.outer_box, -self.ring[1], self.ring[1])
 
     def contains(self, position: FloatArray) -> BoolArray:
         """Return which points [m], shape (..., 2), lie in the region or on its border, shape (...,)."""
-        position = self.wrapped(position)
+        position = self.period.wrapped(position)
         found = [part.contains(position) for part in self.parts]
         return np.any([np.zeros(position.shape[:-1], bool), *found], axis=0)
 
@@ -132,13 +102,13 @@ class Region:
 
     def _sums(self, measure: Measure, center: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the sums of a measure of discs over the parts and the images, shape (n,)."""
-        places, disc = self.images(center, radius)
+        places, disc = self.period.images(center, radius)
         found = sum((measure(part, places, radius[disc]) for part in self.parts), start=np.zeros(len(disc)))
         return found if len(disc) == len(radius) else np.bincount(disc, found).astype(np.float64)
 
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return a lower bound of the distance of points from the border [m], < 0 outside, shape (n,)."""
-        points = self.wrapped(points)
+        points = self.period.wrapped(points)
         return np.max([part.clearance(points) for part in self.parts], axis=0)
 
     def cut(self, *sides: Side) -> Region:
@@ -157,33 +127,35 @@ class Region:
 
     def distances(self, near: float, far: float) -> Region:
         """Return the part at distances between near and far from the origin [m]."""
-        kept = Annulus(max(near, self.ring.radius_in), min(far, self.ring.radius_out))
-        return replace(self, ring=kept)
+        inner = (Circle(0.0, 0.0, near, False),) if near > self.ring[0] else ()
+        outer = (Circle(0.0, 0.0, far, True),) if far < self.ring[1] else ()
+        return replace(self, discs=outer + inner + self.discs)
 
     def split(self, cells: Iterable[Iterable[Side]]) -> Region:
         """Return the parts in convex cells without overlap, each the intersection of half planes."""
-        parts = [self.cut(*sides).cells or () for sides in cells]
+        parts = [self.cut(*sides).cells for sides in cells]
         return replace(self, cells=tuple(corner for part in parts for corner in part))
 
     def within(self, other: Region) -> Region:
         """Return the part that lies in another region as well."""
-        both = self if other.cells is None else self.split(sides_of(np.array(cell)) for cell in other.cells)
-        both = both.distances(other.ring.radius_in, other.ring.radius_out)
-        return replace(both, discs=self.discs + other.discs)
+        both = self.split(sides_of(np.array(cell)) for cell in other.cells)
+        return replace(both, discs=tuple(dict.fromkeys(self.discs + other.discs)))
 
     def without_layer(self, depth: float) -> Region:
-        """Return the part at a depth [m] from the border of a region of one polygon, or of the whole ring."""
+        """Return the part at a depth [m] from the border of a region of one polygon."""
         grown = [disc.radius + (-depth if disc.keeps_inside else depth) for disc in self.discs]
-        discs = (disc._replace(radius=radius) for disc, radius in zip(self.discs, grown, strict=True))
-        kept = replace(self, ring=self.ring.without_layer(depth), discs=tuple(discs))
-        sides = (side for cell in self.cells or () for side in sides_of(np.array(cell)))
+        discs = tuple(disc._replace(radius=radius) for disc, radius in zip(self.discs, grown, strict=True))
+        if any(disc.radius <= 0.0 for disc in discs):
+            return replace(self, cells=(), discs=())
+        kept = replace(self, discs=discs)
+        sides = (side for cell in self.cells for side in sides_of(np.array(cell)))
         return kept.cut(*((way, level - depth) for way, level in sides if not self._is_periodic(way, level)))
 
     def _is_periodic(self, normal: FloatArray, level: float) -> bool:
         """Return whether a side is one of the periodic sides of the box."""
         return any(
             ends is not None and level == (ends[1] if along > 0.0 else -ends[0])
-            for along, ends in zip(normal.tolist(), self.periodic, strict=True)
+            for along, ends in zip(normal.tolist(), (self.period.x, self.period.y), strict=True)
             if abs(along) == 1.0
         )
 
@@ -195,27 +167,18 @@ class Region:
 
 @lru_cache(256)  # the scenes of a sweep mostly share a region
 def _area(region: Region) -> float:
-    near, far, _ = region.ring
-    area = 0.0
-    for part in region.parts:
-        onward = part.corner + part.along
-        if region.discs:
-            about_all = np.zeros((1, 2)), np.array([4.0 * far])
-            area += part.cut_areas(*about_all).item()
-        else:
-            outer, inner = (area_in_disc(part.corner, onward, radius).sum() for radius in (far, near))
-            area += float(outer - inner)
-    return area if area > ROUNDING * far**2 else 0.0
+    if not region.parts:
+        return 0.0
+    low, high = region.outer_box
+    size = float(np.hypot(*(high - low)))
+    about_all = 0.5 * (low + high)[np.newaxis], np.array([2.0 * size])
+    area = sum(part.cut_areas(*about_all).item() for part in region.parts)
+    return area if area > ROUNDING * size**2 else 0.0
 
 
-def rectangle(
-    ring: Annulus, x: tuple[float, float] = (-np.inf, np.inf), y: tuple[float, float] = (-np.inf, np.inf)
-) -> Corners:
-    """Return the corners of a rectangle [m]; beyond the ring where the ring bounds it."""
-    reach = ring.radius_out
-    (left, right), (bottom, top) = (
-        (low if low > -reach else -2.0 * reach, high if high < reach else 2.0 * reach) for low, high in (x, y)
-    )
+def rectangle(x: Ends, y: Ends) -> Corners:
+    """Return the corners of a rectangle [m]."""
+    (left, right), (bottom, top) = x, y
     return (left, bottom), (right, bottom), (right, top), (left, top)
 
 
@@ -236,15 +199,18 @@ def region_of(space: Region, given: Any, field: str = "grains.region") -> Region
     for key in given:
         checks.one_of(f"key of {field}", key, RANGES)
     ranges = {key: checks.interval(f"{field}.{key}", value) for key, value in given.items()}
-    annulus = space.ring
-    between = (annulus.radius_in, annulus.radius_out)
-    near, far = ranges.pop("distance", between)
-    if near < annulus.radius_in or far > annulus.radius_out:
-        raise NoAreaError(f"{field}.distance is ({near}, {far}) m: it must be between the walls, {between} m")
-    ring = annulus._replace(radius_in=near, radius_out=far)
-    region = Region(ring, (rectangle(ring, **ranges),) if ranges else None, periodic=space.periodic)
-    if space.cells is not None:
-        region = region.within(space)
+    near, far = ranges.pop("distance", space.ring)
+    if near < space.ring[0] or far > space.ring[1]:
+        raise NoAreaError(
+            f"{field}.distance is ({near}, {far}) m: it must be between the walls, {space.ring} m"
+        )
+    region, (least, most) = space.distances(near, far), space.box
+    for axis, (low, high) in ((np.eye(2)["xy".index(name)], own) for name, own in ranges.items()):
+        lowest, highest = least @ axis, most @ axis  # no side beyond the box, which may touch a circle
+        if low > lowest:
+            region = region.cut((-axis, -low))
+        if high < highest:
+            region = region.cut((axis, high))
     if region.area <= 0.0:
         raise NoAreaError(f"{field} is {given!r}: no point between the walls lies in it")
     return region

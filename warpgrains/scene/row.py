@@ -9,9 +9,8 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band
-from warpgrains.scene.geometry import left_of
+from warpgrains.scene.geometry import Side, left_of
 from warpgrains.scene.wall import InfiniteWall, Wall, kind_of_wall
 
 _POINTS = 16  # of the drawing of a disc

@@ -14,18 +14,26 @@ from numpy.typing import ArrayLike
 from warpgrains.arrays import FloatArray, Indices
 from warpgrains.described import documented, fields_in_help
 from warpgrains.errors import InputError
-from warpgrains.scene import checks
-from warpgrains.scene.annulus import INNER, INSIDE, NO_WALL, OUTER, Annulus, Side
-from warpgrains.scene.bodies import Bodies, Joints, joints_of
+from warpgrains.scene import checks, container
+from warpgrains.scene.bodies import Bodies, Joints, joints_of, leaders_of
+from warpgrains.scene.boundary import Boundary
 from warpgrains.scene.bounds import Bounds
-from warpgrains.scene.box import SIDES, checked_domain
+from warpgrains.scene.box import checked_domain
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.extent import extent_of
-from warpgrains.scene.fields import FIELDS, SceneChanges, SceneFields, SceneOptions, checked_fields
-from warpgrains.scene.geometry import distance, nearest_image, overlapping_pairs
+from warpgrains.scene.fields import (
+    FIELDS,
+    SceneChanges,
+    SceneFields,
+    SceneOptions,
+    boundary_of,
+    checked_fields,
+)
+from warpgrains.scene.geometry import ROUNDING, Period, Side, distance, overlapping_pairs
 from warpgrains.scene.gravity import TurningGravity, upwards
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.region import Region
+from warpgrains.scene.rim import Rim
 from warpgrains.scene.toml import read_text
 from warpgrains.scene.wall import Drive, Wall
 from warpgrains.scene.wall_kinds import checked_walls
@@ -90,7 +98,7 @@ class Scene(SceneFields, Shown):
     def _check(self, names: Collection[str]) -> None:
         """Check fields, but not the places of the grains, and keep them in the form of a scene."""
         vars(self).update(checked_fields(self, names))
-        walls = self.domain.among(self.walls) if self.domain else self.walls
+        walls = self.boundary.among(self.walls)
         vars(self)["walls"] = tuple(wall.starting(self.time) for wall in walls)
         require_compatible_settings(self)
 
@@ -135,7 +143,8 @@ class Scene(SceneFields, Shown):
     def unchecked(self, **fields: Any) -> Self:
         """Return a copy of the scene with other fields, which are valid."""
         scene = object.__new__(type(self))
-        stale = {"extent", "joints"} if "walls" in fields else {"extent"}
+        of_walls = not fields.keys().isdisjoint(("walls", "domain", "radius_out"))
+        stale = {"extent", *(("joints", "leaders", "period", "reach") if of_walls else ())}
         vars(scene).update({name: own for name, own in vars(self).items() if name not in stale} | fields)
         return scene
 
@@ -154,14 +163,13 @@ class Scene(SceneFields, Shown):
         if coordinates is None:
             return self
         walls = tuple(
-            wall.shifted(*np.multiply(coordinates[drive.leader], drive.direction).tolist())
-            if drive.inverse_mass
-            else wall
-            for wall, drive in zip(self.walls, self.drives, strict=True)
+            wall.driven_to(float(coordinates[leader]), drive.direction) if drive.inverse_mass else wall
+            for wall, drive, leader in zip(self.walls, self.drives, self.leaders, strict=True)
         )
-        kept = {name: found for name, found in vars(self).items() if name in ("extent", "joints")}
-        radius = self.radius_out if self.domain else float(coordinates[OUTER])
-        return self.unchecked(radius_out=radius, walls=walls, **kept)
+        kept = {name: found for name, found in vars(self).items() if name in ("extent", "joints", "leaders")}
+        moved = self.unchecked(walls=walls, **kept)
+        outer = moved.bodies.outer
+        return moved if outer is None else moved.unchecked(radius_out=outer.radius, **kept)
 
     def starting_at(self, time: float, **grains: FloatArray) -> Self:
         """Return a scene of the grains and walls as they are at a later time [s], at which it starts."""
@@ -190,26 +198,25 @@ class Scene(SceneFields, Shown):
         """Return changes of fields, in which sides of a box go on from where they are at a time [s]."""
         if changes.keys().isdisjoint(("domain", "walls")):
             return changes
-        sides = [wall for wall in self.walls if self.domain and wall.name in SIDES]
+        sides = [wall for wall in self.walls if self.boundary.owns(wall)]
         walls = checked_walls(
             "walls", changes.get("walls", [wall for wall in self.walls if wall not in sides])
         )
         box = checked_domain("domain", changes.get("domain", self.domain))
         given = {wall.name for wall in walls}
-        own_sides = box.continuing(self.domain, sides, time) if box else ()
+        own_sides = box.continuing(self.boundary, sides, time) if box else ()
         walls += tuple(wall for wall in own_sides if wall.name not in given)
         circle = {"radius_out": None} if "domain" in changes else {}
         return circle | changes | {"walls": walls}
 
     def summary(self) -> dict[str, str]:
         """Return values that describe the scene, by name."""
-        inner = f"{self.radius_in:g} to " if self.radius_in > 0.0 else ""
         turning = f", turning at {self.gravity_rate:g} rad/s" if self.gravity_rate else ""
         return {
             self.name: f"of {number_of(self.n, 'grain')}",
             "radius": f"{_range(self.radius)} m",
             "mass": f"{_range(self.mass)} kg",
-            "walls": f"{self.domain or f'{inner}{self.radius_out:g} m'}",
+            "walls": str(self.boundary),
             "gravity": f"({self.gravity[0]:g}, {self.gravity[1]:g}) m/s2{turning}",
             "drag": f"{self.drag:g} kg/s",
             "dt": f"{self.dt:g} s",
@@ -256,15 +263,15 @@ class Scene(SceneFields, Shown):
         It is (0, 1) without gravity, and in a box that is periodic in both directions.
         """
         x, y = self.gravity_at(time)
-        periodic = self.domain.periodic if self.domain else ""
-        if periodic == "y":
+        along_x, along_y = self.period.repeats
+        if along_y and not along_x:
             return np.array((1.0, 0.0)) if x == 0.0 else upwards((x, 0.0))
-        return upwards((0.0 if "x" in periodic else x, 0.0 if periodic == "xy" else y))
+        return upwards((0.0 if along_x else x, 0.0 if along_y else y))
 
     @property
     def has_friction(self) -> bool:
         """True if contacts have friction, so that grains rotate."""
-        return self.friction > 0.0 or max(self.wall_frictions) > 0.0
+        return self.friction > 0.0 or max(self.wall_frictions, default=0.0) > 0.0
 
     @property
     def wall_frictions(self) -> list[float]:
@@ -274,7 +281,7 @@ class Scene(SceneFields, Shown):
     @property
     def has_rolling_friction(self) -> bool:
         """True if contacts have rolling friction."""
-        return self.rolling_friction > 0.0 or max(self.wall_rolling_frictions) > 0.0
+        return self.rolling_friction > 0.0 or max(self.wall_rolling_frictions, default=0.0) > 0.0
 
     @property
     def wall_rolling_frictions(self) -> list[float]:
@@ -284,7 +291,7 @@ class Scene(SceneFields, Shown):
     @property
     def has_restitution(self) -> bool:
         """True if contacts bounce."""
-        return self.restitution > 0.0 or max(self.wall_restitutions) > 0.0
+        return self.restitution > 0.0 or max(self.wall_restitutions, default=0.0) > 0.0
 
     @property
     def wall_restitutions(self) -> list[float]:
@@ -296,21 +303,25 @@ class Scene(SceneFields, Shown):
         at_walls = getattr(self, f"wall_{name}")
         common = getattr(self, name) if at_walls is None else at_walls
         own = (getattr(wall, name) for wall in self.walls)
-        return [common] * INSIDE + [common if value is None else value for value in own]
+        return [common if value is None else value for value in own]
+
+    def at_walls(self, name: str, wall: Indices) -> FloatArray:
+        """Return a coefficient, "friction" or such, of contacts (grain, wall), shape (m, 2) to (m,)."""
+        return np.array(self._at_walls(name), np.float64)[wall[:, 1]]
 
     @property
     def has_moving_walls(self) -> bool:
-        """True if a wall inside the domain moves as given in advance."""
+        """True if a wall moves as given in advance."""
         return any(wall.moves for wall in self.walls)
 
     @property
     def has_driven_walls(self) -> bool:
         """True if a force or a pressure drives a wall."""
-        return self.pressure is not None or any(wall.drive is not None for wall in self.walls)
+        return any(wall.drive is not None for wall in self.walls)
 
     @cached_property
     def joints(self) -> Joints:
-        """The joints of the walls inside the domain."""
+        """The joints of the walls."""
         return joints_of(self.walls)
 
     @property
@@ -323,11 +334,6 @@ class Scene(SceneFields, Shown):
         line = f"\n# changed afterwards: {', '.join(changed)}"
         return self.text + line if self.text and any(changed) and not self.text.endswith(line) else self.text
 
-    def surface_speed(self, wall: int) -> float:
-        """Return the speed of a circle's surface along the tangent of contacts [m/s] (MODEL.md, eq. 23)."""
-        out, inside = self.radius_out * self.angular_velocity_out, -self.radius_in * self.angular_velocity_in
-        return {OUTER: out, INNER: inside}.get(wall, 0.0)
-
     def wall_speeds(self, position: FloatArray, wall: Indices, time: float) -> FloatArray:
         """Return how fast walls move along normal and tangent of contacts (grain, wall) [m/s], shape (m, 2).
 
@@ -335,9 +341,8 @@ class Scene(SceneFields, Shown):
         """
         found = np.zeros(wall.shape)
         for number in np.unique(wall[:, 1]).tolist():
-            own = wall[:, 1] == number
-            found[own, 1] = self.surface_speed(number)
-            if number >= INSIDE and (moving := self.walls[number - INSIDE]).moves:
+            own, moving = wall[:, 1] == number, self.walls[number]
+            if moving.moves or moving.surface_speed:
                 x, radius = position[wall[own, 0]], self.radius[wall[own, 0]]
                 normal, gap = self.side(number, x, radius, time=time)
                 x = moving.nearest_images(x, self.period, time)
@@ -361,28 +366,33 @@ class Scene(SceneFields, Shown):
         return self.mass if self.scheme == "text" else self.mass + self.drag * self.dt / 2.0
 
     @property
-    def annulus(self) -> Annulus:
-        """The annulus that contains the grains, or the circle about their box."""
-        return Annulus(self.radius_in, self.radius_out, NO_WALL if self.domain else self.wall)
+    def boundary(self) -> Boundary:
+        """The annulus or box that made the last of the walls, and the period."""
+        return boundary_of(self)
 
-    @property
-    def period(self) -> FloatArray:
-        """Lengths in the directions in which the domain is periodic [m], shape (2,); 0 in the others."""
-        return np.array(self.domain.period if self.domain else (0.0, 0.0))
-
-    @property
-    def space(self) -> Region:
-        """The domain as it is given, without the walls inside."""
-        return self.domain.space if self.domain else Region(self.annulus)
+    @cached_property
+    def period(self) -> Period:
+        """The cell by whose images the scene continues."""
+        return self.boundary.period
 
     def space_at(self, time: float) -> Region:
-        """Return the domain between its circles, or its sides as they are at a time [s]."""
-        return self.domain.space_at(time, self.walls) if self.domain else Region(self.annulus)
+        """Return the space between circles and lines as they are at a time [s]."""
+        return container.space_of((wall.at(time) for wall in self.walls), self.period, self.reach)
+
+    @cached_property
+    def reach(self) -> float:
+        """Upper bound of the distance of places from the origin [m], from which rounding errors follow."""
+        return self.boundary.reach
+
+    @property
+    def rounding(self) -> float:
+        """Overlap below which a contact with a wall is not counted as overlapping [m]."""
+        return ROUNDING * self.reach
 
     @property
     def widest(self) -> float:
         """Diameter of the annulus, or longest side of the box [m]."""
-        return max(self.domain.lengths) if self.domain else self.annulus.diameter
+        return self.boundary.widest
 
     @cached_property
     def extent(self) -> Bounds:
@@ -391,42 +401,34 @@ class Scene(SceneFields, Shown):
 
     @property
     def area(self) -> float:
-        """Area of the domain at the start, without the discs inside [m2]."""
-        borders = (wall.border for wall in self.walls)
-        discs = tuple(border for border in borders if border is not None)
-        return replace(self.space, discs=discs).area
+        """Area between circles and lines at the start, without discs [m2]."""
+        return container.without_discs(self.space_at(self.time), self.walls, self.time).area
 
-    @property
-    def wall_numbers(self) -> list[int]:
-        """Numbers of the walls: 0 the outer, 1 the inner circle (if any), 2, 3, ... those of `walls`."""
-        return [OUTER, *[INNER] * (self.radius_in > 0.0), *self.numbered_walls]
-
-    @property
-    def numbered_walls(self) -> dict[int, Wall]:
-        """`walls` by their numbers."""
-        return dict(enumerate(self.walls, INSIDE))
+    @cached_property
+    def leaders(self) -> list[int]:
+        """The wall with which each of `walls` moves: itself, or of a row the driven line of its name."""
+        return leaders_of(self.walls)
 
     @property
     def drives(self) -> list[Drive]:
-        """The drive of each of `walls`."""
-        return self.bodies.drives[len(self.bodies) - len(self.walls) :]
+        """The drive of each of `walls`; that of one that no force acts on is all 0."""
+        return [self.walls[leader].drive or Drive() for leader in self.leaders]
 
     @property
     def mobile_walls(self) -> dict[int, Wall]:
         """The `walls`, by number, that move as given in advance or that forces drive."""
-        inside = zip(self.numbered_walls.items(), self.drives, strict=True)
-        return {number: wall for (number, wall), drive in inside if wall.moves or drive.inverse_mass}
+        each = enumerate(zip(self.walls, self.drives, strict=True))
+        return {number: wall for number, (wall, drive) in each if wall.moves or drive.inverse_mass}
 
     @property
-    def wall_count(self) -> int:
-        """Length of an array by wall, one more than the largest number."""
-        return INSIDE + len(self.walls)
+    def written_walls(self) -> tuple[Wall, ...]:
+        """`walls` as files hold them: without circles of an annulus, which its keys make."""
+        return tuple(wall for wall in self.walls if not isinstance(wall, Rim))
 
     @property
     def wall_names(self) -> tuple[str, ...]:
         """Names of the walls 0, 1, 2, ...; several walls may have one."""
-        own = (wall.name or f"{wall.kind.title()}{k}" for k, wall in enumerate(self.walls))
-        return ("Outer", "Inner", *own)
+        return tuple(wall.named(number) for number, wall in enumerate(self.walls))
 
     def side(
         self,
@@ -440,18 +442,17 @@ class Scene(SceneFields, Shown):
         """Return normals and gaps of grains at one wall from positions [m], shape (k, 2), and radii [m].
 
         With the displacements `move` of a step [m], shape (k, 2), a round wall has the gaps of eq. 18. A wall
-        that moves is where it is at a time [s]. Gaps are larger by `free` [m], or the diameter of the
-        domain, where a joint leaves no contact (eq. 8c).
+        that moves is where it is at a time [s]. Gaps are larger by `free` [m], or twice the `reach`, where a
+        joint leaves no contact (eq. 8c).
         """
-        if number < INSIDE:
-            return self.annulus.side(number, position, radius, move)
-        k = number - INSIDE
-        position = self.walls[k].nearest_images(position, self.period, time)
-        if self.joints.of(k):
-            return self.joints.side(
-                k, time, position, radius, self.annulus.diameter if free is None else free
-            )
-        return self.walls[k].side_at(time, position, radius)
+        wall = self.walls[number]
+        position = wall.nearest_images(position, self.period, time)
+        if self.joints.of(number):
+            free = 2.0 * self.reach if free is None else free
+            return self.joints.side(number, time, position, radius, free)
+        if isinstance(wall, Rim):
+            return wall.side(position, radius, move)
+        return wall.side_at(time, position, radius)
 
     def pair_frames(self, position: FloatArray, pair: Indices) -> tuple[FloatArray, FloatArray]:
         """Return normals from i to j and gaps [m], shapes (m, 2) and (m,), of pairs, shape (m, 2).
@@ -459,7 +460,7 @@ class Scene(SceneFields, Shown):
         `position` holds the centers of all grains [m], shape (n, 2).
         """
         i, j = pair.T
-        way = nearest_image(position[j] - position[i], self.period)
+        way = self.period.nearest(position[j] - position[i])
         apart = distance(way)
         return way / apart[:, np.newaxis], apart - (self.radius[i] + self.radius[j])
 
@@ -504,8 +505,9 @@ class Scene(SceneFields, Shown):
         where = self.position, self.radius
         pairs = overlapping_pairs(*where, self.period)
         gaps = [self.pair_frames(self.position, np.stack(pair, axis=1))[1] for pair in pairs]
-        at_walls = np.min([self.side(k, *where, time=self.time).gap for k in self.wall_numbers], axis=0)
-        gaps.append(at_walls[at_walls < -self.annulus.rounding])
+        sides = [self.side(k, *where, time=self.time).gap for k in range(len(self.walls))]
+        at_walls = np.min([np.full(self.n, np.inf), *sides], axis=0)
+        gaps.append(at_walls[at_walls < -self.rounding])
         return Overlaps(
             sum(map(len, gaps[:-1])), len(gaps[-1]), -float(np.concatenate(gaps).min(initial=0.0))
         )

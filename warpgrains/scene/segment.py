@@ -9,9 +9,8 @@ from warpgrains.arrays import FloatArray, Indices
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import SMALLEST, Side
 from warpgrains.scene.band import Band, strip
-from warpgrains.scene.geometry import left_of
+from warpgrains.scene.geometry import SMALLEST, Side, left_of
 from warpgrains.scene.wall import StraightWall, kind_of_wall
 
 
@@ -34,8 +33,8 @@ class Segment(StraightWall):
     --------
     >>> slope = wg.Segment(start=(-1.0, 0.5), end=(1.0, -0.5))
     >>> grain = {"position": [[0.0, 0.5]], "radius": 0.1, "mass": 0.1}
-    >>> wg.Scene(**grain, radius_out=2.0, walls=[slope]).walls
-    (Segment(start=(-1.0, 0.5), end=(1.0, -0.5)),)
+    >>> wg.Scene(**grain, radius_out=2.0, walls=[slope]).walls[0]
+    Segment(start=(-1.0, 0.5), end=(1.0, -0.5))
     """
 
     kind: ClassVar[str] = "segment"

@@ -11,8 +11,8 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.container import Container, container_of
+from warpgrains.scene.rim import Rim
 from warpgrains.tables import dataset, library
 
 if TYPE_CHECKING:
@@ -68,15 +68,17 @@ class Snapshots(NamedTuple):
     spin: FloatArray
     """[rad/s], shape (m, n); 0 without friction."""
     wall_force: FloatArray
-    """Force of each wall (0 outer, 1 inner, ...) on each grain [N], shape (m, n, walls)."""
+    """Force of each of `Scene.walls` on each grain [N], shape (m, n, walls)."""
     gravity: FloatArray
     """As it is at the time [m/s2], shape (m, 2)."""
     up: FloatArray
     """Unit vectors against gravity, see `Scene.up_at`, shape (m, 2)."""
-    annulus: Annulus
-    """The annulus of each scene; its radii are arrays [m], shape (m,), the outer one NaN in a box."""
+    circles: FloatArray
+    """Radii of the inner and the outer circle [m], shape (m, 2): 0 and NaN without them."""
+    circle_walls: IndexArray
+    """Numbers of these circles in `Scene.walls`, shape (m, 2); -1 without them."""
     containers: Mapping[int, Container]
-    """Containers of the scenes in boxes, or with walls inside, by number."""
+    """Containers of the scenes with other walls, or a period, by number."""
 
     @classmethod
     def of(cls, scenes: Sequence[Scene], times: Sequence[float], **arrays: FloatArray) -> Self:
@@ -84,8 +86,6 @@ class Snapshots(NamedTuple):
 
         `arrays` are position, velocity, spin and wall_force.
         """
-        circles = [(one.radius_in, np.nan if one.domain else one.radius_out) for one in scenes]
-        radii: Any = np.array(circles).T
         each = tuple(zip(scenes, times, strict=True))
         return cls(
             **arrays,
@@ -93,13 +93,19 @@ class Snapshots(NamedTuple):
             radius=np.array([scene.radius for scene in scenes]),
             gravity=np.array([scene.gravity_at(time) for scene, time in each]),
             up=np.array([scene.up_at(time) for scene, time in each]),
-            annulus=Annulus(*radii),
+            circles=np.array([_circles(scene) for scene in scenes]),
+            circle_walls=np.array([scene.bodies.circle_walls for scene in scenes]),
             containers={
                 k: container_of(scene, time, arrays["position"][k])
                 for k, (scene, time) in enumerate(each)
-                if scene.domain or scene.walls
+                if scene.period or not all(isinstance(wall, Rim) for wall in scene.walls)
             },
         )
+
+
+def _circles(scene: Scene) -> tuple[float, float]:
+    radius = {wall.inside: wall.radius for wall in scene.walls if isinstance(wall, Rim)}
+    return radius.get(False, 0.0), radius.get(True, np.nan)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -181,7 +187,7 @@ class Snapshot:
     @property
     def grains(self) -> Snapshots:
         """Grains in the form for many runs, with one run."""
-        wall_force = np.zeros((self.n, self.scene.wall_count))
+        wall_force = np.zeros((self.n, len(self.scene.walls)))
         wall_force[*self.wall.T] = self.wall_force
         arrays = {"position": self.position, "velocity": self.velocity, "spin": self.spin}
         arrays = {name: array[np.newaxis] for name, array in (arrays | {"wall_force": wall_force}).items()}
@@ -191,7 +197,7 @@ class Snapshot:
     def images(self) -> tuple[FloatArray, IndexArray]:
         """Centers of drawn grains [m], shape (k, 2), and their numbers, shape (k,): first all, wrapped into a
         periodic box, and then those that cross its sides, on the other side."""
-        return self.scene.space.images(self.position, self.scene.radius)
+        return self.scene.period.images(self.position, self.scene.radius)
 
     @cached_property
     def container(self) -> Container:

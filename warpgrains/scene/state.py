@@ -15,9 +15,8 @@ import numpy as np
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import OUTER
-from warpgrains.scene.bodies import NO_CIRCLE
-from warpgrains.scene.geometry import require_distinct, wrapped
+from warpgrains.scene.geometry import require_distinct
+from warpgrains.scene.rim import Rim
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -34,8 +33,8 @@ class Corrections:
     pair_correction : ndarray
         Corrections dv_c of these pairs [m/s], shape (m,).
     wall : ndarray
-        Grain and wall (0 outer, 1 inner, 2, 3, ... those of `Scene.walls`) of the wall contacts that
-        carry a correction, in lexicographic order, shape (k, 2).
+        Grain and number in `Scene.walls` of the wall contacts that carry a correction, in lexicographic
+        order, shape (k, 2).
     wall_correction : ndarray
         Corrections of the wall contacts, > 0 [m/s], shape (k,).
     pair_friction, wall_friction : ndarray or None
@@ -67,7 +66,8 @@ class VerletList:
     """The Verlet list of grains and walls, and what decides when it expires (kernels/verlet.py).
 
     Colors depend on the list, so a run in color order needs it to continue with the same bits. Both circles
-    of the annulus are wall 0 here, and bodies are the grains, and the walls if one is driven.
+    of an annulus are its outer one here where they are one body of the device (bodies.py). Bodies are the
+    grains, and those of walls if one is driven.
     """
 
     pair: IntArray
@@ -107,9 +107,8 @@ class State:
     spin, angle : ndarray or None
         Angular velocities [rad/s] and rotations since the start [rad], shape (n,); None without friction.
     driven : ndarray or None
-        Coordinate [m] and speed [m/s] of every wall, shape (walls, 2), if a force drives one; else None. The
-        first wall is the outer circle, whose coordinate is its radius, followed by the inner one, if there is
-        one, and those of `Scene.walls`, whose coordinate is the way that they have moved.
+        Coordinate [m] and speed [m/s] of each of `Scene.walls`, shape (walls, 2), if a force drives one; else
+        None. The coordinate is the way that a wall has moved or, of the outer circle, its radius.
     last_staggered : bool
         `staggered` before the last step.
     last_scene : Scene or None
@@ -146,9 +145,7 @@ def first_state(scene: Scene) -> State:
     if scene.has_friction:
         state = replace(state, spin=scene.spin, angle=np.zeros(scene.n))
     if scene.has_driven_walls:
-        driven = np.zeros((len(scene.bodies), 2))
-        driven[OUTER, 0] = scene.bodies.annulus.radius_out
-        state = replace(state, driven=driven)
+        state = replace(state, driven=np.array([(wall.coordinate, 0.0) for wall in scene.walls]))
     return state
 
 
@@ -184,21 +181,20 @@ def require_state(state: State, scene: Scene) -> None:
     if (state.driven is None) == scene.has_driven_walls:
         given = "missing: a" if state.driven is None else "given: no"
         raise InputError(f"driven of the state is {given} force drives a wall of the scene")
-    walls = len(scene.bodies) if scene.has_driven_walls else 0
-    _require_arrays(state, {"grain": scene.n, "wall": walls})
+    _require_arrays(state, {"grain": scene.n, "wall": len(scene.walls)})
     checks.whole_number("steps", state.steps, least=0)
     for name in ("staggered", "last_staggered"):
         checks.boolean(name, getattr(state, name))
-    require_distinct("position of the state, that", wrapped(state.position, scene.period))
-    if state.driven is not None:
-        radius = checks.positive("radius of the outer wall in the state", state.driven[OUTER, 0])
-        if scene.domain and radius != NO_CIRCLE:
-            raise InputError(f"radius of the outer wall in the state is {radius} m: a box has no such wall")
+    require_distinct("position of the state, that", scene.period.wrapped(state.position))
+    for wall, (coordinate, _) in zip(scene.walls, [] if state.driven is None else state.driven, strict=False):
+        if isinstance(wall, Rim) and wall.inside:
+            checks.positive("radius of the outer wall in the state", coordinate)
     kept, lists = state.corrections, state.lists
     _require_contacts("corrections", kept, Corrections, scene)
     _require_arrays(kept, {"pair": len(kept.pair), "contact": len(kept.wall)})
     if lists is not None:
         _require_contacts("lists", lists, VerletList, scene)
+        walls = len(scene.bodies) if scene.has_driven_walls else 0
         _require_arrays(lists, {"body": scene.n + walls, "component": 2})
         for name in VERLET_NUMBERS:
             value = getattr(lists, name)
@@ -229,12 +225,12 @@ def _require_arrays(record: Any, counts: dict[str, int]) -> None:
 def _require_contacts(what: str, record: Any, kind: type, scene: Scene) -> None:
     """Check the grains and walls of contacts, which are in ascending order."""
     _require_kind(what, record, kind)
-    for name, most in (("pair", scene.n), ("wall", scene.wall_count)):
+    for name, most in (("pair", scene.n), ("wall", len(scene.walls))):
         contact = getattr(record, name)
         rows = len(contact) if isinstance(contact, np.ndarray) and contact.ndim > 0 else 0
         _require_array(name, contact, np.int32, (rows, 2))
         i, j = contact.T.astype(np.int64)
-        exists = (i < j) & (j < scene.n) if name == "pair" else np.isin(j, scene.wall_numbers)
+        exists = (i < j) & (j < scene.n) if name == "pair" else (j >= 0) & (j < most)
         if not (exists & (i >= 0) & (i < scene.n)).all():
             other = "another one above it" if name == "pair" else "a wall of the scene"
             raise InputError(f"{name} of {what} must name a grain below {scene.n} and {other}")
@@ -245,7 +241,7 @@ def _require_contacts(what: str, record: Any, kind: type, scene: Scene) -> None:
 def _indices(record: Corrections | VerletList, scene: Scene) -> tuple[IndexArray, IndexArray]:
     """Number the pairs, and the contacts with walls, by grain and body."""
     (i, j), (grain, wall) = (contact.T.astype(np.int64) for contact in (record.pair, record.wall))
-    return i * scene.n + j, grain + scene.n * scene.bodies.of(wall)
+    return i * scene.n + j, grain + scene.n * scene.bodies.of_walls[wall]
 
 
 def _require_kind(what: str, record: Any, kind: type) -> None:

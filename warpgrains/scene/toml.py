@@ -66,7 +66,8 @@ def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
 
 def parameters_text(scene: Scene) -> str:
     """Return all fields of a scene except its grains, as TOML."""
-    tables: Table = {"walls": [wall.table for wall in scene.walls]} if scene.walls else {}
+    walls = [wall.table for wall in scene.written_walls]
+    tables: Table = {"walls": walls} if walls else {}
     for section, names in SECTIONS.items():
         values = {name: getattr(scene, name) for name in names}
         tables[section] = {

@@ -12,10 +12,11 @@ from warpgrains.arrays import BoolArray, FloatArray, Indices
 from warpgrains.described import checked, described, described_fields, documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import Side
 from warpgrains.scene.band import Band
-from warpgrains.scene.geometry import Circle, left_of, nearest_image
+from warpgrains.scene.geometry import Circle, Period, Side, left_of
 from warpgrains.scene.motion import Motion
+
+Vector = tuple[float, float]
 
 MOST_NUMBERS = 6  # of a kind of wall, as on the device (kernels/types.py)
 SHAPE = 1 + MOST_NUMBERS + 3  # numbers of a shape: its kind, its numbers and a circle
@@ -143,6 +144,15 @@ class Wall(Motion):
         places: dict[str, Any] = {name: (own[0] + x, own[1] + y) for name, own in self._places.items()}
         return replace(self, **places)
 
+    def driven_to(self, coordinate: float, direction: Vector) -> Self:
+        """Return the wall at a coordinate of `State.driven` [m]."""
+        return self.shifted(coordinate * direction[0], coordinate * direction[1])
+
+    @property
+    def coordinate(self) -> float:
+        """Coordinate at the start, see `State.driven` [m]."""
+        return 0.0
+
     @property
     def _places(self) -> dict[str, Any]:
         """The fields that are places [m], where they are given."""
@@ -169,13 +179,13 @@ class Wall(Motion):
         """Largest speed at which a point of the wall moves across its place [m/s]."""
         return self.largest_speed(self.farthest(self.about))
 
-    def nearest_images(self, position: FloatArray, period: FloatArray, time: float = -inf) -> FloatArray:
+    def nearest_images(self, position: FloatArray, period: Period, time: float = -inf) -> FloatArray:
         """Return the images of points [m], shape (n, 2), that are nearest to the wall at a time [s]."""
-        if not period.any() or self.circle[2] == inf:
+        if not period or self.circle[2] == inf:
             return position
         x, y, _ = self.circle
         center = self.pose(time).place(np.array([[x, y]]))
-        return center + nearest_image(position - center, period)
+        return center + period.nearest(position - center)
 
     def velocity_at_contacts(
         self, begin: float, end: float, dt: float, position: FloatArray, reach: FloatArray, normal: FloatArray
@@ -184,11 +194,23 @@ class Wall(Motion):
 
         In the step from begin to end [s], grains at positions touch it at position + reach normal [m].
         """
+        if not self.moves:
+            return np.tile((0.0, self.surface_speed), (len(position), 1))
         hollow = self.hollow_radii(self.pose(begin).to_frame(position))
         center = position + (reach - hollow)[:, np.newaxis] * normal
         velocity = self.velocities(center, begin, end, dt)
         turning = hollow * (self.angular_velocity * self.share(begin, end))
         return np.stack([(velocity * normal).sum(1), (velocity * left_of(normal)).sum(1) + turning], axis=1)
+
+    @property
+    def surface_speed(self) -> float:
+        """Speed of the surface of a wall that rotates in place, along the tangent [m/s] (eq. 23)."""
+        return 0.0
+
+    @property
+    def rotation(self) -> float:
+        """Angular velocity of a wall that rotates in place [rad/s]."""
+        return 0.0
 
     def side_at(self, time: float, position: FloatArray, radius: FloatArray) -> Side:
         """Return normals and gaps of grains at the wall as it is at a time [s], see `Scene.side`."""
@@ -248,6 +270,14 @@ class Wall(Motion):
     def covers(self, position: FloatArray) -> BoolArray:
         """Return which points are in or on the wall, shape (n,)."""
         return ~(self.side(position, np.zeros(len(position))).gap > 0.0)
+
+    def complaint(self, number: int) -> str:
+        """Return why a grain cannot have its center where the wall, of this number, covers it."""
+        return f"its center is inside walls[{number}], {self}"
+
+    def named(self, number: int) -> str:
+        """Return the name, by default of the kind and the number of the wall."""
+        return self.name or f"{self.kind.title()}{number}"
 
     def drawn_at(self, time: float, thickness: float) -> Band:
         """Return the drawing of the wall as it is at a time [s]."""

@@ -6,9 +6,9 @@ from typing import Any
 
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import LARGEST
 from warpgrains.scene.arc import Arc
 from warpgrains.scene.disc import Disc
+from warpgrains.scene.geometry import LARGEST
 from warpgrains.scene.line import Line
 from warpgrains.scene.polyline import Polyline
 from warpgrains.scene.row import Row

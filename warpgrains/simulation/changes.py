@@ -10,9 +10,9 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.annulus import INNER, OUTER
-from warpgrains.scene.compatibility import require_clear, require_inside, require_size
+from warpgrains.scene.compatibility import require_clear, require_size
 from warpgrains.scene.fields import FIELDS, SceneChanges
+from warpgrains.scene.rim import Rim
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.scene.wall import Wall
@@ -26,8 +26,8 @@ class Change(NamedTuple):
     """A changed scene, and what becomes of its walls and contacts."""
 
     scene: Scene
-    staying: list[int]
-    """Walls that are where they were; contacts with the other ones are dropped."""
+    staying: dict[int, int]
+    """Walls that are where they were: their new numbers by the old ones. Other contacts are dropped."""
     keeps_list: bool
     """Whether all stay and move as before, so that the list of contacts holds."""
     driven: FloatArray | None
@@ -49,7 +49,7 @@ def change_of(
     """Return the change of fields after some steps; InputError for fields of the start or walls on grains."""
     now = before.time_after(steps)
     scene = _changed(before, fields, steps)
-    if driven is not None and scene.wall_numbers != before.wall_numbers:
+    if driven is not None and scene.wall_names != before.wall_names:
         raise InputError(
             "change: no wall can be added or removed while a force drives one; make a scene by"
             " `present_scene.replace(walls=...)`"
@@ -63,15 +63,17 @@ def change_of(
     was, put = (
         one if at is None else one.with_walls_at(at[:, 0]) for one, at in ((before, driven), (scene, places))
     )
-    staying = [number for number in put.wall_numbers if _stays(number, was, put, now)]
+    staying = _staying(was, put, now)
     if driven is not None and places is not None:  # contacts of the last step are at walls as driven then
-        jumped = np.array(put.wall_numbers)[(driven != places).any(axis=1)]
-        staying = [number for number in staying if number not in jumped]
-    _require_room(put, staying, position, now)
-    all_stay = staying == was.wall_numbers == put.wall_numbers
+        jumped = {*np.flatnonzero((driven != places).any(axis=1)).tolist()}
+        staying = {old: new for old, new in staying.items() if new not in jumped}
+    require_size(put)
+    require_clear(put, {*range(len(put.walls))} - {*staying.values()}, position, now)
+    all_stay = all(old == new for old, new in staying.items())
+    all_stay = all_stay and len(staying) == len(was.walls) == len(put.walls)
     keeps_list = (
         all_stay
-        and (scene.period == before.period).all()
+        and scene.period == before.period
         and all(map(_move_alike, scene.walls, before.walls))
         and scene.bodies.two_circles == before.bodies.two_circles
         and (scene.dt == before.dt or not scene.has_moving_walls)
@@ -100,48 +102,44 @@ def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
 
 def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -> FloatArray | None:
     """Return coordinates and speeds of the walls: as before where the shape is, else those of a start."""
-    places, drives = first_state(scene).driven, dict(zip(scene.numbered_walls, scene.drives, strict=True))
-    for number, row, was in zip(scene.wall_numbers, [] if places is None else places, driven, strict=True):
-        one, other = _wall(before, number), _wall(scene, number)
-        if isinstance(one, Wall) and isinstance(other, Wall):
-            continues = drives[number].inverse_mass > 0.0 and one.shape == other.shape
-        else:
-            continues = not (number == OUTER and is_resized)
-        if continues:
+    places = first_state(scene).driven
+    if places is None:
+        return None
+    for row, was, wall, old, drive in zip(
+        places, driven, scene.walls, before.walls, scene.drives, strict=True
+    ):
+        is_other = wall.shape != old.shape or (isinstance(wall, Rim) and is_resized)
+        if drive.inverse_mass > 0.0 and not is_other:
             row[:] = was
     return places
 
 
-def _stays(number: int, was: Scene, put: Scene, now: float) -> bool:
-    """Return whether a wall is at the same place now [s] in two scenes."""
-    if number not in was.wall_numbers:
-        return False
-    one, other = _wall(was, number), _wall(put, number)
-    if isinstance(one, Wall) and isinstance(other, Wall):
-        return one is other or one.at(now).shape == other.at(now).shape
-    return one == other
-
-
-def _wall(scene: Scene, number: int) -> float | Wall:
-    """Return the radius of a circle, or a wall inside."""
-    return ({OUTER: scene.radius_out, INNER: scene.radius_in} | scene.numbered_walls)[number]
+def _staying(was: Scene, put: Scene, now: float) -> dict[int, int]:
+    """Return the numbers in another scene of walls that are at the same places in it now [s]."""
+    if was.walls is put.walls:
+        return {number: number for number in range(len(was.walls))}
+    found: dict[int, int] = {}
+    olds: dict[tuple[float, ...], list[int]] = {}
+    for number, wall in enumerate(was.walls):
+        olds.setdefault(wall.at(now).shape, []).append(number)
+    for number, wall in enumerate(put.walls):
+        alike = olds.get(wall.at(now).shape, [])
+        if alike:
+            found[alike.pop(0)] = number
+    return found
 
 
 def _move_alike(wall: Wall, other: Wall) -> bool:
     return wall is other or (wall.motion_numbers == other.motion_numbers and wall.shape == other.shape)
 
 
-def _require_room(scene: Scene, staying: list[int], position: FloatArray, now: float) -> None:
-    """Raise InputError unless all grains are outside of the walls that are new or elsewhere."""
-    moved = [number for number in scene.wall_numbers if number not in staying]
-    if scene.domain or any(number <= INNER for number in moved):
-        require_size(scene)
-        require_inside(scene, position)
-    require_clear(scene, moved, position, now)
-
-
-def _at_walls(corrections: Corrections, numbers: list[int]) -> Corrections:
-    """Return the corrections without those of contacts with other walls."""
-    kept = np.isin(corrections.wall[:, 1], numbers)
-    own = {name: array for name, array in vars(corrections).items() if name[:4] == "wall"}
-    return replace(corrections, **{name: array[kept] for name, array in own.items() if array is not None})
+def _at_walls(corrections: Corrections, numbers: dict[int, int]) -> Corrections:
+    """Return the corrections of contacts with walls that have these new numbers, without the others."""
+    new = np.full(max([-1, *corrections.wall[:, 1].tolist(), *numbers]) + 1, -1, np.int32)
+    new[[*numbers]] = [*numbers.values()]
+    wall = np.stack([corrections.wall[:, 0], new[corrections.wall[:, 1]]], axis=1)
+    kept = np.lexsort(wall.T[::-1])
+    kept = kept[wall[kept, 1] >= 0]
+    own = {name: array for name, array in vars(corrections).items() if name[:5] == "wall_"}
+    values = {name: array[kept] for name, array in own.items() if array is not None}
+    return replace(corrections, wall=wall[kept], **values)

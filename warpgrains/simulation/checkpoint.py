@@ -30,7 +30,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import Summary
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 16
+VERSION = 17
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]
@@ -96,6 +96,8 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
     arrays: Arrays = {}
     for part, record in _parts(checkpoint.scene, state).items():
         content = {field.name: getattr(record, field.name) for field in fields(record)}
+        if isinstance(record, Scene):
+            content["walls"] = record.written_walls
         own = [name for name, value in content.items() if isinstance(value, np.ndarray)]
         arrays |= {f"{part}.{name}": content[name] for name in own}
         elsewhere = (*own, "corrections", "lists", "last_scene")

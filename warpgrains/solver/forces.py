@@ -67,8 +67,7 @@ class WallContacts(Tabular):
     """
 
     wall: IntArray
-    """Grain and wall of each, shape (m, 2): 0 is the outer wall, 1 the inner one, 2, 3, ... those of
-    `Scene.walls`."""
+    """Grain and number in `Scene.walls` of each, shape (m, 2)."""
     normal: FloatArray
     """Unit normals from the grain into the wall, shape (m, 2)."""
     gap: FloatArray
@@ -146,7 +145,7 @@ def wall_contacts(
         correction=dv,
         force=force_of(mass, dv, scene.dt),
         tangential_force=force_of(mass, dvt, scene.dt),
-        slides=_slides(np.array(scene.wall_frictions)[corrections.wall[:, 1]], dv, dvt),
+        slides=_slides(scene.at_walls("friction", corrections.wall), dv, dvt),
     )
 
 

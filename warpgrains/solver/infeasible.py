@@ -68,7 +68,7 @@ class UnilateralConstraints(StepConstraints):
     @classmethod
     def of(cls, scene: Scene, start: Start, corrections: Corrections, time: float = 0.0) -> Self:
         """Collect the constraints of a step that starts at a time [s]."""
-        wall, key = every_wall(scene), np.array([scene.wall_count, 1])
+        wall, key = every_wall(scene), np.array([len(scene.walls), 1])
         every = cls.at(scene, start, corrections.pair, wall, time)
         carry = np.isin(wall @ key, (corrections.wall @ key)[corrections.wall_correction > 0.0])
         return every.only(carry | (every.gap_rate[len(every.second) :] < 0.0))
@@ -108,7 +108,7 @@ class UnilateralConstraints(StepConstraints):
         normal has an error of 2 eps, and a component of (J^T y)_i is a sum of at most `most` products.
         """
         total = weight.sum()
-        rounding = self.scene.annulus.rounding / self.scene.dt  # of an entry of b
+        rounding = self.scene.rounding / self.scene.dt  # of an entry of b
         lost = (len(weight) + 1) * EPS * (np.abs(self.gap_rate) @ weight) + rounding * total
         left = np.abs(imbalance).sum() + 4.0 * (self.most + 4) * EPS * total
         return float((-self.gap_rate @ weight - lost) / left)
@@ -134,7 +134,7 @@ def find_infeasibility_proof(
     contacts = UnilateralConstraints.of(scene, start, corrections, time)
     if not (contacts.gap_rate < 0.0).any():
         return None  # velocities of zero meet every demand
-    too_fast = scene.annulus.diameter / scene.dt
+    too_fast = 2.0 * scene.reach / scene.dt
     excess = contacts.approach(_complex(velocity)) - contacts.gap_rate
     last_slope, direction = np.zeros(scene.n, complex), np.zeros(scene.n, complex)
     last_size = float("inf")

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.kernels.record import Phase
-from warpgrains.scene.annulus import OUTER
+from warpgrains.scene.bodies import NONE
 from warpgrains.scene.state import VERLET_NUMBERS, Corrections, State, VerletList
 from warpgrains.solver import tuning
 from warpgrains.solver.exact.listed import listed_pairs, listed_walls
@@ -31,11 +31,18 @@ def corrections_of(records: SceneRecords, k: int) -> Corrections:
         records.scenes[k],
     )
     dv, dv_wall = (records.array(k, "contacts.dv")[index] for index in (at_pair, at_wall))
-    active, at_side = dv != 0.0, dv_wall != 0.0
+    active = dv != 0.0
     wall[:, 1], carried_at_wall = scene.bodies.carried(wall[:, 1], dv_wall)
+    at_side = _in_order(wall)
+    at_side = at_side[dv_wall[at_side] != 0.0]
     carried = pair[active], dv[active], wall[at_side], carried_at_wall[at_side]
     rough = [records.array(k, f"contacts.{name}") for name in _bounded(scene)]
     return Corrections(*carried, *(own[at] for own in rough for at in (at_pair[active], at_wall[at_side])))
+
+
+def _in_order(contact: IntArray) -> IndexArray:
+    """Return the indices that put contacts into lexicographic order."""
+    return np.lexsort(contact.T[::-1])
 
 
 def _bounded(scene: Scene) -> dict[str, str]:
@@ -48,6 +55,7 @@ def state_of(records: SceneRecords, k: int) -> State:
     """Return the exact state of scene k."""
     scene, record, (wall, _) = records.scenes[k], records.host[k], listed_walls(records, k)
     wall[:, 1], _ = scene.bodies.carried(wall[:, 1], np.zeros(len(wall)))  # the annulus as its outer circle
+    wall = wall[_in_order(wall)]
     numbers = record["verlet"]["numbers"]
     of_list: dict[str, Any] = {name: records.array(k, f"verlet.{name}").copy() for name in VERLET}
     of_list |= {name: float(numbers[name]) for name in VERLET_NUMBERS}
@@ -71,8 +79,9 @@ def state_of(records: SceneRecords, k: int) -> State:
 
 def driven_walls(records: SceneRecords, k: int) -> FloatArray:
     """Return coordinates [m] and speeds [m/s] of the walls of scene k, if a force drives one."""
-    arrays = (records.array(k, f"grains.{name}") for name in ("position", "velocity"))
-    return np.stack([array[records.scenes[k].n :, 0] for array in arrays], axis=1)
+    scene = records.scenes[k]
+    arrays = (records.array(k, f"grains.{name}")[scene.n :, 0] for name in ("position", "velocity"))
+    return np.stack([array[scene.bodies.of_walls] for array in arrays], axis=1)
 
 
 def scene_with_walls(records: SceneRecords, k: int) -> Scene:
@@ -102,9 +111,10 @@ def load_state(records: SceneRecords, k: int, state: State) -> None:
         records.array(k, f"grains.{name}")[: scene.n] = state.position
     if state.driven is not None:
         for name, column in (("position", 0), ("last_position", 0), ("velocity", 1)):
-            of_walls = records.array(k, f"grains.{name}")[scene.n :]
-            of_walls[:] = np.stack([state.driven[:, column], np.zeros(len(of_walls))], axis=1)
-        record["walls"]["annulus"]["radius_out"] = state.driven[OUTER, 0]
+            of_bodies = records.array(k, f"grains.{name}")[scene.n :]
+            of_bodies[:] = 0.0
+            of_bodies[scene.bodies.of_walls, 0] = state.driven[:, column]
+        _place_outer_circle(records, k)
     record["control"] = 0
     record["control"]["unordered"] = 1
     for name in ("staggered", "last_staggered"):
@@ -123,10 +133,18 @@ def change_scene(records: SceneRecords, k: int, scene: Scene, keeps_list: bool) 
     records.scenes[k], records.loaded_steps[k] = scene, records.host["steps"][k]
     records.write_parameters(slice(k, k + 1))
     if scene.has_driven_walls:
-        place = records.array(k, "grains.position")[scene.n + OUTER, 0]
-        records.host[k]["walls"]["annulus"]["radius_out"] = place
+        _place_outer_circle(records, k)
     if not keeps_list:
         _forget_list(records, k)
+
+
+def _place_outer_circle(records: SceneRecords, k: int) -> None:
+    """Write the radius of the outer circle, the coordinate of body 0; a very large one if there is none."""
+    scene, annulus = records.scenes[k], records.host[k]["walls"]["annulus"]
+    coordinate = records.array(k, "grains.position")[scene.n : scene.n + 1, 0]
+    if scene.bodies.walls[0] == NONE:
+        coordinate[:] = scene.bodies.circles[1]
+    annulus["radius_out"] = coordinate.item()
 
 
 def _forget_list(records: SceneRecords, k: int) -> None:
@@ -142,6 +160,8 @@ def _write_list(
 ) -> None:
     """Write the list: pairs in lexicographic order and wall contacts, with their corrections."""
     count, scene = len(pair) + len(wall), records.scenes[k]
+    of_walls = scene.bodies.of_walls
+    wall = wall[_in_order(np.stack([wall[:, 0], of_walls[wall[:, 1]]], axis=1))]
     records.reserve_contacts(k, count)
     records.host[k]["contacts"]["count"] = len(pair), 0, len(wall)  # the step puts them into sets
     if count == 0:
@@ -150,10 +170,10 @@ def _write_list(
         return
 
     def in_bodies(pair: IntArray, wall: IntArray) -> IntArray:
-        body = scene.n + scene.bodies.of(wall[:, 1])
+        body = scene.n + of_walls[wall[:, 1]]
         return np.concatenate([pair, np.stack([wall[:, 0], body], axis=1)])
 
-    key = np.array([scene.n + scene.wall_count, 1])
+    key = np.array([scene.n + len(scene.bodies), 1])
     body, carrying = in_bodies(pair, wall), in_bodies(corrections.pair, corrections.wall)
     order = np.lexsort(body.T[::-1])
     place = order[np.searchsorted((body @ key)[order], carrying @ key)]

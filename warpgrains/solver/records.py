@@ -112,11 +112,11 @@ class SceneRecords:
         self.set_gravity([scene.gravity for scene in scenes], which)
         host["turning"]["start"] = host["gravity"]
         host["turning"]["rate"] = [scene.gravity_rate for scene in scenes]
-        annulus, circles = host["walls"]["annulus"], [scene.bodies.annulus[:2] for scene in scenes]
-        annulus["radius_in"], annulus["radius_out"] = np.array(circles).T
-        annulus["angular_velocity_out"] = [scene.angular_velocity_out for scene in scenes]
-        annulus["round"] = [scene.wall == "round" for scene in scenes]
-        host["walls"]["period"] = [scene.period for scene in scenes]
+        annulus, bodies = host["walls"]["annulus"], [scene.bodies for scene in scenes]
+        annulus["radius_in"], annulus["radius_out"] = np.array([own.circles for own in bodies]).T
+        annulus["angular_velocity_out"] = [own.outer.rotation if own.outer else 0.0 for own in bodies]
+        annulus["round"] = [own.is_round for own in bodies]
+        host["walls"]["period"] = [scene.period.lengths for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
         for name in ("room", "rounding", "monitor_threshold", "nearest"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
@@ -221,7 +221,7 @@ class SceneRecords:
 
     def _at_walls(self, which: IndexArray, contact: np.ndarray[Any, Any], dv: FloatArray) -> FloatArray:
         scene = self.scenes[which[0]]
-        n, walls = scene.n, scene.wall_count
+        n, walls = scene.n, len(scene.walls)
         carried, count = np.zeros((len(which), n, walls)), self.host["contacts"]["count"][which]
         index, pairs = np.arange(contact.shape[1]), count["pairs"][:, np.newaxis]
         row, place = np.nonzero((index >= pairs) & (index < pairs + count["walls"][:, np.newaxis]))

@@ -10,7 +10,6 @@ import numpy as np
 
 from warpgrains.errors import SimulationError, requiring
 from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE, TOO_FAR
-from warpgrains.scene.geometry import nearest_image
 from warpgrains.solver.infeasible import InfeasibilityProof, find_infeasibility_proof
 from warpgrains.solver.loading import corrections_of
 from warpgrains.solver.statistics import named
@@ -65,7 +64,7 @@ def _reason(records: SceneRecords, k: int, outcome: int) -> str:
             f" of {scene.dt} s it would leave no room for the grains, or its place would not be finite"
         )
     reached = f"grain {body} reached a velocity of {velocity} m/s"
-    is_across = outcome == TOO_FAR and scene.period.any()
+    is_across = outcome == TOO_FAR and bool(scene.period)
     if is_across and (other := _across(records, k, body)) is not None:
         return (
             f"{reached}: in a step of {scene.dt} s it would meet grain {other} by two of its images in the"
@@ -75,7 +74,7 @@ def _reason(records: SceneRecords, k: int, outcome: int) -> str:
     undefined = _wall_without_normal(records, k, body, path)
     if undefined is not None or outcome == NOT_FINITE:
         return f"{reached}: {undefined or _excess(scene, velocity)}"
-    circle = scene.radius_out - scene.radius[body].item()
+    circle = scene.reach - scene.radius[body].item()
     return (
         f"{reached} along the round wall: in a step of {scene.dt} s, it leaves the circle of {circle} m on"
         " which it touches the wall"
@@ -87,11 +86,13 @@ def _wall_without_normal(records: SceneRecords, k: int, grain: int, path: float)
     scene, own = records.scenes[k], slice(grain, grain + 1)
     position = records.array(k, "grains.position")[own]
     time = scene.time_after(int(records.host["steps"][k]))
-    for number in scene.wall_numbers:
+    for number, name in enumerate(scene.wall_names):
         side = scene.side(number, position, scene.radius[own], time=time)
         if side.without_normal(path).any():
             place = tuple(position[0].tolist())
-            return f"it is at {place} m, where wall {number}, which it may touch in this step, has no normal"
+            return (
+                f"it is at {place} m, where the wall {name}, which it may touch in this step, has no normal"
+            )
     return None
 
 
@@ -99,9 +100,9 @@ def _across(records: SceneRecords, k: int, grain: int) -> int | None:
     """Return a grain that meets another in a step by an image that is not its nearest one, or None."""
     scene = records.scenes[k]
     position, velocity = (records.array(k, f"grains.{name}") for name in ("position", "next_velocity"))
-    way = nearest_image(position[: scene.n] - position[grain], scene.period)
+    way = scene.period.nearest(position[: scene.n] - position[grain])
     move = scene.dt * (velocity[grain] - velocity[: scene.n])
-    images = (way + scene.space.shifts[1:, np.newaxis]).transpose(1, 0, 2)  # but the nearest one
+    images = (way + scene.period.shifts[1:, np.newaxis]).transpose(1, 0, 2)  # but the nearest one
     size = np.maximum((move**2).sum(axis=1), np.finfo(float).tiny)[:, np.newaxis]
     share = np.clip((images * move[:, np.newaxis]).sum(axis=2) / size, 0.0, 1.0)[..., np.newaxis]
     apart = np.hypot(*(images - share * move[:, np.newaxis]).transpose(2, 0, 1)).min(axis=1) - scene.radius
@@ -116,7 +117,7 @@ def _excess(scene: Scene, velocity: list[float]) -> str:
     path = scene.dt * max(map(abs, velocity))
     return (
         f"in a step of {scene.dt} s it would move by {path:.3g} m, out of the domain of radius"
-        f" {scene.radius_out} m, and too far for float64 to resolve gaps"
+        f" {scene.reach} m, and too far for float64 to resolve gaps"
     )
 
 

@@ -19,6 +19,7 @@ from warpgrains.kernels.neighbors import TAKEN
 from warpgrains.kernels.pair_sweep import KEPT
 from warpgrains.kernels.record import Kind
 from warpgrains.kernels.threads import GPU_PARTIALS
+from warpgrains.scene.rim import Rim
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -92,9 +93,9 @@ def _of_walls(scene: Scene) -> tuple[int, ...]:
     return (
         len(scene.bodies),
         sum(map(len, scene.joints.others)),
-        bool(scene.mobile_walls),
+        any(not isinstance(wall, Rim) for wall in scene.mobile_walls.values()),
         scene.has_driven_walls,
-        scene.bodies.annulus.radius_in > 0.0 or scene.wall == "round",
+        scene.bodies.circles[0] > 0.0 or scene.bodies.is_round,
         not has_equal_shares,
     )
 

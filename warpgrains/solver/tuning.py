@@ -49,8 +49,8 @@ def room(scene: Scene) -> float:
 
 def rounding(scene: Scene) -> float:
     """Return the largest rounding error of a position [m]; those beyond periodic sides grow."""
-    farthest = FARTHEST if scene.period.any() else 1.0
-    return 16.0 * EPS * farthest * scene.radius_out
+    farthest = FARTHEST if scene.period else 1.0
+    return 16.0 * EPS * farthest * scene.reach
 
 
 def monitor_threshold(scene: Scene) -> float:

@@ -61,7 +61,7 @@ class Grains:
         self._changing = {name: own.values for name, own in found.items() if own.changes}
         if self._rotates:
             self._changing[ANGLE] = lambda now: now.angle
-        self._is_periodic = bool(scene.period.any())
+        self._is_periodic = bool(scene.period)
 
     def define(self, stage: Usd.Stage) -> None:
         prim = self._points(stage) if self._shape is None else self._instancer(stage, self._shape)
@@ -101,7 +101,7 @@ class Grains:
         if self._colors.still is None and self._colors.scale is not None:
             values |= self._color(self._colors.scale.levels(found[self._colors.scale.quantity]))
         if self._is_periodic:
-            lengths = np.where(now.scene.period > 0.0, now.scene.period, np.inf)
+            lengths = np.where(now.scene.period.repeats, now.scene.period.lengths, np.inf)
             values[PERIODS] = np.rint((now.position - places[: now.n]) / lengths).astype(np.int32)
             values |= self._still(number)
         return {f"{GRAINS}.{name}": value for name, value in values.items()}

@@ -138,7 +138,7 @@ class Recorder:
 
 def _require_float32(scene: Scene) -> None:
     """Raise InputError unless float32 holds the lengths of a scene, and where its grains begin."""
-    smallest, largest = float(scene.radius.min()), 2.0 * scene.radius_out
+    smallest, largest = float(scene.radius.min()), 2.0 * scene.reach
     least, most = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
     if smallest < least or largest > most:
         raise InputError(

@@ -19,6 +19,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.box import checked_domain
 from warpgrains.scene.compatibility import require_valid_positions
+from warpgrains.scene.geometry import Period
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import TABLES, UNITS, Snapshot
 from warpgrains.scene.toml import read_parameters
@@ -97,8 +98,8 @@ class Recording(Shown):
         self.times = FrameTimes.of(checks.positive("dt", parameters["dt"]), rate, first_step, start)
         checks.number("time of the last frame", self.times.time(self._count - 1))
         box = checked_domain("domain", parameters.get("domain"))
-        self._period = np.array(box.period if box else (0.0, 0.0))
-        n = len(numbers(prim.GetAttribute(OF_GRAINS["radius"]) if self._period.any() else position_of(prim)))
+        self._period = box.period if box else Period()
+        n = len(numbers(prim.GetAttribute(OF_GRAINS["radius"]) if self._period else position_of(prim)))
         self._mass, self.radius = (
             checks.positive_per_grain(name, numbers(prim.GetAttribute(attribute)), n)
             for name, attribute in OF_GRAINS.items()
@@ -153,13 +154,13 @@ class Recording(Shown):
             return np.zeros(n)
         with refusing_untrusted_content(self.path):
             found = numbers(attribute, k)
-            if self._period.any():  # images follow
+            if self._period:  # images follow
                 found = found[:n]
             if found.shape != ((n, 3) if name in ("position", "velocity") else (n,)):
                 raise ValueError(f"{attribute.GetPath()} has shape {found.shape}, for {n} grains")
-            if name == "position" and self._period.any():
+            if name == "position" and self._period:
                 periods = numbers(self._stage.GetPrimAtPath(GRAINS).GetAttribute(PERIODS), k, (n, 2))
-                return found[:, :2] + self._period * periods
+                return found[:, :2] + self._period.lengths * periods
             return found[:, :2] if found.ndim == 2 else found
 
     @cached_property
@@ -251,11 +252,11 @@ class Recording(Shown):
             if bands.HasAttribute(TANGENTIAL):
                 tangential = numbers(bands.GetAttribute(TANGENTIAL), k, force.shape)
             ends = [numbers(bands.GetAttribute(f"primvars:{name}"), k, force.shape) for name in GRAINS_OF]
-            if self._period.any():  # of the bands of a contact that leaves the box, the first one
+            if self._period:  # of the bands of a contact that leaves the box, the first one
                 kept = np.sort(np.unique(ends, axis=1, return_index=True)[1])
                 force, tangential, *ends = (own[kept] for own in (force, tangential, *ends))
             first, other = pair = np.array(ends, np.int32)
-            last_wall = -2 - len(self._parameters.get("walls", ()))
+            last_wall = -len(self.recorded_scene.walls)
             if not ((first >= 0) & (first < n) & (last_wall <= other) & (other < n)).all():
                 raise ValueError("a force chain names a grain or a wall that does not exist")
         between, pairs, walls = pairs_and_walls(pair.T)

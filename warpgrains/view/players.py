@@ -163,7 +163,7 @@ class Live:
         rows["kinetic energy"] = f"{self._energy():.4g} J"
         rows["drag"] = f"{self.scene.drag:.4g} kg/s"
         rows["friction"] = f"{self.scene.friction:.4g}"
-        if self.scene.domain is None:
+        if self.scene.bodies.outer is not None:
             walls = (self.scene.angular_velocity_out, self.scene.angular_velocity_in)
             rows["rotation of the walls"] = f"{walls[0]:.4g}, {walls[1]:.4g} rad/s"
         return rows | ({"error": self.error} if self.error else {})

@@ -57,7 +57,7 @@ def _add_friction(gui: viser.GuiApi, player: Live, on: OnChange) -> None:
     if scene.method != "exact":  # which knows no other
         given["rolling friction"] = scene.rolling_friction
     rough = [gui.add_slider(label, 0.0, max(1.0, own), 0.01, own) for label, own in given.items()]
-    walls = [("outer wall [rad/s]", scene.angular_velocity_out)] * (scene.domain is None)
+    walls = [("outer wall [rad/s]", scene.angular_velocity_out)] * (scene.bodies.outer is not None)
     walls += [("inner wall [rad/s]", scene.angular_velocity_in)] * (scene.radius_in > 0.0)
     for label, spin in walls:
         most = max(_MOST_ROTATION, abs(spin))

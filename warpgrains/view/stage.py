@@ -34,7 +34,7 @@ class Stage:
         for name, wall in painter.walls.items():
             self._add_wall(name, wall)
         self._reach = half
-        self._slots = painter.scene.n * 2 ** int(np.count_nonzero(painter.scene.period))
+        self._slots = painter.scene.n * 2 ** int(np.count_nonzero(painter.scene.period.repeats))
         angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
         self._grains = self._add_instances("/grains", np.stack([np.cos(angle), np.sin(angle)], axis=1))
         self._marks = self._add_instances(_MARKS, mark())

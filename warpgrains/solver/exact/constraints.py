@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, Indices
-from warpgrains.scene.annulus import OUTER
+from warpgrains.scene.rim import Rim
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -85,7 +85,7 @@ class StepConstraints:
         scene, pairs = self.scene, len(self.second)
         surface = np.append(np.zeros(pairs), self.wall_speed[:, 0])
         vn, rate = self.normal_speed(velocity), self.sliding(scene.dt * velocity).gap_rate
-        e = np.append(np.full(pairs, scene.restitution), np.array(scene.wall_restitutions)[self.wall[:, 1]])
+        e = np.append(np.full(pairs, scene.restitution), scene.at_walls("restitution", self.wall))
         bounces = (e > 0.0) & (vn > rate) & (vn - surface > scene.restitution_speed)
         return np.where(bounces, np.maximum(0.0, rate - (surface - e * (vn - surface))), 0.0)
 
@@ -107,16 +107,17 @@ class StepConstraints:
     def circle(self) -> FloatArray:
         """A / dt of eq. 18 at a round outer wall, else inf [m/s], shape (m,)."""
         scene, found = self.scene, np.full(len(self.first), np.inf)
-        if scene.wall == "round":
-            at_wall = np.append(np.zeros(len(self.second), bool), self.wall[:, 1] == OUTER)
-            found[at_wall] = (scene.radius_out - scene.radius[self.first[at_wall]]) / scene.dt
+        for number, wall in enumerate(scene.walls):
+            if isinstance(wall, Rim) and wall.is_round:
+                at_wall = np.append(np.zeros(len(self.second), bool), self.wall[:, 1] == number)
+                found[at_wall] = (wall.radius - scene.radius[self.first[at_wall]]) / scene.dt
         return found
 
     @property
     def friction(self) -> FloatArray:
         """Coefficients of friction, shape (m,)."""
         scene, pairs = self.scene, len(self.second)
-        return np.append(np.full(pairs, scene.friction), np.array(scene.wall_frictions)[self.wall[:, 1]])
+        return np.append(np.full(pairs, scene.friction), scene.at_walls("friction", self.wall))
 
     @property
     def surface_speed(self) -> FloatArray:
@@ -139,5 +140,5 @@ class StepConstraints:
 
 def every_wall(scene: Scene) -> Indices:
     """Return contacts (grain, wall) of all grains with all walls, ordered by wall, shape (m, 2)."""
-    walls = scene.wall_numbers
+    walls = np.arange(len(scene.walls))
     return np.stack([np.tile(np.arange(scene.n), len(walls)), np.repeat(walls, scene.n)], axis=1)

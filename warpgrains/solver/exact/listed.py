@@ -48,10 +48,9 @@ class ListedContacts:
         (pair, self._at_pair), (listed, index) = listed_pairs(records, k), listed_walls(records, k)
         self._records, self._k, scene = records, k, records.scenes[k]
         bodies = scene.bodies
-        sides = [(number, bodies.of(np.array(number)) == listed[:, 1]) for number in scene.wall_numbers]
-        self._at_wall = np.concatenate([index[own] for _, own in sides])
-        grain = np.concatenate([listed[own, 0] for _, own in sides])
-        wall = np.stack([grain, np.repeat(scene.wall_numbers, [own.sum() for _, own in sides])], axis=1)
+        number, at = np.nonzero(bodies.of_walls[:, np.newaxis] == listed[:, 1])
+        self._at_wall = index[at]
+        wall = np.stack([listed[at, 0], number], axis=1)
         self._sign = bodies.sign(wall[:, 1])
         time = scene.time_after(int(records.host["steps"][k]))
         start = records.array(k, "grains.position"), records.array(k, "grains.velocity")

@@ -64,7 +64,7 @@ def projection_of(constraints: StepConstraints, free_velocity: FloatArray) -> Pr
     rows = sparse.csr_array((data, indices, start), shape=(len(unit), 2 * len(mass)))
     free = (np.sqrt(mass)[:, np.newaxis] * free_velocity).ravel()
     # all grains cross the domain in the step
-    widest = 2.0 * constraints.scene.radius_out / constraints.scene.dt * float(np.sqrt(mass.sum()))
+    widest = 2.0 * constraints.scene.reach / constraints.scene.dt * float(np.sqrt(mass.sum()))
     return Projection(rows, unit * constraints.gap_rate, free, unit, widest)
 
 
