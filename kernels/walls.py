@@ -13,7 +13,7 @@ from .access import at, checked, put
 from .annulus import Annulus
 from .motion import from_frame, moving_time, pose_at, to_frame, velocity_at
 from .shapes import end_of, face_normal, hollow_radius, inwards, nearest_on, shape_gap, shape_normal
-from .types import MOST_NUMBERS, Drive, Floats, Ints, Motion, MotionOf, Pose, PoseOf, Shape
+from .types import MOST_NUMBERS, Drive, Floats, Ints, Motion, MotionOf, Pose, PoseOf, Shape, Vectors
 
 f64 = wp.float64
 CIRCLE_RADIUS = wp.constant(1 + MOST_NUMBERS + 2)  # index of this number of a shape
@@ -27,8 +27,10 @@ class Walls:
     annulus: Annulus
     period: wp.vec2d  # of the domain along x and y [m]; 0 where it is not periodic
     shape: wp.array(dtype=Shape)  # of the other walls
+    image: Vectors  # ways from the nearest images of them [m]; empty if no wall is an image of another one
     joint_start: Ints  # of their ends, 0 and 1 of each: where the walls of the joint begin in `joint`,
-    joint: Ints  # which has walls by the index of their shape; both empty if no end is a joint
+    joint: wp.array(dtype=wp.vec2i)  # by their shapes; and 1 for one that comes first of those equally near
+    joint_way: Vectors  # by which it is moved to be the image there [m]; all empty if no end is a joint
     motion: wp.array(dtype=Motion)  # of these, and
     pose: wp.array(dtype=Pose)  # where they are at the start of a step; both empty if none is mobile
     drive: wp.array(dtype=Drive)  # of all walls; empty if none is driven
@@ -79,7 +81,19 @@ def way(tail: wp.vec2d, head: wp.vec2d, walls: Walls) -> wp.vec2d:
 
 @wp.func
 def place_at(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return the place of a point x in the frame of wall b > 0, as the image that is nearest to it [m]."""
+    """Return the place of a point x in the frame of wall b > 0, as the image that is nearest to it [m].
+
+    In that of an image of a wall, it is some periods beyond.
+    """
+    place = nearest_place(b, x, walls)
+    if walls.image.shape[0] > 0:
+        place = place + at(walls.image, b - 1)
+    return place
+
+
+@wp.func
+def nearest_place(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
+    """Return the place of a point x in the frame of wall b > 0, as the image nearest to its center [m]."""
     place = x
     if are_mobile(walls):
         place = to_frame(at(walls.pose, b - 1), x)
@@ -131,30 +145,52 @@ def joint_reach(walls: Walls, radius: f64) -> f64:
 
 
 @wp.func
-def contact_at_joint(b: int, x: wp.vec2d, radius: f64, n: wp.vec2d, gap: f64, walls: Walls):
-    """Return normal and gap [m] of a grain at x at wall b, from those at its nearest point (eq. 8c)."""
+def place_at_joint(b: int, k: int, x: wp.vec2d, place: wp.vec2d, walls: Walls) -> wp.vec2d:
+    """Return a point x in the frame of wall k of a joint, from its place in the frame of wall b [m].
+
+    It has the same bits as seen from the other wall, so that of two walls one is nearer for both.
+    """
+    if not is_periodic(walls):
+        return place
+    near = nearest_place(1 + at(walls.joint, k)[0], x, walls)
+    wanted = place - at(walls.joint_way, k)
+    for d in range(2):
+        if walls.period[d] > f64(0.0):
+            near[d] = near[d] + walls.period[d] * wp.rint((wanted[d] - near[d]) / walls.period[d])
+    return near
+
+
+@wp.func
+def contact_at_joint(
+    b: int, at_grain: wp.vec2d, x: wp.vec2d, radius: f64, n: wp.vec2d, gap: f64, walls: Walls
+):
+    """Return normal and gap [m] of a grain at wall b, its place x there, from those at its nearest point.
+
+    See eq. 8c.
+    """
     shape = at(walls.shape, b - 1)
     end = end_of(x, shape)
     if end < 0:
         return n, gap
-    nearest, least, first = int(b - 1), f64(gap), 2 * (b - 1) + end
+    nearest, least, first = int(-1), f64(gap), 2 * (b - 1) + end
     for k in range(at(walls.joint_start, first), at(walls.joint_start, first + 1)):
-        other = at(walls.joint, k)
-        its = shape_gap(x, radius, at(walls.shape, other))
-        if its < least or (its == least and other < nearest):
-            nearest, least = other, its
-    if nearest == b - 1:
+        joined = at(walls.joint, k)
+        its = shape_gap(place_at_joint(b, k, at_grain, x, walls), radius, at(walls.shape, joined[0]))
+        if its < least or (its == least and nearest < 0 and joined[1] != 0):
+            nearest, least = k, its
+    if nearest < 0:
         return n, gap
-    other_shape = at(walls.shape, nearest)
-    p = nearest_on(x, shape)
+    other_shape = at(walls.shape, at(walls.joint, nearest)[0])
+    moved = at(walls.joint_way, nearest)
+    y, p = place_at_joint(b, nearest, at_grain, x, walls), nearest_on(x, shape)
     along = inwards(end, p, shape)
     shorter = wp.min(shape[CIRCLE_RADIUS], other_shape[CIRCLE_RADIUS])
-    rises = wp.dot(along, face_normal(p, x, other_shape)) < -FLUSH and f64(2.0) * shorter >= radius
-    if rises and end_of(x, other_shape) < 0:
+    rises = wp.dot(along, face_normal(p - moved, y, other_shape)) < -FLUSH and f64(2.0) * shorter >= radius
+    if rises and end_of(y, other_shape) < 0:
         left = law.tangent(along)
         height = wp.dot(left, x - p)
         return wp.where(height > f64(0.0), -left, left), wp.max(wp.abs(height) - radius, least)
-    apart = law.distance(p, nearest_on(x, other_shape))
+    apart = law.distance(p - moved, nearest_on(y, other_shape))
     if rises and apart > f64(2.0) * FLUSH * wp.max(shape[CIRCLE_RADIUS], other_shape[CIRCLE_RADIUS]):
         return n, gap
     return n, gap + f64(2.0) * walls.annulus.radius_out
@@ -162,21 +198,44 @@ def contact_at_joint(b: int, x: wp.vec2d, radius: f64, n: wp.vec2d, gap: f64, wa
 
 @wp.func
 def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
-    """Return whether wall b is within reach [m] of a grain at x, or has no gap there, which is NaN.
+    """Return whether wall b, or an image of it, is within reach [m] of a grain at x.
 
-    A wall with a joint is, too, if one that it is joined with is, and it is not far from there.
+    So it is, too, where it has no gap, which is NaN. A wall with a joint is, if one that it is joined with
+    is, and it is not far from there.
     """
-    if b > 0:
-        place, shape = place_at(b, x, walls), at(walls.shape, b - 1)
-        far = reach + joint_reach(walls, radius)
-        if is_near_circle(shape, place, radius + far):  # `and` would compute both
-            gap = shape_gap(place, radius, shape)
-            if gap > reach and gap <= far and have_joints(walls):
-                for k in range(at(walls.joint_start, 2 * b - 2), at(walls.joint_start, 2 * b)):
-                    gap = wp.min(gap, shape_gap(place, radius, at(walls.shape, at(walls.joint, k))))
-            return not (gap > reach)
+    if b == 0:
+        return annulus.is_near(x, radius, walls.annulus, reach)
+    place, shape = nearest_place(b, x, walls), at(walls.shape, b - 1)
+    far = radius + reach + joint_reach(walls, radius)
+    if is_near_circle(shape, place, far) and is_image_near(b, place, radius, walls, reach):
+        return True
+    beyond = far + shape[CIRCLE_RADIUS]
+    if not (is_periodic(walls) and beyond < f64(wp.inf)):
         return False
-    return annulus.is_near(x, radius, walls.annulus, reach)
+    listed = bool(False)
+    away = place - wp.vec2d(shape[CIRCLE_RADIUS - 2], shape[CIRCLE_RADIUS - 1])
+    is_beyond = bool(False)
+    for d in range(2):
+        is_beyond = is_beyond or (walls.period[d] > f64(0.0) and walls.period[d] - wp.abs(away[d]) <= beyond)
+    if not is_beyond:
+        return False
+    for m in range(-1, 2):
+        for n in range(-1, 2):
+            moved = wp.vec2d(f64(m) * walls.period[0], f64(n) * walls.period[1])
+            if wp.length_sq(moved) > f64(0.0) and is_near_circle(shape, place + moved, far):
+                listed = listed or is_image_near(b, place + moved, radius, walls, reach)
+    return listed
+
+
+@wp.func
+def is_image_near(b: int, place: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
+    """Return whether wall b is within reach [m] of a grain at a place in its frame."""
+    gap = shape_gap(place, radius, at(walls.shape, b - 1))
+    if gap > reach and gap <= reach + joint_reach(walls, radius) and have_joints(walls):
+        for k in range(at(walls.joint_start, 2 * b - 2), at(walls.joint_start, 2 * b)):
+            joined = at(walls.shape, at(walls.joint, k)[0])
+            gap = wp.min(gap, shape_gap(place - at(walls.joint_way, k), radius, joined))
+    return not (gap > reach)
 
 
 @wp.func
@@ -189,7 +248,7 @@ def wall_contact(b: int, x: wp.vec2d, radius: f64, walls: Walls):
         place, shape = place_at(b, x, walls), at(walls.shape, b - 1)
         n, gap = shape_normal(place, shape), shape_gap(place, radius, shape)
         if have_joints(walls) and gap <= radius:
-            n, gap = contact_at_joint(b, place, radius, n, gap, walls)
+            n, gap = contact_at_joint(b, x, place, radius, n, gap, walls)
         if are_mobile(walls):
             n = from_frame(at(walls.pose, b - 1), n)
         return n, gap, f64(wp.inf), f64(wp.inf)

@@ -1,11 +1,17 @@
 """Periodic boxes: a pair meets by one of its images in a step (36b), and areas have all of them."""
 
+from dataclasses import replace
+from itertools import product
+from math import pi
 from typing import Any
 
 import numpy as np
 import pytest
+from walled_scenes import chained
 
-from warpgrains import Box, Disc, Scene, Segment, Simulation, SimulationError, analysis
+from warpgrains import Arc, Box, Disc, Scene, Segment, Simulation, SimulationError, analysis
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.wall import Wall
 
 AT_REST: dict[str, Any] = {"gravity": (0.0, 0.0), "drag": 0.0, "dt": 0.01}
 
@@ -66,3 +72,73 @@ def test_a_pressure_acts_on_the_length_that_a_side_has_now() -> None:
     assert length == pytest.approx([0.8, 0.8], abs=1e-6)
     # forces are those of a step that leaves 1e-7 m/s: 8 kg m/s2 of 8 grains at a wall times 1e-7 / 0.01
     assert np.diag(analysis.mean_stress(simulation)) == pytest.approx([10.0, 10.0], abs=1e-3)
+
+
+RAISED = {"velocity": (3.1, 0.7)}
+WIDE: dict[str, list[Wall]] = {
+    "a peg": [Disc((0.5, 0.3), 0.4)],
+    "an arc": [Arc((0.5, 0.6), 0.4, pi / 2, 3 * pi / 2)],
+    "a floor of two segments": [Segment((0.2, 0.3), (0.7, 0.3)), Segment((0.7, 0.3), (1.2, 0.3))],
+    "a floor of one, in motion": [Segment((0.2, 0.3), (1.2, 0.3), **RAISED)],
+    "a zigzag, in motion": chained(np.array([(0.0, 0.3), (0.3, 0.5), (0.6, 0.2), (1.0, 0.3)]), **RAISED),
+    "an arc and a chord": [Arc((0.5, 0.4), 0.45, pi, 2 * pi), Segment((-0.05, 0.4), (0.05, 0.4))],
+}
+
+
+@pytest.mark.parametrize("which", WIDE)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_box_with_wide_walls_is_as_three_of_it_side_by_side(which: str, axis: int) -> None:
+    """In which no grain can touch two images of a wall: velocities without friction are unique."""
+    walls, rng = WIDE[which], np.random.default_rng(4)
+    places = rng.uniform((0.0, 0.0), (1.0, 2.0), (60, 2))
+    for wall in walls:
+        for way in product((-1.0, 0.0, 1.0), (-2.0, 0.0, 2.0)):
+            apart = np.abs(wall.side(places + way, np.zeros(len(places))).gap)
+            places = places[(apart > 0.08) & ~wall.covers(places + way)]
+    turn = np.array([[1.0, 0.0], [0.0, 1.0]]) if axis == 0 else np.array([[0.0, 1.0], [1.0, 0.0]])
+
+    def run(copies: int) -> FloatArray:
+        across = np.arange(copies)[:, np.newaxis, np.newaxis] * np.array([1.0, 0.0])
+        every = [moved(wall, float(k)) for k in range(copies) for wall in walls]
+        box = Box((0.0, 1.0 * copies), (0.0, 2.0), periodic="xy")
+        if axis:
+            every, box = [turned(wall) for wall in every], Box(box.y, box.x, periodic="xy")
+        how = {"gravity": tuple(turn @ (1.5, -9.81)), "drag": 0.2, "dt": 2e-3, "method": "accelerated"}
+        scene = Scene(
+            position=(places + across).reshape(-1, 2) @ turn,
+            radius=0.06,
+            mass=0.1,
+            domain=box,
+            walls=every,
+            tolerance=1e-11,
+            max_iterations=20_000,
+            **how,
+        )
+        assert copies == 1 or not any(wall.image for wall in scene.walls)
+        simulation = Simulation(scene)
+        met = 0
+        for _ in range(60):
+            assert simulation.step().converged
+            met += len(simulation.wall_contacts().wall)
+        assert met > 100
+        return (simulation.position @ turn).reshape(copies, -1, 2) - across
+
+    one, three = run(1), run(3)
+    # velocities within 1e-11 m/s of exact ones, in 60 steps whose errors grow by what contacts turn
+    assert np.abs(three - one).max() < 1e-7
+
+
+def moved(wall: Wall, way: float) -> Wall:
+    return wall.shifted(way, 0.0)
+
+
+def turned(wall: Wall) -> Wall:
+    """Return a wall reflected at the line x = y."""
+    own = {
+        name: getattr(wall, name)[::-1]
+        for name in ("center", "start", "end", "velocity")
+        if hasattr(wall, name)
+    }
+    if isinstance(wall, Arc):
+        own |= {"from_angle": pi / 2 - wall.to_angle, "to_angle": pi / 2 - wall.from_angle}
+    return replace(wall, **own)

@@ -53,9 +53,9 @@ def restarts(met: Followed) -> bool:
 
 def touches_walls(met: Followed) -> bool:
     """Whether three of five walls carry a grain, or of many that stand in line a few."""
-    every = enumerate(met.scene.walls)
-    walls = {k for k, wall in every if not isinstance(wall, Rim)} or {0} & {*range(len(met.scene.walls))}
-    return len(met.touched & walls) >= min(0.6 * len(walls), 7)
+    of = [wall.image.of if wall.image else k for k, wall in enumerate(met.scene.walls)]
+    walls = {k for k in of if not isinstance(met.scene.walls[k], Rim)} or {0} & {*of}
+    return len({of[k] for k in met.touched} & walls) >= min(0.6 * len(walls), 7)
 
 
 def matters(law: dict[str, float], met: Followed) -> bool:

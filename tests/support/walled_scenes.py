@@ -184,6 +184,19 @@ BOXES: dict[str, dict[str, Any]] = {
             Arc((0.4, 0.1), 0.15, 0.0, 3.0),
         ),
     },
+    "images": {
+        "periodic": "xy",
+        "walls": (
+            Segment((0.3, 0.1), (1.3, 0.1), velocity=(0.4, 0.3)),
+            Arc((0.4, 0.4), 0.28, -1.0, 2.5, velocity=(-0.2, 0.0), friction=0.7),
+        ),
+        **FALL,
+    },
+    "driven image": {
+        "periodic": "x",
+        "walls": (Segment((0.6, 0.1), (1.5, 0.15), force=8.0, mass=0.7),),
+        **FALL,
+    },
     "bouncing": {
         "periodic": "x",
         "bottom": {"velocity": (0.3, 0.0)},

@@ -117,14 +117,16 @@ def wall_mesh(band: Band) -> Shape:
 def drawn_walls(scene: Scene) -> dict[str, Band]:
     """Return the drawn walls by name; they lie outside the space of the grains."""
     thickness = _THICKNESS * scene.extent.half
-    drawn = {k: _drawn(scene, wall, None, thickness) for k, wall in enumerate(scene.walls)}
+    own = ((number, wall) for number, wall in enumerate(scene.walls) if wall.image is None)
+    drawn = {number: _drawn(scene, wall, None, thickness) for number, wall in own}
     return _by_name(scene, drawn)
 
 
 def moved_walls(scene: Scene, now: Scene, time: float) -> dict[str, Band]:
     """Return the mobile walls of a scene as drawn at a time [s], by name; driven ones as in the scene now."""
     thickness = _THICKNESS * scene.extent.half
-    moved = {number: _drawn(scene, wall, time, thickness) for number, wall in now.mobile_walls.items()}
+    own = ((number, wall) for number, wall in now.mobile_walls.items() if wall.image is None)
+    moved = {number: _drawn(scene, wall, time, thickness) for number, wall in own}
     return _by_name(scene, moved)
 
 

@@ -17,6 +17,8 @@ typedef struct {
     int nWalls;                     /* walls inside the annulus: */
     double *walls, *dvWalls;        /* SHAPE numbers of each, and corrections by grain and wall */
     int *jointStart, *joints;       /* of both ends of each: where its others begin; their walls; NULL if no joint */
+    int *jointFirst;                /* whether each of these comes first of those equally near */
+    double *jointWays, *images;     /* by which it is moved to be the image there; ways of walls from their nearest images */
     double friction, wallFriction;  /* coefficients between grains, and at walls; 0: none */
     double spinDrag, turningOut;    /* drag on spins; angular velocity of the outer wall */
     double *speedWalls;             /* the same of each wall; with friction, wall 0 may be the inner circle */

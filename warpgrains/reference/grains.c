@@ -40,7 +40,8 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->leapfrog = theGrains->staggered = theGrains->round = 0;
     theGrains->nWalls = theGrains->moving = theGrains->steps = 0;
     theGrains->walls = theGrains->dvWalls = theGrains->motions = NULL;
-    theGrains->jointStart = theGrains->joints = NULL;
+    theGrains->jointStart = theGrains->joints = theGrains->jointFirst = NULL;
+    theGrains->jointWays = theGrains->images = NULL;
     theGrains->friction = theGrains->wallFriction = 0.0;
     theGrains->turning = theGrains->start = 0.0;
     theGrains->rough = theGrains->driven = theGrains->bouncy = theGrains->rolling = 0;
@@ -312,28 +313,47 @@ static double wallGap(const double *wall, double x, double y, double r, double *
     return wall[3] - distance - r;
 }
 
+/* Makes a place that of the image that is nearest to a wall (eq. 36). */
+static void placeAt(const femGrains *g, const double *wall, double *x, double *y) {
+    double ax = *x - wall[SHAPE - 3], ay = *y - wall[SHAPE - 2];
+    if (!(g->period[0] > 0.0 || g->period[1] > 0.0) || wall[SHAPE - 1] == INFINITY) return;
+    nearestImage(g, &ax, &ay);
+    *x = wall[SHAPE - 3] + ax;
+    *y = wall[SHAPE - 2] + ay;
+}
+
 /* The same of wall k, of the image of the grain that is nearest to it, where its nearest point may be a joint (eq. 8c). */
 static double jointGap(const femGrains *g, int k, double x, double y, double r, double *nx, double *ny) {
     const double *wall = &g->walls[SHAPE * k], *other = wall;
-    double ax = x - wall[SHAPE - 3], ay = y - wall[SHAPE - 2];
-    if ((g->period[0] > 0.0 || g->period[1] > 0.0) && wall[SHAPE - 1] < INFINITY) {
-        nearestImage(g, &ax, &ay);
-        x = wall[SHAPE - 3] + ax;
-        y = wall[SHAPE - 2] + ay;
+    double gx = x, gy = y;
+    placeAt(g, wall, &x, &y);
+    if (g->images) {
+        x += g->images[2 * k];
+        y += g->images[2 * k + 1];
     }
-    double px, py, ox, oy, cx, cy, gap = wallGap(wall, x, y, r, nx, ny), least = gap;
-    int end = nearestPoint(wall, x, y, &px, &py), nearest = k;
+    double px, py, ox, oy, cx, cy, gap = wallGap(wall, x, y, r, nx, ny), least = gap, wx = 0.0, wy = 0.0, ux = x, uy = y;
+    int end = nearestPoint(wall, x, y, &px, &py), nearest = -1;
     if (!g->joints || end < 0 || gap > r) return gap;
     for (int c = g->jointStart[2 * k + end]; c < g->jointStart[2 * k + end + 1]; c++) {
-        int j = g->joints[c];
-        double its = wallGap(&g->walls[SHAPE * j], x, y, r, &ox, &oy);
-        if (its < least || (its == least && j < nearest)) {
-            nearest = j;
-            least = its;
-            other = &g->walls[SHAPE * j];
+        const double *its = &g->walls[SHAPE * g->joints[c]], *way = &g->jointWays[2 * c];
+        /* the place in the frame of the other wall, with the same bits as seen from there */
+        double sx = gx, sy = gy;
+        placeAt(g, its, &sx, &sy);
+        if (g->period[0] > 0.0) sx += g->period[0] * rint((x - way[0] - sx) / g->period[0]);
+        if (g->period[1] > 0.0) sy += g->period[1] * rint((y - way[1] - sy) / g->period[1]);
+        double itsGap = wallGap(its, sx, sy, r, &ox, &oy);
+        if (itsGap < least || (itsGap == least && nearest < 0 && g->jointFirst[c])) {
+            nearest = c;
+            least = itsGap;
+            other = its;
+            wx = way[0];
+            wy = way[1];
+            ux = sx;
+            uy = sy;
         }
     }
-    if (nearest == k) return gap;
+    if (nearest < 0) return gap;
+    double qx = px - wx, qy = py - wy; /* p where the other wall is not moved */
     /* t: along the wall, away from the joint p; o: into the face of the other wall there */
     double tx = wall[3] - wall[1], ty = wall[4] - wall[2], sign = end == 0 ? 1.0 : -1.0;
     if (wall[0] == ARC) {
@@ -343,8 +363,8 @@ static double jointGap(const femGrains *g, int k, double x, double y, double r, 
     double length = sqrt(tx * tx + ty * ty);
     tx = sign * (tx / length);
     ty = sign * (ty / length);
-    wallGap(other, x, y, r, &ox, &oy);
-    int isOver = nearestPoint(other, x, y, &cx, &cy) < 0, rises = 2.0 * fmin(wall[SHAPE - 1], other[SHAPE - 1]) >= r;
+    wallGap(other, ux, uy, r, &ox, &oy);
+    int isOver = nearestPoint(other, ux, uy, &cx, &cy) < 0, rises = 2.0 * fmin(wall[SHAPE - 1], other[SHAPE - 1]) >= r;
     if (other[0] == SEGMENT) {
         double ex = other[3] - other[1], ey = other[4] - other[2];
         length = sqrt(ex * ex + ey * ey);
@@ -352,10 +372,10 @@ static double jointGap(const femGrains *g, int k, double x, double y, double r, 
         ox = isLeft ? -(ey / length) : ey / length;
         oy = isLeft ? ex / length : -(ex / length);
     } else if (other[0] != LINE) {
-        double mx = x - other[1], my = y - other[2];
+        double mx = ux - other[1], my = uy - other[2];
         rises = rises && sqrt(mx * mx + my * my) < other[3];
-        ox = px - other[1];
-        oy = py - other[2];
+        ox = qx - other[1];
+        oy = qy - other[2];
         length = sqrt(ox * ox + oy * oy);
         ox /= length;
         oy /= length;
@@ -363,7 +383,7 @@ static double jointGap(const femGrains *g, int k, double x, double y, double r, 
     rises = rises && tx * ox + ty * oy < -1e-9;
     if (!rises || !isOver) {
         double close = 2.0 * 1e-9 * fmax(wall[SHAPE - 1], other[SHAPE - 1]);
-        int isOtherEnd = sqrt((cx - px) * (cx - px) + (cy - py) * (cy - py)) > close;
+        int isOtherEnd = sqrt((cx - qx) * (cx - qx) + (cy - qy) * (cy - qy)) > close;
         return rises && isOtherEnd ? gap : gap + 2.0 * g->radiusOut;
     }
     double height = -ty * (x - px) + tx * (y - py);

@@ -43,7 +43,8 @@ class Grains(ctypes.Structure):
         *((name, _Doubles) for name in (*_PER_GRAIN, "dvContacts")),
         *((name, ctypes.c_int) for name in ("leapfrog", "staggered", "round", "nWalls")),
         *((name, _Doubles) for name in ("walls", "dvWalls")),
-        *((name, _Ints) for name in ("jointStart", "joints")),
+        *((name, _Ints) for name in ("jointStart", "joints", "jointFirst")),
+        *((name, _Doubles) for name in ("jointWays", "images")),
         *((name, ctypes.c_double) for name in ("friction", "wallFriction", "spinDrag", "turningOut")),
         *((name, _Doubles) for name in ("speedWalls", "frictionWalls")),
         *((name, ctypes.c_int) for name in ("rough", "moving", "steps")),
@@ -148,9 +149,16 @@ class Reference:
         for name in (*of_walls, *_ROTATING, *_ROLLING, *_DRIVEN, *_BEFORE):
             setattr(self._grains, name, self._arrays[name].ctypes.data_as(_Doubles))
         if joints := bodies.joints:
-            lists = np.cumsum([0, *map(len, joints)]), np.concatenate(joints)
+            others, comes_first, ways = zip(*(one for own in joints for one in own), strict=True)
+            lists = np.cumsum([0, *map(len, joints)]), np.array(others), np.array(comes_first)
             self._joints = [numbers.astype(np.intc) for numbers in lists]
-            self._grains.jointStart, self._grains.joints = (own.ctypes.data_as(_Ints) for own in self._joints)
+            for name, own in zip(("jointStart", "joints", "jointFirst"), self._joints, strict=True):
+                setattr(self._grains, name, own.ctypes.data_as(_Ints))
+            self._arrays["jointWays"] = np.array(ways).ravel()
+            self._grains.jointWays = self._arrays["jointWays"].ctypes.data_as(_Doubles)
+        if len(images := bodies.image_ways):
+            self._arrays["images"] = images.ravel()
+            self._grains.images = self._arrays["images"].ctypes.data_as(_Doubles)
         self._grains.nWalls = self._walls = len(walls)
         self._grains.leapfrog, self._grains.round = scene.scheme == "leapfrog", bodies.is_round
         if state is not None:

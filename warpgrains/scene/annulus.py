@@ -11,7 +11,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.boundary import Boundary
-from warpgrains.scene.geometry import ROUNDING, Period
+from warpgrains.scene.geometry import NOWHERE, ROUNDING, Period
 from warpgrains.scene.rim import Rim
 from warpgrains.scene.wall import Wall
 
@@ -74,7 +74,7 @@ class Annulus(Boundary):
 
     @property
     def period(self) -> Period:
-        return Period()
+        return NOWHERE
 
     @property
     def reach(self) -> float:

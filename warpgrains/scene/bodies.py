@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
-from warpgrains.scene.geometry import Side, distance, left_of
+from warpgrains.scene.geometry import Period, Side, distance, left_of
 from warpgrains.scene.line import Line
 from warpgrains.scene.rim import Rim
 from warpgrains.scene.row import Row
@@ -34,14 +34,35 @@ ACROSS = np.array([np.cos(1.0), np.sin(1.0)])  # direction in which ends are sor
 FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as in kernels/walls.py
 
 
+Shift = tuple[float, float]
+Joined = tuple[int, Shift]
+"""A wall and how far it has to be moved [m] to be the image at a joint."""
+HERE = (0.0, 0.0)
+
+
+def with_images(walls: Sequence[Wall], period: Period, radius: float) -> tuple[Wall, ...]:
+    """Return walls, followed by the images that grains up to a radius [m] can touch beside them."""
+    every = enumerate(walls if period else ())
+    return *walls, *(image for k, wall in every for image in wall.images(k, period, radius))
+
+
+def image_ways(walls: Sequence[Wall], period: Period) -> FloatArray:
+    """Return the ways of walls from their nearest images [m], shape (walls, 2), or (0, 2) if all are 0."""
+    steps = [wall.image.steps if wall.image else (0, 0) for wall in walls]
+    return period.lengths * np.array(steps if any(wall.image for wall in walls) else np.zeros((0, 2)))
+
+
 class Joints:
     """The joints of walls that move alike. Walls that a force drives have none."""
 
-    def __init__(self, walls: tuple[Wall, ...]):
-        self._walls = walls
-        found: list[list[int]] = [[] for _ in range(2 * len(walls))]
-        ends = np.concatenate([np.zeros((0, 2)), *(wall.ends for wall in walls)])
-        owner = np.repeat(np.arange(len(walls)), [len(wall.ends) for wall in walls])
+    def __init__(self, walls: tuple[Wall, ...], period: Period):
+        self._every, self._period = walls, period
+        self._walls = walls = tuple(wall for wall in walls if wall.image is None)
+        found: list[list[Joined]] = [[] for _ in range(2 * len(walls))]
+        of_walls = np.concatenate([np.zeros((0, 2)), *(wall.ends for wall in walls)])
+        shifts = period.shifts if len(of_walls) else np.zeros((1, 2))
+        ends = np.concatenate([of_walls - shift for shift in shifts])
+        owner = np.tile(np.repeat(np.arange(len(walls)), [len(wall.ends) for wall in walls]), len(shifts))
         size = np.array([wall.circle[2] if len(wall.ends) > 0 else 0.0 for wall in walls])
         order = np.argsort(ends @ ACROSS)
         place = ends[order] @ ACROSS
@@ -53,40 +74,50 @@ class Joints:
             off = np.abs(wall.side(ends[near], np.zeros(len(near))).gap)
             for end in near[off <= CLOSE * np.maximum(size[owner[near]], size[other])].tolist():
                 own = walls[k := owner[end]]
+                x, y = shift = tuple(shifts[end // len(of_walls)].tolist())
                 if (
-                    k != other
+                    (k != other or shift != HERE)
                     and wall.takes_joints
                     and own.motion_numbers == wall.motion_numbers
                     and not (own.drive or wall.drive)
                 ):
-                    found[2 * k + (end > 0 and k == owner[end - 1])].append(other)
-        self.others = found if any(found) else []
+                    first = end % len(of_walls)
+                    found[2 * k + (first > 0 and k == owner[first - 1])].append((other, (x, y)))
+        self._others = [sorted(own) for own in found] if any(found) else []
 
-    def of(self, number: int) -> list[list[int]]:
-        """Return the walls that are joined at the ends of a wall; [] if none are."""
-        own = self.others[2 * number : 2 * number + 2]
+    def __bool__(self) -> bool:
+        return bool(self._others)
+
+    def of(self, number: int) -> list[list[Joined]]:
+        """Return the walls that are joined at the ends of a wall, in order; [] if none are."""
+        image = self._every[number].image
+        first = 2 * (image.of if image else number)
+        own = self._others[first : first + 2]
         return own if any(own) else []
 
     def side(self, number: int, time: float, position: FloatArray, radius: FloatArray, free: float) -> Side:
         """Return normals and gaps at a wall at a time [s]; `free` [m] is added where no contact exists."""
-        wall, pose = self._walls[number], self._walls[number].pose(time)
-        x = pose.to_frame(position) if wall.moves else position
+        wall, pose = self._every[number], self._every[number].pose(time)
+        here = wall.image.of if wall.image else number, HERE
+        x = wall.places(position, self._period, time)
         normal, gap = wall.side(x, radius)
         end = np.where(gap <= radius, wall.end_of(x), -1)
         for which, others in enumerate(self.of(number)):
-            grain, known = np.flatnonzero(end == which), sorted([*others, number])
+            grain, known = np.flatnonzero(end == which), sorted([*others, here])
             if len(grain) == 0:
                 continue
-            gaps = np.array([self._walls[k].side(x[grain], radius[grain]).gap for k in known])
+            places = [self._places(joined, here, position[grain], x[grain], time) for joined in known]
+            each = zip(known, places, strict=True)
+            gaps = np.array([self._walls[k].side(at, radius[grain]).gap for (k, _), at in each])
             nearest, least = gaps.argmin(axis=0), gaps.min(axis=0)
-            for place, other in enumerate(known):
-                own, k = grain[nearest == place], self._walls[other]
-                if other != number and len(own) > 0:
-                    along, p, at_end = wall.inwards[which], wall.ends[which], k.end_of(x[own])
+            for place, (other, way) in enumerate(known):
+                own, k, y = grain[nearest == place], self._walls[other], places[place][nearest == place]
+                if (other, way) != here and len(own) > 0:
+                    along, p, at_end = wall.inwards[which], wall.ends[which], k.end_of(y)
                     sizes = wall.circle[2], k.circle[2]
-                    rises = k.face_normals(p, x[own]) @ along < -FLUSH
+                    rises = k.face_normals(p - way, y) @ along < -FLUSH
                     rises &= 2.0 * min(sizes) >= radius[own]
-                    to_ends = np.append([np.inf] * (len(k.ends) == 0), distance(k.ends - p))
+                    to_ends = np.append([np.inf] * (len(k.ends) == 0), distance(k.ends - (p - way)))
                     is_apart = to_ends[at_end] > 2.0 * FLUSH * max(sizes)
                     left = left_of(along[np.newaxis])
                     height = (left * (x[own] - p)).sum(axis=1)
@@ -98,18 +129,38 @@ class Joints:
                     gap[own] = np.where(takes_tangent, tangent, gap[own])
         return Side(pose.turn(normal) if wall.moves else normal, gap)
 
+    def _places(
+        self, joined: Joined, here: Joined, position: FloatArray, x: FloatArray, time: float
+    ) -> FloatArray:
+        """Return grains at positions in the frame of a wall, from their places x in the frame of another.
+
+        The image is the one at the joint, and has the same bits as seen from the other wall, so that of two
+        walls one is nearer for both.
+        """
+        (other, way), period = joined, self._period
+        if joined == here or not period:
+            return x
+        near, wanted = self._walls[other].places(position, period, time), x - way
+        images = np.rint(np.divide(wanted - near, period.lengths, np.zeros_like(x), where=period.repeats))
+        return near + period.lengths * images
+
 
 @lru_cache(64)
-def joints_of(walls: tuple[Wall, ...]) -> Joints:
+def joints_of(walls: tuple[Wall, ...], period: Period) -> Joints:
     """Return the joints of walls."""
-    return Joints(walls)
+    return Joints(walls, period)
 
 
 def leaders_of(walls: Sequence[Wall]) -> list[int]:
-    """Return the wall with which each moves: itself, or of a row the line of its name that a force drives."""
+    """Return the wall with which each moves: itself, that of which it is an image, or the line of a row.
+
+    That is the line of its name that a force drives.
+    """
     lines = {wall.name: k for k, wall in enumerate(walls) if isinstance(wall, Line) and wall.drive}
+    own = [wall.image.of if wall.image else k for k, wall in enumerate(walls)]
     return [
-        lines.get(wall.name, k) if isinstance(wall, Row) and wall.name else k for k, wall in enumerate(walls)
+        lines.get(wall.name, k) if isinstance(wall, Row) and wall.name else k
+        for k, wall in zip(own, walls, strict=True)
     ]
 
 
@@ -155,14 +206,27 @@ class Bodies:
         return tuple(self._scene.walls[k] for k in self.walls[1:])
 
     @property
-    def joints(self) -> list[list[int]]:
-        """The bodies inside, from 0 on, at the joints of each, see `Joints.others`."""
-        others = self._scene.joints.others
-        if not others:
+    def joints(self) -> list[list[tuple[int, bool, Shift]]]:
+        """What is joined at both ends of each body inside; [] if nothing is.
+
+        Each is a body inside, from 0 on, whether it comes first of those equally near, and how far it has to
+        be moved [m].
+        """
+        joints = self._scene.joints
+        if not joints:
             return []
-        place = {wall: k for k, wall in enumerate(self.walls[1:])}
-        own = [others[2 * wall + end] for wall in self.walls[1:] for end in (0, 1)]
-        return [[place[wall] for wall in joined] for joined in own]
+        place, found = {wall: k for k, wall in enumerate(self.walls[1:])}, []
+        for number in self.walls[1:]:
+            image = self._scene.walls[number].image
+            here = image.of if image else number, HERE
+            for joined in joints.of(number) or ([], []):
+                found.append([(place[other], (other, way) < here, way) for other, way in joined])
+        return found
+
+    @property
+    def image_ways(self) -> FloatArray:
+        """`image_ways` of the bodies inside."""
+        return image_ways(self.inside, self._scene.period)
 
     def _of_bodies(self, values: Sequence[float]) -> list[float]:
         """Return values of walls by body; 0 for an annulus that is not there."""
@@ -188,14 +252,15 @@ class Bodies:
     @property
     def drives(self) -> list[Drive]:
         """The drive of each body; that of one that no force acts on is all 0."""
+        walls, leaders, bodies = self._scene.walls, self._scene.leaders, self.of_walls.tolist()
         drives = [(self.outer.drive if self.outer else None) or Drive()]
-        for k, leader in enumerate(leaders_of(self.inside)):
-            drive = self.inside[leader].drive or Drive()
-            if k != leader:
+        for body, wall in enumerate(self.walls[1:], 1):
+            drive = walls[leaders[wall]].drive or Drive()
+            if leaders[wall] != wall:
                 drive = drive._replace(force=0.0, pressure=0.0)
             elif drive.pressure:
-                drive = drive._replace(between=self._between(k))
-            drives.append(drive._replace(leader=1 + leader))
+                drive = drive._replace(between=self._between(body - 1))
+            drives.append(drive._replace(leader=bodies[leaders[wall]]))
         return drives
 
     def _between(self, k: int) -> tuple[int, int]:

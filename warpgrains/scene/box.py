@@ -22,7 +22,7 @@ from warpgrains.scene.wall import Wall
 PERIODIC = ("", "x", "y", "xy")
 SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1.0)}
 """The sides, and the component and sign of the direction from each to the grains."""
-_OF_LINES = [own.name for own in fields(Wall) if own.name not in ("angular_velocity", "pivot", "name")]
+_OF_LINES = [name for name in described_fields(Wall) if name not in ("angular_velocity", "pivot", "name")]
 """The keys of a side that are those of a line."""
 
 
@@ -216,7 +216,9 @@ class Box(Boundary):
         if spacing < (least := 2.0 * largest / MOST_SHOWN):
             raise InputError(f"roughness.spacing is {spacing} m: it must be at least {least:.3g} m")
         # a whole number of steps, so that the discs continue beyond periodic sides
-        step = line.length / max(1, round(line.length / (2.0 * spacing)))
+        fewest = max(1, int(line.length / (2.0 * spacing)))
+        steps = (line.length / count for count in (fewest, fewest + 1))
+        step = min(steps, key=lambda step: abs(0.5 * step - spacing))
         common: dict[str, Any] = {own.name: getattr(line, own.name) for own in fields(Wall)}
         (x, y), (tx, ty) = line.point, line.along
         for way in (-0.25 * step, 0.25 * step):

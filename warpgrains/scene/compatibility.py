@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody is warned
-ROUNDED = 1e-9  # of a number of steps of a row
+ROUNDED = 1e-9  # of a number of steps of a row, and of a width in periods
 MOST_STEPS = 1e12  # start time, in steps
 FARTHEST = 1e6  # distance of a periodic box from the origin, in smallest radii: places beyond it lose digits
 
@@ -38,7 +38,7 @@ def require_clear(scene: Scene, numbers: Collection[int], position: FloatArray, 
     """Raise InputError if a grain is in one of these walls at a time [s], or touches it without a normal."""
     for number in numbers:
         wall = scene.walls[number]
-        if (covered := wall.at(time).covers(position)).any():
+        if (covered := wall.covers(wall.places(position, scene.period, time))).any():
             grain = checks.first_bad("position", position, covered)
             raise InputError(f"{grain}: {wall.complaint(number)}")
     for number in numbers:
@@ -79,7 +79,7 @@ def _of_walls(scene: Scene) -> Iterator[str]:
     period = min((own for own in periods if own > 0.0), default=inf)
     smallest = scene.smallest_radius
     for k, wall in enumerate(scene.walls):
-        if isinstance(wall, Rim):
+        if wall.image or isinstance(wall, Rim):
             continue
         if (largest := max(map(abs, wall.numbers))) >= MOST_RADII * smallest:
             yield (
@@ -97,8 +97,9 @@ def _of_walls(scene: Scene) -> Iterator[str]:
                     yield f"{which} its step is {wall.step}: the period, {own} m, must be some whole steps"
         if wall.angular_velocity != 0.0 and period < inf:
             yield f"{which} angular_velocity is {wall.angular_velocity} rad/s: no wall can turn there"
-        if period < inf and period <= 2.0 * wall.circle[2] < inf:
-            yield f"{which} it is {2.0 * wall.circle[2]} m wide: it must be less than the period, {period} m"
+        for own, width in zip(periods, wall.widths, strict=True):
+            if own and own * (1.0 + ROUNDED) < width < inf:
+                yield f"{which} it is {width} m wide: it must be at most the period, {own} m"
 
 
 def _of_steps(scene: Scene) -> Iterator[str]:

@@ -84,7 +84,7 @@ def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
     up, domain = scene.up_at(time), scene.space_at(time)
     space = without_discs(domain, scene.walls, time)
     unknown = Container(space, up, is_known=False)
-    thin = [wall for wall in scene.walls if not (wall.border or isinstance(wall, Line | Row))]
+    thin = [wall for wall in scene.walls if not (wall.border or wall.image or isinstance(wall, Line | Row))]
     if not thin:
         return Container(space, up)
     if not all(isinstance(wall, Segment) for wall in thin):
@@ -115,6 +115,8 @@ def without_discs(space: Region, walls: Iterable[Wall], time: float) -> Region:
     discs = list[Circle]()
     low, high = space.outer_box
     for wall in walls:
+        if wall.image:
+            continue
         if isinstance(wall, Row):
             centers = wall.discs_at(time, 0.5 * (low + high))
             discs += (Circle(x, y, wall.radius, False) for x, y in centers.tolist())

@@ -90,6 +90,10 @@ class Period:
         return places, number
 
 
+NOWHERE = Period()
+"""The period of a scene that does not repeat."""
+
+
 class Circle(NamedTuple):
     """A circle that bounds a shape."""
 

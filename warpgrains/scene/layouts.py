@@ -14,6 +14,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.bodies import with_images
 from warpgrains.scene.geometry import MOST_RADII, ROUNDING, distance
 from warpgrains.scene.placing import grow, place_at_random
 from warpgrains.scene.radii import drawn_radii, listed_radii
@@ -110,9 +111,9 @@ def lattice(
     (near, far), rho = space.ring, distance(position)
     position = position[(rho <= far - radius) & (rho >= near + radius * (near > 0.0))]
     rounding = 0.0 if far < inf else 2.0 * ROUNDING * float(distance(space.box).max())  # at a side
-    for wall in walls:
-        images = wall.nearest_images(position, space.period)
-        position = position[wall.side(images, np.full(len(position), radius)).gap >= -rounding]
+    for wall in with_images(walls, space.period, radius):
+        places = wall.places(position, space.period)
+        position = position[wall.side(places, np.full(len(position), radius)).gap >= -rounding]
     if count is None:
         count = len(position)
     elif _count(count) > len(position):
@@ -160,6 +161,7 @@ def random(
         raise InputError(
             f"{_stated(count, packing_fraction)}: the grains have {filled:.3g} times the area of their region"
         )
+    walls = with_images(walls, space.period, float(radii.max()))
     if filled <= MOST_ADDED:
         position = place_at_random(space, radii, generator, walls)
         if not np.isnan(position).any():

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.bodies import image_ways
 from warpgrains.scene.geometry import distance, overlapping_pairs
 from warpgrains.scene.wall import SHAPE, Wall
 from warpgrains.turns import BUILDING
@@ -41,7 +42,7 @@ AT_ONCE = 20  # sweeps between two tests of the displacements
 def place_at_random(
     region: Region, radius: FloatArray, generator: np.random.Generator, walls: Sequence[Wall] = ()
 ) -> FloatArray:
-    """Place discs by random sequential addition in a region, the largest first, clear of walls inside.
+    """Place discs by random sequential addition in a region, the largest first, clear of walls and images.
 
     Returns positions [m], shape (n, 2); NaN for the discs that remained when a million tries for one failed.
     """
@@ -70,6 +71,7 @@ class _Discs:
         limits["period"] = region.period.lengths
         self._record["bounds"]["low"], self._record["bounds"]["high"] = _box(region)
         self._set("shape", _shapes(walls), limits)
+        self._set("image", image_ways(walls, region.period), limits)
         _, start, count = np.unique(-np.frexp(radius)[1], return_index=True, return_counts=True)
         period = region.period
         low, high = np.where(period.repeats, (period.low, period.low + period.lengths), region.box)
@@ -143,7 +145,7 @@ def _clear_share(region: Region, walls: Sequence[Wall], position: FloatArray, ra
     (near, far), rho = region.ring, distance(position)
     to_border = [far - rho, *([rho - near] if near else [])]
     for wall in walls:
-        to_border.append(wall.side(wall.nearest_images(position, region.period), radius).gap + radius)
+        to_border.append(wall.side(wall.places(position, region.period), radius).gap + radius)
     low, high = _box(region)
     to_border += [position - low, high - position]
     shares = [(one.T / radius).min() for one in to_border]
@@ -192,13 +194,14 @@ def _near(region: Region, position: FloatArray, radius: FloatArray) -> np.ndarra
 def _limits(region: Region, walls: Sequence[Wall]) -> tuple[Any, Any]:
     """Return the walls and bounds of a region as kernel arguments."""
     from warpgrains.host_kernels import shared
-    from warpgrains.kernels.types import Shape
+    from warpgrains.kernels.types import Shape, Vectors
     from warpgrains.kernels.walls import Walls
 
     limits, bounds = Walls(), _kernels().Bounds()
     limits.annulus.radius_in, limits.annulus.radius_out = region.ring
     limits.period = region.period.lengths
     limits.shape = shared(_shapes(walls), Shape)
+    limits.image = shared(image_ways(walls, region.period), Vectors.dtype)
     bounds.low, bounds.high = _box(region)
     return limits, bounds
 

@@ -15,7 +15,7 @@ from warpgrains.arrays import FloatArray, Indices
 from warpgrains.described import documented, fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene import checks, container
-from warpgrains.scene.bodies import Bodies, Joints, joints_of, leaders_of
+from warpgrains.scene.bodies import Bodies, Joints, joints_of, leaders_of, with_images
 from warpgrains.scene.boundary import Boundary
 from warpgrains.scene.bounds import Bounds
 from warpgrains.scene.box import checked_domain
@@ -98,8 +98,9 @@ class Scene(SceneFields, Shown):
     def _check(self, names: Collection[str]) -> None:
         """Check fields, but not the places of the grains, and keep them in the form of a scene."""
         vars(self).update(checked_fields(self, names))
-        walls = self.boundary.among(self.walls)
-        vars(self)["walls"] = tuple(wall.starting(self.time) for wall in walls)
+        walls = self.boundary.among([wall for wall in self.walls if wall.image is None])
+        walls = tuple(wall.starting(self.time) for wall in walls)
+        vars(self)["walls"] = with_images(walls, self.period, float(self.radius.max()))
         require_compatible_settings(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -322,7 +323,7 @@ class Scene(SceneFields, Shown):
     @cached_property
     def joints(self) -> Joints:
         """The joints of the walls."""
-        return joints_of(self.walls)
+        return joints_of(self.walls, self.period)
 
     @property
     def bodies(self) -> Bodies:
@@ -345,9 +346,9 @@ class Scene(SceneFields, Shown):
             if moving.moves or moving.surface_speed:
                 x, radius = position[wall[own, 0]], self.radius[wall[own, 0]]
                 normal, gap = self.side(number, x, radius, time=time)
-                x = moving.nearest_images(x, self.period, time)
-                end = time + self.dt
-                found[own] = moving.velocity_at_contacts(time, end, self.dt, x, radius + gap, normal)
+                hollow = moving.hollow_radii(moving.places(x, self.period, time))
+                touched, step = x + (radius + gap)[:, np.newaxis] * normal, (time, time + self.dt, self.dt)
+                found[own] = moving.velocity_at_contacts(step, touched, hollow, normal)
         return found
 
     @property
@@ -422,8 +423,8 @@ class Scene(SceneFields, Shown):
 
     @property
     def written_walls(self) -> tuple[Wall, ...]:
-        """`walls` as files hold them: without circles of an annulus, which its keys make."""
-        return tuple(wall for wall in self.walls if not isinstance(wall, Rim))
+        """`walls` as files hold them: without circles of an annulus, which its keys make, and images."""
+        return tuple(wall for wall in self.walls if not (wall.image or isinstance(wall, Rim)))
 
     @property
     def wall_names(self) -> tuple[str, ...]:
@@ -446,13 +447,12 @@ class Scene(SceneFields, Shown):
         joint leaves no contact (eq. 8c).
         """
         wall = self.walls[number]
-        position = wall.nearest_images(position, self.period, time)
         if self.joints.of(number):
             free = 2.0 * self.reach if free is None else free
             return self.joints.side(number, time, position, radius, free)
         if isinstance(wall, Rim):
             return wall.side(position, radius, move)
-        return wall.side_at(time, position, radius)
+        return wall.side_at(time, position, radius, self.period)
 
     def pair_frames(self, position: FloatArray, pair: Indices) -> tuple[FloatArray, FloatArray]:
         """Return normals from i to j and gaps [m], shapes (m, 2) and (m,), of pairs, shape (m, 2).

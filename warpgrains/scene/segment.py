@@ -61,6 +61,10 @@ class Segment(StraightWall):
     def middle(self) -> tuple[float, float]:
         return 0.5 * (self.start[0] + self.end[0]), 0.5 * (self.start[1] + self.end[1])
 
+    @property
+    def widths(self) -> tuple[float, float]:
+        return abs(self.end[0] - self.start[0]), abs(self.end[1] - self.start[1])
+
     def farthest(self, point: tuple[float, float]) -> float:
         return max(dist(self.start, point), dist(self.end, point))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -12,6 +12,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene import checks
 from warpgrains.scene.container import Container, container_of
+from warpgrains.scene.geometry import cross, left_of
 from warpgrains.scene.rim import Rim
 from warpgrains.tables import dataset, library
 
@@ -31,6 +32,25 @@ UNITS = {
     "spin": "rad/s",
     "angle": "rad",
 }
+
+
+class WallLoads(NamedTuple):
+    """Contacts with walls in the last step."""
+
+    grain: IndexArray
+    """Shape (c,)."""
+    wall: IndexArray
+    """Number in `Scene.walls`, shape (c,)."""
+    point: FloatArray
+    """Where the grain touches the wall, at the start of the step [m], shape (c, 2)."""
+    normal: FloatArray
+    """Unit vectors into the wall, shape (c, 2)."""
+    normal_force: FloatArray
+    """Force along the normal [N], shape (c,), all > 0."""
+    force: FloatArray
+    """Force on the wall [N], shape (c, 2)."""
+    moment: FloatArray
+    """Moment of this force about the origin, counterclockwise [N m], shape (c,)."""
 
 
 class Loads(NamedTuple):
@@ -54,9 +74,14 @@ def _no_forces() -> FloatArray:
     return np.zeros(0)
 
 
-class Snapshots(NamedTuple):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Snapshots:
     """Snapshots of m scenes with n grains each, as arrays whose first axis is that of the scenes."""
 
+    scenes: Sequence[Scene]
+    """The scenes, whose driven walls are where they are then."""
+    time: Sequence[float]
+    """[s], one for each scene."""
     mass: FloatArray
     """[kg], shape (m, n)."""
     radius: FloatArray
@@ -69,16 +94,6 @@ class Snapshots(NamedTuple):
     """[rad/s], shape (m, n); 0 without friction."""
     wall_force: FloatArray
     """Force of each of `Scene.walls` on each grain [N], shape (m, n, walls)."""
-    gravity: FloatArray
-    """As it is at the time [m/s2], shape (m, 2)."""
-    up: FloatArray
-    """Unit vectors against gravity, see `Scene.up_at`, shape (m, 2)."""
-    circles: FloatArray
-    """Radii of the inner and the outer circle [m], shape (m, 2): 0 and NaN without them."""
-    circle_walls: IndexArray
-    """Numbers of these circles in `Scene.walls`, shape (m, 2); -1 without them."""
-    containers: Mapping[int, Container]
-    """Containers of the scenes with other walls, or a period, by number."""
 
     @classmethod
     def of(cls, scenes: Sequence[Scene], times: Sequence[float], **arrays: FloatArray) -> Self:
@@ -86,21 +101,46 @@ class Snapshots(NamedTuple):
 
         `arrays` are position, velocity, spin and wall_force.
         """
-        each = tuple(zip(scenes, times, strict=True))
         return cls(
-            **arrays,
+            scenes=scenes,
+            time=times,
             mass=np.array([scene.mass for scene in scenes]),
             radius=np.array([scene.radius for scene in scenes]),
-            gravity=np.array([scene.gravity_at(time) for scene, time in each]),
-            up=np.array([scene.up_at(time) for scene, time in each]),
-            circles=np.array([_circles(scene) for scene in scenes]),
-            circle_walls=np.array([scene.bodies.circle_walls for scene in scenes]),
-            containers={
-                k: container_of(scene, time, arrays["position"][k])
-                for k, (scene, time) in enumerate(each)
-                if scene.period or not all(isinstance(wall, Rim) for wall in scene.walls)
-            },
+            **arrays,
         )
+
+    @property
+    def _each(self) -> Iterator[tuple[Scene, float]]:
+        return zip(self.scenes, self.time, strict=True)
+
+    @cached_property
+    def gravity(self) -> FloatArray:
+        """As it is at the time [m/s2], shape (m, 2)."""
+        return np.array([scene.gravity_at(time) for scene, time in self._each])
+
+    @cached_property
+    def up(self) -> FloatArray:
+        """Unit vectors against gravity, see `Scene.up_at`, shape (m, 2)."""
+        return np.array([scene.up_at(time) for scene, time in self._each])
+
+    @cached_property
+    def circles(self) -> FloatArray:
+        """Radii of the inner and the outer circle [m], shape (m, 2): 0 and NaN without them."""
+        return np.array([_circles(scene) for scene in self.scenes])
+
+    @cached_property
+    def circle_walls(self) -> IndexArray:
+        """Numbers of these circles in `Scene.walls`, shape (m, 2); -1 without them."""
+        return np.array([scene.bodies.circle_walls for scene in self.scenes])
+
+    @cached_property
+    def containers(self) -> Mapping[int, Container]:
+        """Containers of the scenes with other walls, or a period, by number."""
+        return {
+            k: container_of(scene, time, self.position[k])
+            for k, (scene, time) in enumerate(self._each)
+            if scene.period or not all(isinstance(wall, Rim) for wall in scene.walls)
+        }
 
 
 def _circles(scene: Scene) -> tuple[float, float]:
@@ -184,7 +224,7 @@ class Snapshot:
         """Time of the start of the last step [s], at which its walls are taken."""
         return self.start_scene.time_after(self.steps - 1)
 
-    @property
+    @cached_property
     def grains(self) -> Snapshots:
         """Grains in the form for many runs, with one run."""
         wall_force = np.zeros((self.n, len(self.scene.walls)))
@@ -221,6 +261,16 @@ class Snapshot:
             np.concatenate([self.force, self.force, self.wall_force]),
             np.concatenate([self.tangential_force, self.tangential_force, self.wall_tangential_force]),
         )
+
+    @cached_property
+    def wall_loads(self) -> WallLoads:
+        """The contacts with walls."""
+        grain, wall = self.wall.astype(np.int64).T
+        normal = self.loads.normal[2 * len(self.pair) :]
+        along, across = self.wall_force[:, np.newaxis], self.wall_tangential_force[:, np.newaxis]
+        force = along * normal + across * left_of(normal)
+        point = self.start[grain] + self.scene.radius[grain, np.newaxis] * normal
+        return WallLoads(grain, wall, point, normal, self.wall_force, force, cross(point, force))
 
     def columns(self, table: str) -> dict[str, Any]:
         """Return one of `TABLES` as columns by name."""

@@ -1,8 +1,10 @@
 """Walls inside the domain: what all kinds have in common. A kind is a file such as disc.py."""
 
 import re
+from collections.abc import Iterator
 from dataclasses import Field, dataclass, replace
 from functools import cache
+from itertools import product
 from math import dist, inf
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 
@@ -13,7 +15,7 @@ from warpgrains.described import checked, described, described_fields, documente
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band
-from warpgrains.scene.geometry import Circle, Period, Side, left_of
+from warpgrains.scene.geometry import NOWHERE, Circle, Period, Side, left_of
 from warpgrains.scene.motion import Motion
 
 Vector = tuple[float, float]
@@ -24,6 +26,15 @@ SHAPE = 1 + MOST_NUMBERS + 3  # numbers of a shape: its kind, its numbers and a 
 _NAME = re.compile(r"[a-z][A-Za-z0-9_]*")  # as in USD, and unlike the names that walls have by default
 
 Kind = TypeVar("Kind")
+
+
+class Image(NamedTuple):
+    """The image of a wall in a periodic scene that grains can touch beside another one of it."""
+
+    of: int
+    """Number of the wall."""
+    steps: tuple[int, int]
+    """Periods along x and y from the image that is nearest to a grain's center."""
 
 
 class Drive(NamedTuple):
@@ -93,10 +104,24 @@ class Wall(Motion):
         default=None,
     )
 
+    image: Image | None = None
+    """Of a wall that is an image of another one: which."""
+
     def __post_init__(self) -> None:
         for key, own in self.keys().items():
             vars(self)[own.name] = checked(f"{key} of {self.one()}", own, getattr(self, own.name))
         self.require_motion(self.one())
+
+    def images(self, number: int, period: Period, radius: float) -> Iterator[Self]:
+        """Yield images of the wall, of this number, that grains up to a radius [m] can touch beside it.
+
+        They are needed where the wall and four radii are wider than a period.
+        """
+        width = np.add(self.widths, 4.0 * radius)
+        is_wide = period.repeats & (width < inf) & (width > period.lengths)
+        for steps in product(*((0, 1, -1) if wide else (0,) for wide in is_wide.tolist())):
+            if any(steps):
+                yield replace(self, image=Image(number, (steps[0], steps[1])))
 
     @classmethod
     def one(cls) -> str:
@@ -179,26 +204,30 @@ class Wall(Motion):
         """Largest speed at which a point of the wall moves across its place [m/s]."""
         return self.largest_speed(self.farthest(self.about))
 
-    def nearest_images(self, position: FloatArray, period: Period, time: float = -inf) -> FloatArray:
-        """Return the images of points [m], shape (n, 2), that are nearest to the wall at a time [s]."""
+    def places(self, position: FloatArray, period: Period, time: float = -inf) -> FloatArray:
+        """Return points [m], shape (n, 2), in the frame of the wall at a time [s], as images nearest to it.
+
+        In that of an image of a wall, they are some periods beyond (kernels/walls.py, `place_at`).
+        """
+        place = self.pose(time).to_frame(position) if self.moves else position
         if not period or self.circle[2] == inf:
-            return position
-        x, y, _ = self.circle
-        center = self.pose(time).place(np.array([[x, y]]))
-        return center + period.nearest(position - center)
+            return place
+        center = np.array(self.circle[:2])
+        nearest = center + period.nearest(place - center)
+        return nearest if self.image is None else nearest + period.lengths * self.image.steps
 
     def velocity_at_contacts(
-        self, begin: float, end: float, dt: float, position: FloatArray, reach: FloatArray, normal: FloatArray
+        self, step: tuple[float, float, float], position: FloatArray, hollow: FloatArray, normal: FloatArray
     ) -> FloatArray:
         """Return how fast the wall moves along normals and tangents of contacts [m/s], (n, 2) (eq. 26b).
 
-        In the step from begin to end [s], grains at positions touch it at position + reach normal [m].
+        In a step, its begin, end and length [s], grains touch it at positions [m], where it is hollow with
+        radii [m].
         """
         if not self.moves:
             return np.tile((0.0, self.surface_speed), (len(position), 1))
-        hollow = self.hollow_radii(self.pose(begin).to_frame(position))
-        center = position + (reach - hollow)[:, np.newaxis] * normal
-        velocity = self.velocities(center, begin, end, dt)
+        begin, end, dt = step
+        velocity = self.velocities(position - hollow[:, np.newaxis] * normal, begin, end, dt)
         turning = hollow * (self.angular_velocity * self.share(begin, end))
         return np.stack([(velocity * normal).sum(1), (velocity * left_of(normal)).sum(1) + turning], axis=1)
 
@@ -212,13 +241,12 @@ class Wall(Motion):
         """Angular velocity of a wall that rotates in place [rad/s]."""
         return 0.0
 
-    def side_at(self, time: float, position: FloatArray, radius: FloatArray) -> Side:
+    def side_at(
+        self, time: float, position: FloatArray, radius: FloatArray, period: Period = NOWHERE
+    ) -> Side:
         """Return normals and gaps of grains at the wall as it is at a time [s], see `Scene.side`."""
-        if not self.moves:
-            return self.side(position, radius)
-        pose = self.pose(time)
-        normal, gap = self.side(pose.to_frame(position), radius)
-        return Side(pose.turn(normal), gap)
+        normal, gap = self.side(self.places(position, period, time), radius)
+        return Side(self.pose(time).turn(normal) if self.moves else normal, gap)
 
     @property
     def shape(self) -> tuple[float, ...]:
@@ -236,6 +264,11 @@ class Wall(Motion):
     def circle(self) -> tuple[float, float, float]:
         """Center and radius of a circle about all points at which grains touch the wall [m]."""
         raise NotImplementedError
+
+    @property
+    def widths(self) -> tuple[float, float]:
+        """Upper bounds of the widths along x and y, about the center of the circle [m]."""
+        return 2.0 * self.circle[2], 2.0 * self.circle[2]
 
     def farthest(self, point: tuple[float, float]) -> float:
         """Return the largest distance of a point from those that move when the wall turns [m]."""
@@ -277,7 +310,7 @@ class Wall(Motion):
 
     def named(self, number: int) -> str:
         """Return the name, by default of the kind and the number of the wall."""
-        return self.name or f"{self.kind.title()}{number}"
+        return self.name or f"{self.kind.title()}{self.image.of if self.image else number}"
 
     def drawn_at(self, time: float, thickness: float) -> Band:
         """Return the drawing of the wall as it is at a time [s]."""

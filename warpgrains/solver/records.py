@@ -139,8 +139,12 @@ class SceneRecords:
         if sizes.walls[k] > 1:
             self.array(k, "walls.shape")[:] = [wall.shape for wall in bodies.inside]
         if sizes.joined[k]:
-            self.array(k, "walls.joint")[:] = np.concatenate(bodies.joints)
+            joined = [one for own in bodies.joints for one in own]
+            self.array(k, "walls.joint")[:] = [(other, comes_first) for other, comes_first, _ in joined]
+            self.array(k, "walls.joint_way")[:] = [way for *_, way in joined]
             self.array(k, "walls.joint_start")[:] = np.cumsum([0, *map(len, bodies.joints)])
+        if sizes.imaged[k]:
+            self.array(k, "walls.image")[:] = bodies.image_ways
         if sizes.mobile[k]:
             # where a tangent at a joint is touched (8c), up to two radii beyond the wall, it turns faster
             beyond = 2.0 * float(scene.radius.max()) * sizes.joined[k]

@@ -36,6 +36,7 @@ class Sizes:
     contacts: IndexArray  # capacity of the list
     walls: IndexArray  # wall bodies (kernels/walls.py)
     joined: IndexArray  # walls at all joints, each as often as it is one of the others there
+    imaged: IndexArray  # 1 if a wall is an image of another one
     mobile: IndexArray  # 1 if a wall inside the domain moves as given in advance, or a force drives one
     driven: IndexArray  # 1 if a force drives a wall
     limited: IndexArray  # 1 if a wall has another side, or is round within a step (eq. 18)
@@ -53,12 +54,13 @@ class Sizes:
         """Return the initial sizes of scenes of one kind."""
         n = np.array([scene.n for scene in scenes])
         of_walls = np.array([_of_walls(scene) for scene in scenes], np.int64).T
-        walls, joined, mobile, driven, limited, weighted = of_walls
+        walls, joined, imaged, mobile, driven, limited, weighted = of_walls
         return cls(
             n,
             first_pairs(n) + n * np.minimum(walls, MANY_WALLS),
             walls,
             joined,
+            imaged,
             mobile,
             driven,
             limited,
@@ -74,9 +76,11 @@ class Sizes:
 
     def fits(self, k: int, scene: Scene) -> bool:
         """Return True if the arrays of scene k fit another scene of its grains and kind."""
-        own = self.walls[k], self.joined[k], self.mobile[k], self.driven[k], self.limited[k], self.weighted[k]
-        walls, joined, mobile, *others = _of_walls(scene)
-        return bool(own[2] >= mobile) and own == (walls, joined, own[2], *others)
+        names = ("walls", "joined", "imaged", "mobile", "driven", "limited", "weighted")
+        own = [int(getattr(self, name)[k]) for name in names]
+        wanted = [*_of_walls(scene)]
+        has_room, wanted[3] = own[3] >= wanted[3], own[3]
+        return has_room and own == wanted
 
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
@@ -86,13 +90,14 @@ class Sizes:
 
 
 def _of_walls(scene: Scene) -> tuple[int, ...]:
-    """Return `walls`, `joined`, `mobile`, `driven`, `limited` and `weighted` of `Sizes` for one scene."""
+    """Return `walls` to `weighted` of `Sizes` for one scene."""
     has_equal_shares = scene.has_equal_masses and not scene.has_driven_walls
     if scene.has_friction:
         has_equal_shares = has_equal_shares and bool((scene.contact_mass == scene.rim_mass).all())
     return (
         len(scene.bodies),
-        sum(map(len, scene.joints.others)),
+        sum(map(len, scene.bodies.joints)),
+        any(wall.image for wall in scene.walls),
         any(not isinstance(wall, Rim) for wall in scene.mobile_walls.values()),
         scene.has_driven_walls,
         scene.bodies.circles[0] > 0.0 or scene.bodies.is_round,
@@ -150,7 +155,8 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "contacts": listed,
         "walls": {
             "shape": size.walls - 1,
-            "joint": size.joined,
+            **dict.fromkeys(("joint", "joint_way"), size.joined),
+            "image": size.imaged * (size.walls - 1),
             "joint_start": (size.joined > 0) * (2 * size.walls - 1),
             **dict.fromkeys(("motion", "pose"), size.mobile * (size.walls - 1)),
             "drive": size.driven * size.walls,
