@@ -26,7 +26,6 @@ K = 1.4  # Beverloo's reduction of the opening, in diameters
 HALF, TOP, BELOW = 0.9, 2.7, -1.2  # of the silo, whose floor is at y = 0, and of what is below [m]
 EVERY = 0.02  # time between two counts [s]
 
-BOTTOM = 2  # of the sides of a box
 HEIGHTS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # of the filling, in widths
 SIDE = 0.4  # width of the silo [m], ten diameters
 SPEED = 0.04  # of the bottom, downwards [m/s]: a diameter a second
@@ -139,7 +138,7 @@ def load(scene: wg.Scene) -> float:
     simulation.advance(scene.steps_in(SHEARED))
     while simulation.time < MOVED:
         simulation.advance(5)
-        loads.append(analysis.wall_forces(simulation)[BOTTOM])
+        loads.append(analysis.wall_forces(simulation)["bottom"].normal)
     return float(np.mean(loads)) / G
 
 

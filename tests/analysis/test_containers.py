@@ -66,7 +66,7 @@ def test_container_is_found(fields, area, mouth):
     assert found.mouth == pytest.approx(mouth, rel=16 * EPS)
     assert found.region.area == pytest.approx(area, rel=64 * EPS)
     assert found.region.contains(now.position).all()
-    assert analysis.wall_forces(now) == (0.0,) * len(now.scene.walls)
+    assert not any(own.contacts or own.force.any() for own in analysis.wall_forces(now).values())
 
 
 @pytest.mark.parametrize(

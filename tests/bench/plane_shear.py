@@ -19,9 +19,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from warpgrains import Box, Scene, Simulation
+from warpgrains import Box, Scene, Simulation, analysis
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.geometry import left_of
 from warpgrains.scene.layouts import random
 
 from .debian import ShearedOfLammps, contact
@@ -99,7 +98,7 @@ class Warpgrains:
             duration=1e9,
         )
         self._simulation, self._every, self._height = Simulation(own, threads=1), every, height
-        self._names = np.array(own.wall_names)
+        self._lid = own.wall_names.index("top")
 
     def advance(self, steps: int) -> None:
         if not self._every:
@@ -113,14 +112,12 @@ class Warpgrains:
 
     def _wall_forces(self) -> FloatArray:
         """Forces of the grains on the lid and on the bottom [N]."""
-        found = self._simulation.wall_contacts()
-        normal, names = found.normal, self._names[found.wall[:, 1]]
-        force = found.force[:, np.newaxis] * normal + found.tangential_force[:, np.newaxis] * left_of(normal)
-        return np.concatenate([force[names == name].sum(axis=0) for name in ("top", "bottom")])
+        found = analysis.wall_forces(self._simulation)
+        return np.concatenate([found[name].force for name in ("top", "bottom")])
 
     def sample(self) -> tuple[FloatArray, float, FloatArray, FloatArray]:
-        now, lid = self._simulation, int(np.flatnonzero(self._names == "top")[0]) - 1
-        return self._force, self._height - now.driven[lid, 0], now.position, now.velocity[:, 0]
+        now = self._simulation
+        return self._force, self._height - now.driven[self._lid, 0], now.position, now.velocity[:, 0]
 
 
 class Lammps(ShearedOfLammps):

@@ -9,7 +9,7 @@ take `least` count contacts from this force on [N]. Units are SI; in two dimensi
 length.
 """
 
-from warpgrains.analysis.contacts import grain_stresses, mean_stress, pressure, wall_forces
+from warpgrains.analysis.contacts import grain_stresses, mean_stress, pressure
 from warpgrains.analysis.correlations import (
     partial_radial_distributions,
     radial_distribution,
@@ -48,23 +48,25 @@ from warpgrains.analysis.packing import (
     pile_height,
 )
 from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
-from warpgrains.analysis.quantities import GROUPS, QUANTITIES, quantities
+from warpgrains.analysis.quantities import GROUPS, QUANTITIES, find, quantities
 from warpgrains.analysis.region_table import grains_in, region_of
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.analysis.structure import structure_factor
+from warpgrains.analysis.walls import WallForce, wall_forces, wall_places
 from warpgrains.scene.region import Region
 from warpgrains.scene.snapshot import Snapshot
 
 # fmt: off
 __all__ = [
-    "GROUPS", "QUANTITIES", "EnergyBalance", "Profile", "Region", "Series", "Snapshot", "cell_areas",
-    "clusters", "contact_directions", "contact_forces", "contact_numbers", "coordination_number",
-    "energy_balance", "fabric_tensor", "force_distribution", "force_statistics", "global_packing_fraction",
-    "grain_stresses", "grains_in", "granular_temperature", "height_profile", "heights", "kinetic_energy",
-    "largest_speed", "local_packing_fractions", "mean_speed", "mean_stress", "packing_fraction",
+    "GROUPS", "QUANTITIES", "EnergyBalance", "Profile", "Region", "Series", "Snapshot", "WallForce",
+    "cell_areas", "clusters", "contact_directions", "contact_forces", "contact_numbers",
+    "coordination_number", "energy_balance", "fabric_tensor", "find", "force_distribution",
+    "force_statistics", "global_packing_fraction", "grain_stresses", "grains_in",
+    "granular_temperature", "height_profile", "heights", "kinetic_energy", "largest_speed",
+    "local_packing_fractions", "mean_speed", "mean_stress", "packing_fraction",
     "partial_radial_distributions", "pile_height", "potential_energy", "pressure", "quantities",
     "radial_distribution", "radial_profile", "radius_classes", "rattlers", "region_of", "rigidity",
-    "snapshot", "step_energy_balance", "structure_factor", "wall_forces",
+    "snapshot", "step_energy_balance", "structure_factor", "wall_forces", "wall_places",
 ]
 # fmt: on

@@ -1,12 +1,16 @@
-"""Forces on walls, and stress after Love and Weber.
+"""Stress after Love and Weber, positive in compression, in its two parts.
 
-Stress is positive in compression,
+That of the contacts is
 
-    sigma = 1 / A sum_c l_c n (f_c n + q_c t)^T,
+    sigma_c = 1 / A sum_c l_c n (f_c n + q_c t)^T,
 
 with l_c n the vector from the center of a grain to its contact c, f_c and q_c the normal and the tangential
-force there, t the normal rotated by 90 degrees to the left, and A the area of the grains [m2]. In two
-dimensions a stress is a force per length [N/m].
+force there, t the normal rotated by 90 degrees to the left, and A the area of the grains [m2]. The kinetic
+part is the flow of momentum about the mean velocity <v> = sum m v / sum m of the grains,
+
+    sigma_k = 1 / A sum m (v - <v>) (v - <v>)^T.
+
+In two dimensions a stress is a force per length [N/m].
 
 Without friction, q_c = 0 and the stress is symmetric. With friction it has an antisymmetric part,
 
@@ -23,47 +27,9 @@ from warpgrains.analysis.packing import cell_areas
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
+from warpgrains.scene import checks
 from warpgrains.scene.geometry import left_of
-from warpgrains.scene.snapshot import Snapshot, Snapshots
-
-
-def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
-    """Return the sums of the normal forces on each of `Scene.walls` [N].
-
-    Walls of one name, such as the segments of a polyline, count as one wall (`Scene.wall_names`).
-
-    Examples
-    --------
-    >>> outer, inner = analysis.wall_forces(simulation)
-    >>> round(outer, 3), inner  # 15 grains of 0.1 kg
-    (14.154, 0.0)
-    """
-    now = snapshot(of)
-    grains, names = now.grains, now.scene.wall_names
-    total = dict.fromkeys(names, 0.0)
-    for wall, name in enumerate(names):
-        total[name] += wall_force_sums(grains, wall).item()
-    return tuple(total.values())
-
-
-def circle_forces(grains: Snapshots, which: int) -> FloatArray:
-    """Return the sum of the forces on the inner circle, 0, or the outer one, 1, for many runs [N], (m,).
-
-    It is 0 without an inner circle, and NaN without an outer one.
-    """
-    own, found = grains.circle_walls[:, which], np.where(which, np.nan, 0.0) * np.ones(len(grains.mass))
-    for wall in np.unique(own[own >= 0]):
-        found = np.where(own == wall, wall_force_sums(grains, wall), found)
-    return np.where(grains.circle_walls[:, 1] >= 0, found, np.nan)
-
-
-def wall_force_sums(grains: Snapshots, wall: int) -> FloatArray:
-    """Return the sum of the forces on a wall for many runs [N], shape (m,)."""
-    force = grains.wall_force[..., wall]
-    sums, is_positive = np.zeros(len(force)), force > 0.0
-    for k in np.flatnonzero(is_positive.any(axis=-1)):
-        sums[k] = force[k][is_positive[k]].sum()
-    return sums
+from warpgrains.scene.snapshot import Snapshot
 
 
 def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> FloatArray:
@@ -90,7 +56,10 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
     return force_moments(now) / area[:, np.newaxis, np.newaxis]
 
 
-def mean_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
+PARTS = ("all", "contacts", "kinetic")
+
+
+def mean_stress(of: Snapshot | HasState, region: Where = None, part: str = "all") -> FloatArray:
     """Return the stress averaged over the container, or over a region [N/m], shape (2, 2).
 
     With friction it has an antisymmetric part while grains spin up or slow down, see the head of the module.
@@ -98,8 +67,12 @@ def mean_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
     Parameters
     ----------
     region : mapping, optional
-        See `region_of`. The sum is over all contacts of the grains in the region, and A is its area. So the
-        stresses of regions that fill a larger one, weighted by their areas, add up to that of the larger one.
+        See `region_of`. The sums are over the grains in the region and all their contacts, and A is its area.
+        So the parts of the contacts in regions that fill a larger one, weighted by their areas, add up to
+        that in the larger one.
+    part : str
+        "contacts", "kinetic", which is about the mean velocity of the grains in the region, or "all", their
+        sum. In a shear flow, the kinetic part of a region holds the velocity profile, unless it is a slice.
 
     Raises
     ------
@@ -109,22 +82,34 @@ def mean_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
     Examples
     --------
     >>> analysis.mean_stress(simulation).round(4)
-    array([[0.2089, 0.0003],
-           [0.0003, 0.1808]])
+    array([[ 0.2092, -0.0007],
+           [-0.0007,  0.2087]])
     """
     now = snapshot(of)
-    counted = region_of(now, region)
+    wanted, counted = checks.one_of("part", part, PARTS), region_of(now, region)
     inside = slice(None) if region is None else counted.contains(now.position)
-    return np.asarray(force_moments(now)[inside].sum(axis=0) / counted.area)
+    total = np.zeros((2, 2))
+    if wanted != "kinetic":
+        total += force_moments(now)[inside].sum(axis=0)
+    if wanted != "contacts":
+        total += momentum_flow(now.scene.mass[inside], now.velocity[inside])
+    return total / counted.area
+
+
+def momentum_flow(mass: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return the sum of m (v - <v>) (v - <v>)^T of grains [N m], shape (2, 2), <v> weighted by mass."""
+    whole = mass.sum()
+    fluctuation = velocity - mass @ velocity / whole if whole > 0.0 else velocity
+    return np.asarray((mass * fluctuation.T) @ fluctuation)
 
 
 def pressure(of: Snapshot | HasState, region: Where = None) -> float:
-    """Return half the trace of the mean stress [N/m].
+    """Return half the trace of the mean stress, of contacts and kinetic [N/m].
 
     Examples
     --------
     >>> f"{analysis.pressure(simulation):.4f} N/m"
-    '0.1948 N/m'
+    '0.2090 N/m'
     """
     return float(np.trace(mean_stress(of, region)) / 2.0)
 

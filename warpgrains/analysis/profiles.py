@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.contacts import force_moments
+from warpgrains.analysis.contacts import force_moments, momentum_flow
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.arrays import FloatArray
@@ -37,7 +37,8 @@ class Profile(NamedTuple):
     """Granular temperature relative to the mean velocity of the slice [m2/s2], shape (bins,)."""
     stress: FloatArray
     """Stress [N/m], shape (bins, 2, 2), of the components of the velocity: the sum over grains as for
-    `mean_stress`, each with the share of its area inside, by the area of the slice."""
+    `mean_stress`, each with the share of its area inside, by the area of the slice. Its kinetic part is about
+    the mean velocity of the slice."""
 
 
 def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None) -> Profile:
@@ -114,5 +115,7 @@ def _means(now: Snapshot, edges: FloatArray, slices: list[Region], along: FloatA
     temperature = 0.5 * (share @ (velocity**2).sum(axis=1) - (mean**2).sum(axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):
         fraction = np.where(space > 0.0, total / space, np.nan)
-        stress = np.tensordot(weight / (np.pi * radius**2), moment, 1) / space[:, np.newaxis, np.newaxis]
+        inside = weight / (np.pi * radius**2)
+        flow = [momentum_flow(own * now.scene.mass, velocity) for own in inside]
+        stress = (np.tensordot(inside, moment, 1) + flow) / space[:, np.newaxis, np.newaxis]
     return Profile(edges, fraction, mean, np.maximum(temperature, 0.0), stress)

@@ -1,6 +1,6 @@
 """Named scalar quantities of a state, for the series of a run and the tables of sweeps."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from inspect import signature
 from operator import attrgetter
@@ -12,6 +12,7 @@ from warpgrains.analysis import contacts, energy, forces, network, packing
 from warpgrains.analysis.energy import EnergyBalance, require_energy_balance, step_energy_balance
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
+from warpgrains.analysis.walls import circle_forces, require_wall, wall_forces, wall_places
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
@@ -30,7 +31,8 @@ class Quantity(NamedTuple):
     unit: str
     """Unit; empty for a dimensionless number."""
     function: Callable[..., Any]
-    part: Callable[[Any], float] = float
+    part: Callable[..., float] = float
+    """The element; of a quantity of a wall, with the name of the wall as second argument."""
     of_runs: Callable[[Snapshots], FloatArray] | None = None
     """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
     meaning: str = ""
@@ -57,8 +59,33 @@ def _stress(a: int, b: int, sign: float = 1.0) -> Quantity:
         "N/m",
         contacts.mean_stress,
         lambda found: float(0.5 * (found[a, b] + sign * found[b, a])),
-        meaning=f"{part} of the mean stress, compression positive",
+        meaning=f"{part} of the mean stress of contacts and kinetic, compression positive",
         require=_require_closed,
+    )
+
+
+def kinetic_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
+    """Return the kinetic part of `mean_stress` [N/m], shape (2, 2)."""
+    return contacts.mean_stress(of, region, "kinetic")
+
+
+def _kinetic(a: int, b: int) -> Quantity:
+    return Quantity(
+        "N/m",
+        kinetic_stress,
+        lambda found: float(found[a, b]),
+        meaning="part of the stress that grains carry about their mean velocity",
+        require=_require_closed,
+    )
+
+
+def _of_wall(unit: str, function: Callable[..., Any], part: Callable[[Any], float], meaning: str) -> Quantity:
+    return Quantity(
+        unit,
+        function,
+        lambda found, wall: float(part(found[wall])),
+        meaning=f"{meaning}, of the wall that follows a colon",
+        require=require_wall,
     )
 
 
@@ -67,15 +94,13 @@ def _force(part: str, meaning: str) -> Quantity:
 
 
 def _circle_force(which: int, meaning: str) -> Quantity:
-    one = _of_runs(
-        "N", partial(contacts.circle_forces, which=which), f"sum of the contact forces on {meaning}"
-    )
+    one = _of_runs("N", partial(circle_forces, which=which), f"sum of the contact forces on {meaning}")
     return one._replace(require=_require_circle)
 
 
 def _require_circle(name: str, scene: Scene) -> None:
     if scene.bodies.outer is None:
-        raise InputError(f"{name}: the scene is a box; analysis.wall_forces has the forces on its sides")
+        raise InputError(f"{name}: the scene is a box; force_x:bottom and so on are the forces on its sides")
 
 
 def _power(part: str, meaning: str) -> Quantity:
@@ -124,13 +149,23 @@ QUANTITIES = {
     "pressure": Quantity(
         "N/m",
         contacts.pressure,
-        meaning="half the trace of the mean stress",
+        meaning="half the trace of the mean stress, of contacts and kinetic",
         require=_require_closed,
     ),
     "stress_xx": _stress(0, 0),
     "stress_xy": _stress(0, 1),
     "stress_yy": _stress(1, 1),
     "stress_antisymmetric": _stress(0, 1, -1.0),
+    "kinetic_stress_xx": _kinetic(0, 0),
+    "kinetic_stress_xy": _kinetic(0, 1),
+    "kinetic_stress_yy": _kinetic(1, 1),
+    "force_x:WALL": _of_wall("N", wall_forces, lambda own: own.force[0], "force of the grains along x"),
+    "force_y:WALL": _of_wall("N", wall_forces, lambda own: own.force[1], "force of the grains along y"),
+    "torque:WALL": _of_wall(
+        "N m", wall_forces, lambda own: own.torque, "torque about its pivot or the origin"
+    ),
+    "position_x:WALL": _of_wall("m", wall_places, lambda own: own[0], "place along x"),
+    "position_y:WALL": _of_wall("m", wall_places, lambda own: own[1], "place along y"),
     "mean_force": _force("mean", "mean of the forces"),
     "largest_force": _force("largest", "largest force"),
     "force_deviation": _force("deviation", "standard deviation of the forces"),
@@ -140,7 +175,8 @@ QUANTITIES = {
         "m2/s2", energy.granular_temperature, meaning="mean square of a component of v - <v>"
     ),
 }
-"""All quantities by name; powers and forces are those of the last step."""
+"""All quantities by name; powers and forces are those of the last step. WALL is the name of a wall."""
+OF_WALLS = {name.removesuffix("WALL") for name in QUANTITIES if name.endswith(":WALL")}
 
 GROUPS = {
     "energy": ("kinetic_energy", "potential_energy", "contact_power", "drag_power"),
@@ -148,6 +184,7 @@ GROUPS = {
     "packing": ("pile_height", "packing_fraction"),
     "coordination": ("coordination_number", "rattlers"),
     "stress": ("pressure", "stress_xx", "stress_xy", "stress_yy"),
+    "kinetic": ("kinetic_stress_xx", "kinetic_stress_xy", "kinetic_stress_yy"),
     "force": ("mean_force", "largest_force", "force_deviation"),
     "friction": ("friction_power", "wall_power", "stress_antisymmetric"),
     "speed": ("mean_speed", "largest_speed", "granular_temperature"),
@@ -160,12 +197,28 @@ SWEEP_QUANTITIES = {name: found.of_runs for name, found in QUANTITIES.items() if
 _TAKE_REGION = {name for name, one in QUANTITIES.items() if "region" in signature(one.function).parameters}
 
 
+def find(name: str) -> Quantity:
+    """Return the quantity of a name, such as "kinetic_energy" or "force_x:top"; InputError if it is unknown.
+
+    Examples
+    --------
+    >>> analysis.find("force_x:top").unit
+    'N'
+    """
+    kind, colon, wall = name.partition(":")
+    if colon and wall and kind + colon in OF_WALLS:
+        one = QUANTITIES[f"{kind}:WALL"]
+        return one._replace(part=partial(one.part, wall=wall))
+    return QUANTITIES[checks.one_of("quantity", name, [*GROUPS, *QUANTITIES])]
+
+
 def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
     """Return the quantities that names and groups denote, without duplicates, in the given order."""
     found: dict[str, None] = {}
     for name in wanted:
-        known = checks.one_of("quantity", name, [*GROUPS, *QUANTITIES])
-        found |= dict.fromkeys(GROUPS.get(known, (known,)))
+        if name not in GROUPS:
+            find(name)
+        found |= dict.fromkeys(GROUPS.get(name, (name,)))
     return tuple(found)
 
 
@@ -179,7 +232,20 @@ def require_quantities(names: Iterable[str], scene: Scene, region: Mapping[str, 
         region_of(snapshot(scene, first_state(scene)), {**region, **to_surface})
     for name in names:
         if region is None or name not in _TAKE_REGION:
-            QUANTITIES[name].require(name, scene)
+            find(name).require(name, scene)
+
+
+def _possible(scene: Scene, region: Where) -> Iterator[str]:
+    """Yield the quantities that a scene can have, but those of single walls."""
+    for name, one in QUANTITIES.items():
+        if name.endswith(":WALL"):
+            continue
+        try:
+            if region is None or name not in _TAKE_REGION:
+                one.require(name, scene)
+        except InputError:
+            continue
+        yield name
 
 
 def takes_region(names: Iterable[str]) -> bool:
@@ -188,14 +254,15 @@ def takes_region(names: Iterable[str]) -> bool:
 
 
 def quantities(
-    of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES), region: Where = None
+    of: Snapshot | HasState, names: Iterable[str] | None = None, region: Where = None
 ) -> dict[str, float]:
     """Return quantities by name, in the units of `QUANTITIES`.
 
     Parameters
     ----------
     names : iterable of str, optional
-        Names of quantities, or of `GROUPS`; by default all.
+        Names of quantities, or of `GROUPS`; by default all that the scene can have, but those of single
+        walls.
     region : mapping, optional
         Region of packing fraction, coordination number, stresses and forces between grains, see `region_of`.
         The others are those of all grains.
@@ -216,10 +283,13 @@ def quantities(
     3.0
     """
     now = snapshot(of)
-    wanted = {name: QUANTITIES[name] for name in names_of(names)}
+    wanted = _possible(now.scene, region) if names is None else names_of(names)
     found: dict[Callable[..., Any], Any] = {}
     values = {}
-    for name, one in wanted.items():
+    for name in wanted:
+        one = find(name)
+        if ":" in name:
+            one.require(name, now.scene)
         try:
             if one.function not in found:
                 where = {"region": region} if name in _TAKE_REGION else {}

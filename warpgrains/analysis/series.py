@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities, takes_region
+from warpgrains.analysis.quantities import find, names_of, quantities, takes_region
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import read_table, require_writable_path, table_text, write_atomically
 from warpgrains.locks import Lock
@@ -151,7 +151,7 @@ class Series:
         InputError
             pandas or xarray is not installed; the extra ``[data]`` installs them.
         """
-        return dataset(self.to_pandas(), {"time": "s"} | {name: QUANTITIES[name].unit for name in self.names})
+        return dataset(self.to_pandas(), {"time": "s"} | {name: find(name).unit for name in self.names})
 
     def close(self) -> None:
         """Release the lock on the file."""

@@ -8,14 +8,15 @@ import numpy as np
 from warpgrains.analysis.network import rattlers
 from warpgrains.analysis.packing import global_packing_fraction, packing_fraction
 from warpgrains.analysis.snapshot import snapshot
+from warpgrains.analysis.walls import wall_forces
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.box import Box
 from warpgrains.scene.container import container_of
 from warpgrains.scene.energy import TOLERANCES, kinetic_energy
-from warpgrains.scene.geometry import left_of
 from warpgrains.scene.line import Line
+from warpgrains.scene.rim import Rim
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.shown import Shown, number_of
@@ -169,19 +170,17 @@ def _under_pressure(scene: Scene, box: Box, pressure: float | None) -> Scene:
 
 def _load(simulation: Simulation) -> tuple[float, float, float]:
     """Return the forces of contacts and pressures on the walls under pressure [N], and their length [m]."""
-    scene, contacts = simulation.present_scene, simulation.wall_contacts()
-    outer = scene.bodies.outer
-    if outer is not None and outer.pressure is not None:
-        length, at_outer = 2.0 * np.pi * outer.radius, scene.bodies.circle_walls[1]
-        pressing = float(contacts.force[contacts.wall[:, 1] == at_outer].sum())
-        return pressing, outer.pressure * length, length
-    names, normal = np.array(scene.wall_names)[contacts.wall[:, 1]], contacts.normal
-    push = contacts.force[:, np.newaxis] * normal + contacts.tangential_force[:, np.newaxis] * left_of(normal)
-    lids = {wall.name: wall for wall in scene.walls if isinstance(wall, Line) and wall.pressure is not None}
-    lengths = {name: scene.bodies.pressed_length(lid) for name, lid in lids.items()}
-    force = -sum(float((push[names == name] @ lid.normal).sum()) for name, lid in lids.items())
-    given = sum(lengths[name] * (lid.pressure or 0.0) for name, lid in lids.items())
-    return force, given, sum(lengths.values())
+    scene, found = simulation.present_scene, wall_forces(simulation)
+    force = given = whole = 0.0
+    for name, wall in zip(scene.wall_names, scene.walls, strict=True):
+        if not isinstance(wall, Line | Rim) or wall.pressure is None:
+            continue
+        if isinstance(wall, Line):
+            length, pressing = scene.bodies.pressed_length(wall), -float(found[name].force @ wall.normal)
+        else:
+            length, pressing = 2.0 * np.pi * wall.radius, found[name].normal
+        force, given, whole = force + pressing, given + wall.pressure * length, whole + length
+    return force, given, whole
 
 
 def _is_at_rest(simulation: Simulation) -> bool:

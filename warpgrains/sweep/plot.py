@@ -16,7 +16,7 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import InputError
 from warpgrains.files import read_columns
 from warpgrains.scene import checks
-from warpgrains.sweep.results import UNITS
+from warpgrains.sweep.results import unit_of
 from warpgrains.sweep.shards import writer
 
 _SIZE = (6.0, 3.6)  # inches
@@ -122,5 +122,5 @@ def _is_geometric(values: FloatArray) -> bool:
 
 
 def _label(column: str) -> str:
-    unit = UNITS.get(column)
+    unit = unit_of(column)
     return f"{column} [{unit}]" if unit else column

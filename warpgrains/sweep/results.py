@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES, quantities, takes_region
+from warpgrains.analysis.quantities import SWEEP_QUANTITIES, find, quantities, takes_region
 from warpgrains.arrays import FloatArray
+from warpgrains.errors import InputError
 from warpgrains.scene.snapshot import Snapshot, Snapshots
 from warpgrains.solver.statistics import FinalStates
 from warpgrains.sweep.execution import RunSettings
@@ -37,8 +38,8 @@ def _counted(field: str, meaning: str) -> Column:
 
 def _at_the_end(name: str, of_runs: Callable[[Snapshots], FloatArray]) -> Column:
     """Return the column of a quantity of the final state."""
-    meaning, unit = f"{QUANTITIES[name].meaning}, at the end of the run", QUANTITIES[name].unit
-    return Column(meaning, lambda ends: of_runs(ends.grains), unit)
+    own = find(name)
+    return Column(f"{own.meaning}, at the end of the run", lambda ends: of_runs(ends.grains), own.unit)
 
 
 MET = "met"
@@ -58,8 +59,15 @@ COLUMNS = {
     "error": Column("reason of the failure, if the run failed", lambda ends: np.full(len(ends.dt), "")),
 }
 """Columns in order; `met` is that of sweeps with an end criterion."""
-UNITS = {name: found.unit for name, found in (QUANTITIES | COLUMNS).items()}
-"""Units of these columns and of the measured quantities."""
+
+
+def unit_of(column: str) -> str | None:
+    """Return the unit of one of these columns or of a measured quantity; None of a label."""
+    try:
+        return COLUMNS[column].unit if column in COLUMNS else find(column).unit
+    except InputError:
+        return None
+
 
 RunResult = tuple[Any, ...]
 """A result without labels, in the order of `value_columns`, followed by the seconds."""

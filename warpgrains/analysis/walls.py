@@ -1,0 +1,113 @@
+"""Forces on walls, by their names: sums over the contacts with them in the last step."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from warpgrains.analysis.snapshot import HasState, snapshot
+from warpgrains.arrays import FloatArray
+from warpgrains.described import fields_in_help
+from warpgrains.errors import InputError
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.snapshot import Snapshot, Snapshots
+from warpgrains.scene.wall import Wall
+
+
+@fields_in_help
+class WallForce(NamedTuple):
+    """Force that grains exert on a wall.
+
+    Examples
+    --------
+    >>> analysis.wall_forces(simulation)["Outer"]._fields
+    ('force', 'torque', 'normal', 'contacts')
+    """
+
+    force: FloatArray
+    """Force [N], shape (2,)."""
+    torque: float
+    """Torque, counterclockwise, about the pivot of a wall that turns, or else about the origin [N m]."""
+    normal: float
+    """Sum of the normal forces, whatever their directions [N]."""
+    contacts: int
+    """Number of contacts."""
+
+
+def wall_forces(of: Snapshot | HasState) -> dict[str, WallForce]:
+    """Return the forces of grains on walls by name, see `Scene.wall_names`.
+
+    Walls of one name, such as the segments of a polyline, or a side and its roughness, are one. The forces of
+    all walls on the grains, with gravity and drag, change the momentum of the grains.
+
+    Examples
+    --------
+    >>> outer = analysis.wall_forces(simulation)["Outer"]
+    >>> outer.force.round(3), round(outer.normal, 3), outer.contacts  # 15 grains of 0.1 kg
+    (array([ -0.023, -13.562]), 14.154, 10)
+    """
+    now = snapshot(of)
+    loads, names = now.wall_loads, now.scene.wall_names
+    index = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    which = np.array([index[name] for name in names], np.int64)[loads.wall]
+    pivot = np.zeros((len(index), 2))
+    for name, wall in zip(names, now.start_scene.walls, strict=True):
+        if wall.angular_velocity:
+            pivot[index[name]] = wall.pose(now.start_time).place(np.array([wall.about]))[0]
+
+    def sums(values: FloatArray) -> FloatArray:
+        return np.bincount(which, values, len(index)).astype(np.float64)
+
+    force = np.stack([sums(component) for component in loads.force.T], axis=1)
+    moment = sums(loads.moment) - (pivot[:, 0] * force[:, 1] - pivot[:, 1] * force[:, 0])
+    normal, contacts = sums(loads.normal_force), np.bincount(which, minlength=len(index))
+    each = zip(force, moment.tolist(), normal.tolist(), contacts.tolist(), strict=True)
+    return {name: WallForce(*own) for name, own in zip(index, each, strict=True)}
+
+
+def wall_places(of: Snapshot | HasState) -> dict[str, FloatArray]:
+    """Return where walls are now, by name [m], shape (2,) each: the center, or the point of a line.
+
+    It is that of the first wall of the name.
+
+    Examples
+    --------
+    >>> analysis.wall_places(simulation)["Outer"]
+    array([0., 0.])
+    """
+    now, found = snapshot(of), dict[str, FloatArray]()
+    for name, wall in zip(now.scene.wall_names, now.scene.walls, strict=True):
+        if name not in found:
+            found[name] = _place(wall, now.time)
+    return found
+
+
+def _place(wall: Wall, time: float) -> FloatArray:
+    moved = wall.at(time)
+    return np.array(moved.circle[:2])
+
+
+def require_wall(quantity: str, scene: Scene) -> None:
+    """Raise InputError unless a scene has the wall that the name of a quantity names after a colon."""
+    name, known = quantity.partition(":")[2], dict.fromkeys(scene.wall_names)
+    if name not in known:
+        raise InputError(f"{quantity}: the scene has no wall {name!r}; it has {', '.join(known) or 'none'}")
+
+
+def circle_forces(grains: Snapshots, which: int) -> FloatArray:
+    """Return the sum of the forces on the inner circle, 0, or the outer one, 1, for many runs [N], (m,).
+
+    It is 0 without an inner circle, and NaN without an outer one.
+    """
+    own, found = grains.circle_walls[:, which], np.zeros(len(grains.mass))
+    for wall in np.unique(own[own >= 0]).tolist():
+        of_wall = own == wall
+        found[of_wall] = _sums(grains.wall_force[of_wall, :, wall])
+    return np.where(grains.circle_walls[:, 1] >= 0, found, np.nan)
+
+
+def _sums(force: FloatArray) -> FloatArray:
+    """Return sums over forces of many runs, shape (m, n) to (m,), in an order that is that of one run."""
+    sums, is_positive = np.zeros(len(force)), force > 0.0
+    for k in np.flatnonzero(is_positive.any(axis=-1)):
+        sums[k] = force[k][is_positive[k]].sum()
+    return sums
