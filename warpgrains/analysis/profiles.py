@@ -68,8 +68,9 @@ def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     now = snapshot(of)
     up, counted = now.scene.up_at(now.time), _counted(now, region)
     edges = np.linspace(*now.container.region.span(up), checks.whole_number("bins", bins) + 1)
-    slices = [counted.between(up, low, high) for low, high in pairwise(edges)]
-    return _means(now, edges, slices, np.broadcast_to(up, (now.n, 2)))
+    spaces = [counted.between(up, low, high).area for low, high in pairwise(edges)]
+    weight = counted.slice_areas(up, edges, now.position, now.scene.radius)
+    return _means(now, edges, (weight, np.array(spaces)), np.broadcast_to(up, (now.n, 2)))
 
 
 def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None) -> Profile:
@@ -91,7 +92,9 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     far = min(far, float(np.hypot(*np.abs(space.outer_box).max(axis=0))))
     edges = np.linspace(near, far, checks.whole_number("bins", bins) + 1)
     slices = [counted.distances(near, far) for near, far in pairwise(edges)]
-    return _means(now, edges, slices, directions(counted.period.wrapped(now.position)))
+    weight = np.array([one.areas(now.position, now.scene.radius) for one in slices])
+    spaces = np.array([one.area for one in slices])
+    return _means(now, edges, (weight, spaces), directions(counted.period.wrapped(now.position)))
 
 
 def _counted(now: Snapshot, region: Where) -> Region:
@@ -102,13 +105,18 @@ def _counted(now: Snapshot, region: Where) -> Region:
     return region_of(now, region)
 
 
-def _means(now: Snapshot, edges: FloatArray, slices: list[Region], along: FloatArray) -> Profile:
-    """Return means of grains weighted by their areas in slices; `along` are units along it, shape (n, 2)."""
-    radius, axes = now.scene.radius, np.stack([along, left_of(along)], axis=1)
-    weight = np.array([one.areas(now.position, radius) for one in slices])
+def _means(
+    now: Snapshot, edges: FloatArray, slices: tuple[FloatArray, FloatArray], along: FloatArray
+) -> Profile:
+    """Return means of grains weighted by their areas in slices, shape (slices, n); with those of the slices.
+
+    `along` are unit vectors along the profile, shape (n, 2).
+    """
+    (weight, space), radius = slices, now.scene.radius
+    axes = np.stack([along, left_of(along)], axis=1)
     velocity = np.stack([(now.velocity * way).sum(axis=1) for way in (along, left_of(along))], axis=1)
     moment = axes @ force_moments(now) @ axes.transpose(0, 2, 1)
-    total, space = weight.sum(axis=1), np.array([one.area for one in slices])
+    total = weight.sum(axis=1)
     with np.errstate(invalid="ignore"):
         share = weight / total[:, np.newaxis]
     mean = share @ velocity

@@ -6,6 +6,7 @@ The search serves the checks of a scene at its start. The solver has its own (ke
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
+from math import dist
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -102,6 +103,10 @@ class Circle(NamedTuple):
     radius: float
     keeps_inside: bool
     """Whether the shape lies inside of the circle, or outside."""
+
+    def meets(self, other: "Circle") -> bool:
+        """Return whether points of another circle may lie on the other side than the shape."""
+        return self.keeps_inside or dist(self[:2], other[:2]) <= self.radius + other.radius
 
     def contains(self, points: FloatArray) -> BoolArray:
         """Return which points [m], shape (..., 2), lie on the side of the shape, shape (...,)."""

@@ -1,6 +1,5 @@
 """An infinite straight wall. This is the host's side; kernels/line.py is the device's."""
 
-from dataclasses import replace
 from math import hypot, inf
 from typing import Any, ClassVar, Self
 
@@ -108,8 +107,11 @@ class Line(InfiniteWall, StraightWall):
 
     def at(self, time: float) -> Self:
         moved, (x, y), (nx, ny) = super().at(time), self.point, self.normal
+        if moved is self:
+            return self
         way = (moved.point[0] - x) * nx + (moved.point[1] - y) * ny
-        return replace(moved, point=(x + way * nx, y + way * ny))  # motion along itself moves no place
+        point = x + way * nx, y + way * ny
+        return moved.changed({"point": point})  # motion along itself moves no place
 
     def drawn_at(self, time: float, thickness: float) -> Band:
         return self.at(time).drawn(thickness)

@@ -138,7 +138,7 @@ class Part(NamedTuple):
     def _along_circle(self, circle: Circle, center: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the integrals along the pieces of a circle inside the polygon and the discs [m2], (n,)."""
         middle_of, rho = np.array(circle[:2]), circle.radius
-        others = tuple(other for other in self.circles if other != circle)
+        others = tuple(other for other in self.circles if other != circle and other.meets(circle))
         met = self.crossings(circle) - middle_of
         cuts = [FIXED, np.arctan2(met[:, 1], met[:, 0])]
         cuts += [_angles_at(middle_of, rho, np.array(other[:2]), other.radius) for other in others]

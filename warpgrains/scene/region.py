@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from math import inf
 from typing import Any
 
@@ -20,8 +21,8 @@ from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.described import fields_in_help
 from warpgrains.errors import InputError, NoAreaError
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import Circle, Ends, Period
-from warpgrains.scene.outline import Part, clip, distinct
+from warpgrains.scene.geometry import Circle, Ends, Period, area_below
+from warpgrains.scene.outline import TOUCH, Part, clip, distinct
 
 RANGES = ("x", "y", "distance")
 ROUNDING = 1e-13  # of areas, sums of dozens of parts, in squares of the region's diameter
@@ -95,6 +96,35 @@ class Region:
     def areas(self, position: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the areas of discs inside the region [m2], of centers (n, 2) and radii (n,), shape (n,)."""
         return self._sums(Part.areas, position, radius)
+
+    def slice_areas(
+        self, direction: FloatArray, edges: FloatArray, center: FloatArray, radius: FloatArray
+    ) -> FloatArray:
+        """Return the areas of discs in slices between edges along a direction [m2], shape (slices, n).
+
+        Only those near the border are cut by it. Others are cut by the edges alone.
+        """
+        slices = [self.between(direction, low, high) for low, high in pairwise(edges)]
+        inner = self._are_clear(center, radius)
+        inner &= not (direction[self.period.repeats] != 0.0).any()  # which end of a cell is meant is unknown
+        level = self.period.wrapped(center[inner]) @ direction
+        found = np.empty((len(slices), len(radius)))
+        found[:, inner] = np.diff(area_below(radius[inner], edges[:, np.newaxis] - level), axis=0)
+        found[:, ~inner] = [one.areas(center[~inner], radius[~inner]) for one in slices]
+        return found
+
+    def _are_clear(self, center: FloatArray, radius: FloatArray) -> BoolArray:
+        """Return which discs are wholly inside, in all of their images, but for rounding, shape (n,)."""
+        places, disc = self.period.images(center, radius)
+        low, high = self.outer_box
+        beyond = self.period.repeats & (high - low >= self.period.lengths)  # sides that are no border
+        cells = self.cells
+        if beyond.any() and cells == (rectangle((low[0], high[0]), (low[1], high[1])),):
+            low, high = low - beyond * self.period.lengths, high + beyond * self.period.lengths
+            cells = (rectangle((low[0], high[0]), (low[1], high[1])),)
+        parts = replace(self, cells=cells).parts
+        apart = np.max([np.full(len(disc), -np.inf), *(part.clearance(places) for part in parts)], axis=0)
+        return np.bincount(disc, apart < (1.0 - TOUCH**2) * radius[disc], len(radius)) == 0.0
 
     def angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
         """Return the angle of the circle of each disc that lies in the region [rad], shape (n,)."""

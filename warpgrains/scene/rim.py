@@ -1,6 +1,6 @@
 """A circle of an annulus. On the device, kernels/annulus.py has both."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
@@ -48,7 +48,7 @@ class Rim(Disc):
         return self.radius if self.inside else 0.0
 
     def driven_to(self, coordinate: float, direction: tuple[float, float]) -> Self:
-        return replace(self, radius=coordinate)
+        return self.changed({"radius": coordinate})
 
     def covers(self, position: FloatArray) -> BoolArray:
         rho = distance(position)

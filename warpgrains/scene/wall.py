@@ -1,7 +1,7 @@
 """Walls inside the domain: what all kinds have in common. A kind is a file such as disc.py."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, replace
 from functools import cache
 from itertools import product
@@ -166,8 +166,13 @@ class Wall(Motion):
 
     def shifted(self, x: float, y: float) -> Self:
         """Return the wall at a place that is so far away [m]."""
-        places: dict[str, Any] = {name: (own[0] + x, own[1] + y) for name, own in self._places.items()}
-        return replace(self, **places)
+        return self.changed({name: (own[0] + x, own[1] + y) for name, own in self._places.items()})
+
+    def changed(self, values: Mapping[str, Any]) -> Self:
+        """Return the wall with other values, which are valid: their checks would take most of the time."""
+        wall = object.__new__(type(self))
+        vars(wall).update({**vars(self), **values})
+        return wall
 
     def driven_to(self, coordinate: float, direction: Vector) -> Self:
         """Return the wall at a coordinate of `State.driven` [m]."""
@@ -186,7 +191,7 @@ class Wall(Motion):
 
     def starting(self, time: float) -> Self:
         """Return the wall with its `from_time`: by default a time [s]."""
-        return replace(self, from_time=time) if self.moves and self.from_time is None else self
+        return self.changed({"from_time": time}) if self.moves and self.from_time is None else self
 
     def at(self, time: float) -> Self:
         """Return the wall as given where it is at a time [s], from which it moves on."""
@@ -197,7 +202,7 @@ class Wall(Motion):
         moved: dict[str, Any] = dict(zip(self._places, places, strict=True))
         angles = ("from_angle", "to_angle")
         moved |= {name: getattr(self, name) + pose.angle for name in angles if hasattr(self, name)}
-        return replace(self, **moved | self.from_then(time))
+        return self.changed({**moved, **self.from_then(time)})
 
     @property
     def speed(self) -> float:
