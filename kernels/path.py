@@ -21,6 +21,8 @@ FOLLOWING, DONE, AT_FOLD, SPENT, UNBOUNDED = (wp.constant(k) for k in range(5))
 PIVOTS, FACTORIZATIONS, OUTCOME = (wp.constant(k) for k in range(3))
 """Counts of a pass."""
 UPDATES = wp.constant(40)  # changes of pieces between two factorizations
+LOCAL = wp.constant(20)  # pivots in which a fold must be passed
+NEARBY = wp.constant(2)  # grains from a fold within which gaps are opened
 SLIPPING = wp.constant(f64(1.0 - 1e-12))  # of mu dv_c, from which on a contact slips
 INSIDE = wp.constant(f64(1.0 - 1e-9))  # of mu dv_c, to which a contact is put that sticks again
 CLEAR = wp.constant(f64(1e-13))  # [m/s] by which contacts that carry nothing are clear of their gap
@@ -297,8 +299,8 @@ def next_kink(step: Step, path: Path, drive: Vectors, lead: f64, last: int):
 
 
 @wp.func
-def open_around(step: Step, path: Path, c: int, nearby: int):
-    """Choose the contacts that are at most some grains from a contact, whose gaps open at a fold."""
+def open_around(step: Step, path: Path, c: int):
+    """Choose the contacts that are at most NEARBY grains from a contact, whose gaps open at a fold."""
     for e in range(step.first.shape[0]):
         put(path.opening, e, wp.vec2d())
     for g in range(step.free.shape[0]):
@@ -310,7 +312,7 @@ def open_around(step: Step, path: Path, c: int, nearby: int):
             put(path.near, g, 1)
             put(path.found, count, g)
             count += 1
-    for _ in range(nearby):
+    for _ in range(NEARBY):
         end = int(count)
         while begun < end:
             g = at(path.found, begun)
@@ -332,7 +334,7 @@ def rate_of_margin(step: Step, path: Path, c: int, gradient: wp.vec2d, drive: Ve
 
 
 @wp.kernel
-def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int, most_local: int, nearby: int):
+def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int):
     """Follow the path from the given corrections, for `most` pivots at most, and replace them by others."""
     begin(step, path)
     s, sigma, lead = f64(1.0), f64(0.0), f64(-1.0)  # lead: sign of the rate of s or sigma
@@ -378,7 +380,7 @@ def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int, most_l
             drive = path.error
             find_way(step, path, factors, drive, updates, eps)
             continue
-        if pivots >= most or local > most_local:
+        if pivots >= most or local > LOCAL:
             outcome = int(SPENT)
             if snapping:
                 copy(path.velocity, 0, path.saved)
@@ -398,7 +400,7 @@ def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int, most_l
         if pivot < f64(0.0) and not snapping:  # a fold in s
             snapping, local, before = True, int(0), lead * rate
             copy(path.saved, 0, path.velocity)
-            open_around(step, path, c, nearby)
+            open_around(step, path, c)
             drive = path.opening
             find_way(step, path, factors, drive, updates, eps)
             rate = rate_of_margin(step, path, c, gradient, drive)

@@ -13,7 +13,7 @@ from warpgrains import Simulation
 from warpgrains.accuracy import certify
 from warpgrains.kernels.block_lu import Factors, Triples, factor, solve
 from warpgrains.solver.exact import path
-from warpgrains.solver.exact.path import ATTEMPTS, Contacts, FrictionStep
+from warpgrains.solver.exact.path import Contacts, FrictionStep
 
 EPS = np.finfo(float).eps
 STEPS = Path(__file__).parent / "friction_steps"
@@ -101,12 +101,11 @@ def test_a_hard_step_is_solved(name):
 
 
 @pytest.mark.parametrize("name", ["flow", "drum"])
-@pytest.mark.parametrize("attempt", ATTEMPTS)
-def test_the_work_ends_within_the_budget_and_never_worse(name, attempt):
+def test_the_work_ends_within_the_budget_and_never_worse(name):
     step, _, own = hard_step(name)
     before = step.residual(own["dv"], own["dvt"])
-    for budget in (0.0, 1e4, 1e5, 5e5):
-        answer = step.solve(own["dv"], own["dvt"], 1e-12, budget, attempt)
+    for budget in (0.0, 1e4, 1e5, 1e6):
+        answer = step.solve(own["dv"], own["dvt"], 1e-12, budget)
         assert answer.work <= budget
         assert answer.residual <= before
         assert step.residual(answer.dv, answer.dvt) == answer.residual
@@ -136,6 +135,28 @@ def test_contacts_left_out_are_taken_in_where_an_answer_closes_them(monkeypatch)
         attempts += report.factorizations > 0
         assert report.converged
     assert len(steps) > attempts > 0
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_an_answer_is_kept_until_the_last_sweep_for_its_walls(swapped, monkeypatch):
+    """The list may change within a step, and have another wall of a grain in the same place."""
+    listed, asked, answers = path.ListedContacts, [], []
+
+    def swapping(*own):
+        found = listed(*own)
+        if swapped and len(asked) % 2 == 1:
+            found.constraints.wall[:, 1] ^= 1
+        asked.append(found)
+        return found
+
+    answer = path.PathSolver._answer
+    monkeypatch.setattr(path, "ListedContacts", swapping)
+    monkeypatch.setattr(path.PathSolver, "_answer", lambda *own: answers.append(own) or answer(*own))
+    simulation = Simulation(couette(exact_time=1e-6))
+    while len(asked) < 2:
+        simulation.step()
+    assert len(asked) == 2  # after 300 sweeps, and after the last one
+    assert len(answers) == 1 + swapped
 
 
 @pytest.mark.parametrize("make", [drum, couette])

@@ -203,7 +203,7 @@ class SceneFields:
     )
     exact_time: float | None = _key(
         'Most time that method "exact" takes for a step with friction beside its sweeps, in units of the time'
-        " of `max_iterations` sweeps; by default 20.",
+        " of `max_iterations` sweeps; by default 500.",
         "solver",
         checks.positive,
         default=None,

@@ -25,28 +25,14 @@ if TYPE_CHECKING:
     from warpgrains.solver.records import SceneRecords
 
 ASKED = 0.9  # of the tolerance; leaves a margin for rounding in the kernels
-FINEST, COARSEST = 1e-6, 10.0  # compliances
+FIRST, FINEST, COARSEST = 1e-3, 1e-6, 10.0  # compliances
 FINER, COARSER = 3.0, 5.0  # factors of the compliance after a pass that was followed to its end, and others
 DRIFTING = 1e-8  # compliance of a pass after one at the finest that left more than
 STALLED = 0.5  # of the residual: corrections drift that nearly balance, r / eps a pass
 WORSE = 10.0  # residual after a pass that is kept, in residuals before it
-PASSES = 200  # of an attempt
+HALVED, SWEEPS = 6.0, 10_000  # a residual halves within so many times the work before, and these sweeps
 NEAR = 0.1  # clearance of contacts that are not left out, in mean corrections of those that carry
-EXACT_TIME = 20.0  # default of `Scene.exact_time`
-
-
-class Attempt(NamedTuple):
-    """Options with which a path is followed."""
-
-    eps: float = 1e-3
-    """Compliance at the start."""
-    local: int = 20
-    """Pivots in which a fold must be passed."""
-    nearby: int = 2
-    """Grains from a fold within which gaps are opened."""
-
-
-ATTEMPTS = (Attempt(), Attempt(nearby=1), Attempt(eps=1e-2, local=60), Attempt(nearby=3))
+EXACT_TIME = 500.0  # default of `Scene.exact_time`
 
 
 class Contacts(NamedTuple):
@@ -113,8 +99,9 @@ class FrictionStep:
         lower, _, self._grain = qdldl.Solver(matrix, upper=True).factors()
         length = np.diff(lower.indptr).astype(np.int64)
         blocks = len(lower.indices)
-        self._beginning = int((length * (length + 1)).sum()) + 3 * (blocks + n)  # work of a factorization
-        self._pivoting = self._beginning // updates + 3 * (blocks + n) // 2
+        # work of a factorization: a product of blocks takes as long as two visits
+        self._beginning = 2 * (int((length * (length + 1)).sum()) + 3 * (blocks + n))
+        self._pivoting = self._beginning // updates + 3 * (blocks + n)
         column = np.empty(n, np.int32)
         column[self._grain] = every
         low, high = np.minimum(column[i], column[j]), np.maximum(column[i], column[j])
@@ -175,27 +162,19 @@ class FrictionStep:
         found[self._grain] = self._host["velocity"][:, :2]
         return found
 
-    def solve(
-        self,
-        dv: FloatArray,
-        dvt: FloatArray,
-        tolerance: float,
-        budget: float = np.inf,
-        attempt: Attempt = ATTEMPTS[0],
-    ) -> Answer:
+    def solve(self, dv: FloatArray, dvt: FloatArray, tolerance: float, budget: float = np.inf) -> Answer:
         """Solve the step from the corrections of some sweeps, to a residual of `tolerance` [m/s].
 
-        It ends with the best corrections found when the work exceeds the budget. They may be those given.
+        It ends with the best corrections found when the work exceeds the budget, or does not pay. They may be
+        those given.
         """
-        eps, first = attempt.eps, self.residual(dv, dvt)
+        eps, first = FIRST, self.residual(dv, dvt)
         best, last, work, factorizations = Answer(dv, dvt, first), first, 0, 0
-        for _ in range(PASSES):
-            left = (budget - work - self._beginning) / self._pivoting
-            if best.residual <= tolerance or left < 0.0:
-                break
+        halved, end = first, min(budget, float(SWEEPS * len(dv)))
+        while best.residual > tolerance and work + self._beginning <= end:
             self._host["dv"][:], self._host["dvt"][:] = dv, dvt
-            most = int(min(200 + len(dv) // 3, left))
-            launch(kernels.follow, [*self._records, eps, most, attempt.local, attempt.nearby])
+            most = int(min(200 + len(dv) // 3, (end - work - self._beginning) / self._pivoting))
+            launch(kernels.follow, [*self._records, eps, most])
             pivots, factored, outcome = self._host["count"].tolist()
             found = self._host["dv"].copy(), self._host["dvt"].copy()
             residual = self.residual(*found)
@@ -206,6 +185,8 @@ class FrictionStep:
             if is_kept:
                 (dv, dvt), last = found, residual
                 best = min(best, Answer(dv, dvt, residual), key=lambda one: one.residual)
+            if best.residual <= 0.5 * halved:
+                halved, end = best.residual, min(budget, HALVED * work + SWEEPS * len(dv))
             if not is_kept or outcome != kernels.DONE:
                 eps = min(COARSEST, eps * COARSER)
             else:
@@ -223,37 +204,35 @@ class PathSolver:
     def __init__(self, records: SceneRecords, k: int):
         self._records, self._k = records, k
         self._best: Answer | None = None
-        self._grains: Indices = np.empty((2, 0), int)  # of the contacts of the best answer
-        self._attempts = self._work = 0  # in the present step
+        self._bodies: Indices = np.empty((2, 0), int)  # of the contacts of the best answer; -1 - w at wall w
+        self._work = 0  # in the present step
 
     def solve(self) -> None:
         """Replace the corrections of the step if better ones are found, and let the kernels continue."""
         scene, record = self._records.scenes[self._k], self._records.host[self._k]
         listed, state = ListedContacts(self._records, self._k), record["step"]
         contacts, tolerance = Contacts.of(listed.constraints), ASKED * scene.tolerance
-        if state["factorizations"] == 0:
-            self._attempts = self._work = 0
-        grains = np.stack([contacts.first, contacts.second])
-        if self._attempts == 0 or not np.array_equal(grains, self._grains):
-            self._grains, self._best = grains, None
-        sweeps, answer = self._attempt(listed, contacts, tolerance)
-        best = self._best = min(filter(None, (self._best, answer)), key=lambda one: one.residual)
-        self._attempts += 1
-        self._work += answer.work
-        state["factorizations"] += answer.factorizations
+        if state["asking"] == Asking.EARLY:
+            self._best, self._work = None, 0
+        bodies = np.stack(
+            [contacts.first, np.append(listed.constraints.second, -1 - listed.constraints.wall[:, 1])]
+        )
+        best, is_known = self._best, np.array_equal(bodies, self._bodies)
+        if best is None or not is_known:
+            best = self._best = self._answer(listed, contacts, tolerance)
+            self._bodies = bodies
+            self._work += best.work
+            state["factorizations"] += best.factorizations
         is_last, is_solved = state["iterations"] >= scene.max_iterations, best.residual <= tolerance
-        is_better = is_solved or (is_last and best.residual < sweeps)
+        is_better = is_solved or (is_last and 0 < best.factorizations and best.residual < state["residual"])
         if is_better:
             listed.write("dv", best.dv)
             listed.write("dvt", best.dvt)
-        if is_last or is_solved:
-            state["asking"] = Asking.NEVER
-        elif self._attempts >= len(ATTEMPTS) or answer.factorizations == 0:
-            state["asking"] = Asking.AT_LAST
+        state["asking"] = Asking.NEVER if is_last or is_solved else Asking.AT_LAST
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
 
-    def _attempt(self, listed: ListedContacts, contacts: Contacts, tolerance: float) -> tuple[float, Answer]:
-        """Return the residual of the sweeps [m/s] and an answer.
+    def _answer(self, listed: ListedContacts, contacts: Contacts, tolerance: float) -> Answer:
+        """Return the best answer found from the corrections of the sweeps.
 
         Contacts far from closing are left out at first, and taken in where an answer closes them.
         """
@@ -267,14 +246,11 @@ class PathSolver:
         closing = constraints.normal_speed(velocity) - constraints.gap_rate
         exact_time = EXACT_TIME if scene.exact_time is None else scene.exact_time
         left = exact_time * scene.max_iterations * len(dv) - self._work
-        attempt = ATTEMPTS[self._attempts % len(ATTEMPTS)]
-        sweeps, work, factorizations = np.nan, 0, 0
+        work, factorizations = 0, 0
         while True:
             near = near | (closing > -reach)
             step = FrictionStep(contacts.only(near), inertia, np.column_stack(free))
-            if work == 0:
-                sweeps = step.residual(dv[near], dvt[near])
-            answer = step.solve(dv[near], dvt[near], tolerance, left - work, attempt)
+            answer = step.solve(dv[near], dvt[near], tolerance, left - work)
             dv[near], dvt[near] = answer.dv, answer.dvt
             work, factorizations = work + answer.work, factorizations + answer.factorizations
             velocity = step.velocity(answer)
@@ -282,4 +258,4 @@ class PathSolver:
             closing = sliding.normal_speed(velocity) - sliding.gap_rate
             residual = max(answer.residual, closing[~near].max(initial=0.0))
             if residual <= tolerance or answer.residual > tolerance:
-                return sweeps, Answer(dv, dvt, residual, factorizations, work)
+                return Answer(dv, dvt, residual, factorizations, work)
