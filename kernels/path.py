@@ -37,19 +37,21 @@ class Step:
     """A step with friction: its m contacts, and its n grains in the order of elimination."""
 
     first: Ints
-    second: Ints  # -1 at walls
+    second: Ints  # -1 at walls that no force drives; driven walls follow the grains
     normal: Vectors
     gap_rate: Floats  # gap / dt [m/s]
     circle: Floats  # A / dt at a round wall, or inf [m/s] (eq. 18)
     friction: Floats
     surface: Floats  # speed of the surface along the tangent [m/s]
-    k_t: Floats  # K_t (eq. 22)
+    lever: Vectors  # g, g_t at driven walls (eqs. 28, 30b)
+    k_n: Floats  # K (eq. 28)
+    k_t: Floats  # K_t (eqs. 22, 30b)
     mass: Floats  # mu_c [kg]
     block: Ints  # of a pair in the factors
     contact_start: Ints  # contacts of grain i: contact[k], contact_start[i] <= k < contact_start[i + 1]
     contact: Ints
-    inertia: Triples  # M, M, J / 2 [kg]
-    free: Triples  # free velocity and rim speed [m/s]
+    inertia: Triples  # M, M, J / 2 [kg]; of a driven wall its mass, and ones
+    free: Triples  # free velocity and rim speed [m/s]; of a driven wall its speed, and zeros
 
 
 @wp.struct
@@ -79,14 +81,23 @@ class Path:
 
 
 @wp.func
+def is_grain(step: Step, j: int) -> bool:
+    """Return whether a second body is a grain, and no wall."""
+    return j >= 0 and j < step.contact_start.shape[0] - 1
+
+
+@wp.func
 def relative(u: Triples, step: Step, c: int) -> wp.vec2d:
     """Return vn and vt of a contact, for a surface at rest."""
     own, j, n = at(u, at(step.first, c)), at(step.second, c), at(step.normal, c)
     x, y, rim = own[0], own[1], own[2]
-    if j >= 0:
+    if is_grain(step, j):
         other = at(u, j)
         x, y, rim = x - other[0], y - other[1], rim + other[2]
-    return wp.vec2d(x * n[0] + y * n[1], y * n[0] - x * n[1] + rim)
+    v = wp.vec2d(x * n[0] + y * n[1], y * n[0] - x * n[1] + rim)
+    if j >= 0 and not is_grain(step, j):
+        v = v - at(u, j)[0] * at(step.lever, c)
+    return v
 
 
 @wp.func
@@ -95,8 +106,10 @@ def push(force: Triples, step: Step, c: int, amount: wp.vec2d):
     i, j, n, f = at(step.first, c), at(step.second, c), at(step.normal, c), at(step.mass, c) * amount
     x, y = f[0] * n[0] - f[1] * n[1], f[0] * n[1] + f[1] * n[0]
     put(force, i, at(force, i) + wp.vec3d(x, y, f[1]))
-    if j >= 0:
+    if is_grain(step, j):
         put(force, j, at(force, j) + wp.vec3d(-x, -y, f[1]))
+    elif j >= 0:
+        put(force, j, at(force, j) - wp.vec3d(wp.dot(at(step.lever, c), f), f64(0.0), f64(0.0)))
 
 
 @wp.func
@@ -222,6 +235,9 @@ def assemble(step: Step, path: Path, factors: Factors, eps: f64):
             put(factors.diagonal, i, at(factors.diagonal, i) + coupling(n, t, n, t, slope))
             if j >= 0:
                 m, s = -n, wp.vec3d(x[1], -x[0], f64(1.0))
+                if not is_grain(step, j):
+                    m = wp.vec3d(-at(step.lever, c)[0], f64(0.0), f64(0.0))
+                    s = wp.vec3d(-at(step.lever, c)[1], f64(0.0), f64(0.0))
                 put(factors.diagonal, j, at(factors.diagonal, j) + coupling(m, s, m, s, slope))
                 above, below = coupling(n, t, m, s, slope), coupling(m, s, n, t, slope)
                 if i > j:
@@ -308,7 +324,7 @@ def open_around(step: Step, path: Path, c: int):
     begun, count = int(0), int(0)
     for side in range(2):
         g = wp.where(side == 0, at(step.first, c), at(step.second, c))
-        if g >= 0:
+        if side == 0 or is_grain(step, g):
             put(path.near, g, 1)
             put(path.found, count, g)
             count += 1
@@ -320,7 +336,7 @@ def open_around(step: Step, path: Path, c: int):
                 e = at(step.contact, k)
                 put(path.opening, e, wp.vec2d(f64(1.0), f64(0.0)))
                 other = at(step.first, e) + at(step.second, e) - g
-                if at(step.second, e) >= 0 and at(path.near, other) == 0:
+                if is_grain(step, at(step.second, e)) and at(path.near, other) == 0:
                     put(path.near, other, 1)
                     put(path.found, count, other)
                     count += 1
@@ -436,13 +452,13 @@ def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int):
 
 @wp.kernel
 def measure(step: Step, path: Path):
-    """Measure the residual of the corrections (eq. 25)."""
+    """Measure the residual of the corrections (eqs. 25 and 30)."""
     find_velocity(step, path)
     worst = f64(0.0)
     for c in range(step.first.shape[0]):
-        v, k_t = relative(path.velocity, step, c), at(step.k_t, c)
-        change = law.normal_change(v[0], at(path.dv, c), gap_now(step, c, path.velocity))
+        v, k_n, k_t = relative(path.velocity, step, c), at(step.k_n, c), at(step.k_t, c)
+        change = law.driven_change(v[0] - gap_now(step, c, path.velocity), at(path.dv, c), k_n)
         limit = at(step.friction, c) * (at(path.dv, c) + change)
         slip = law.tangential_change((v[1] - at(step.surface, c)) / k_t, at(path.dvt, c), limit)
-        worst = wp.max(worst, wp.max(wp.abs(change), k_t * wp.abs(slip)))
+        worst = wp.max(worst, wp.max(k_n * wp.abs(change), k_t * wp.abs(slip)))
     put(path.residual, 0, worst)

@@ -192,9 +192,9 @@ def exact(kind: Kind) -> list[Stage]:
     """Return accelerated sweeps, and what follows on an answer of the host."""
     answer = [
         *recompute(kind),
-        Each(grain_count, residual.take_corrected_velocity),
+        Each(body_count, residual.take_corrected_velocity),
         Serial(verlet.clear_check),
-        Each(grain_count, verlet.begin_peak),
+        Each(body_count, verlet.begin_peak),
         *(MONITOR_START if kind.has_restitution else []),
         Serial(stopping.end_correction),
     ]

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hard_scenes import ROUGH, SOON
 from pxr import Usd
 from swept_order import follow_reference
-from walled_scenes import BUMPS, DRIVEN, boxed, force_on, on_circle, pressed
+from walled_scenes import BUMPS, DRIVEN, WALLED, boxed, force_on, on_circle, pressed
 
 from warpgrains import InputError, Recording, Scene, Simulation, SimulationError, analysis
 from warpgrains.accuracy import certify
@@ -44,6 +45,42 @@ def test_a_rough_lid_moves_as_one(method: str) -> None:
     assert np.allclose(moved, [(0.0, 0.0), (0.0, down), *[(0.05, down)] * 2], rtol=0.0, atol=1e-14)
     assert force_on(contacts)[contacts.wall[:, 1] > 0, 1].sum() == pytest.approx(30.0, abs=1e-2)
     assert set(contacts.wall[:, 1]) > {2}
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        *("pressure", "pressure, a light wall", "pressure, a heavy wall", "pressure, two circles"),
+        *("a driven segment", "box, smooth lid", "box, bouncing"),
+    ],
+)
+def test_steps_solved_exactly_are_those_of_many_sweeps(kind: str) -> None:
+    """Without friction there is one solution, of grains and walls."""
+    scene = WALLED[kind](**SOON)
+    sweeps = {"method": "gauss-seidel", "stop": "residual", "tolerance": 1e-12, "max_iterations": 100_000}
+    simulation, other, asked = Simulation(scene), Simulation(scene.replace(**sweeps)), 0
+    for _ in range(20):
+        other.restore(simulation.state())
+        report = simulation.step()
+        assert report.converged
+        assert other.step().converged
+        asked += report.factorizations
+        now, swept = (np.append(one.velocity, one.driven[:, 1]) for one in (simulation, other))
+        # residuals of 1e-10 m/s by some contacts each, as far as soft piles magnify them
+        assert np.abs(now - swept).max() <= 100.0 * scene.tolerance
+    assert asked > 0
+
+
+@pytest.mark.parametrize("kind", ["pressure, a light wall", "pressure, a heavy wall", "box, rough lid"])
+def test_steps_with_friction_are_solved_exactly(kind: str) -> None:
+    """They end within the tolerance for velocities that the kernels compute from the corrections."""
+    scene = WALLED[kind](**{**ROUGH, "max_iterations": 300})
+    simulation, asked = Simulation(scene), 0
+    for _ in range(80):
+        report = simulation.step()
+        assert report.converged
+        asked += report.factorizations
+    assert asked > 0
 
 
 def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:

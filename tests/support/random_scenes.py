@@ -73,7 +73,7 @@ def random_contacts(rng: np.random.Generator, inner: float, method: str) -> dict
         fields |= {"angular_velocity_in": 8.0} if inner > 0.0 else {}
         if rng.random() < 0.5:
             fields |= {"rolling_friction": 0.2, "wall_rolling_friction": rng.choice([None, 0.0, 0.5])}
-    if method != "exact" and rng.random() < 0.3:
+    if rng.random() < 0.3:
         fields |= {"wall": "tangent"}
         if rng.random() < 0.6:
             fields |= {"pressure": rng.uniform(0.1, 50.0), "wall_mass": rng.choice([None, 0.5])}

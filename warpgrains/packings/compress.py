@@ -125,7 +125,7 @@ def compress(
     ------
     InputError
         There is no pressure, it is not positive, nothing holds it, the scene has segments or arcs, or another
-        argument is invalid. The method "exact" is refused.
+        argument is invalid.
 
     Examples
     --------

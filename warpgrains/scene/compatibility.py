@@ -198,8 +198,6 @@ def _of_driven_walls(scene: Scene) -> Iterator[str]:
     if scene.wall_mass is not None and scene.pressure is None:
         yield f"wall_mass is {scene.wall_mass} kg: the outer wall is fixed; give pressure"
     which = "pressure" if scene.pressure is not None else "force of a wall"
-    if scene.has_driven_walls and scene.method == "exact":
-        yield f"{which} is given and method is 'exact': use 'accelerated' or 'gauss-seidel'"
     driven = [wall.name for wall in scene.walls if isinstance(wall, Line) and wall.drive is not None]
     for k, wall in enumerate(scene.walls):
         if isinstance(wall, Row) and wall.name and driven.count(wall.name) > 1:

@@ -40,6 +40,14 @@ class StepConstraints:
         How fast walls move along normal and tangent of their contacts [m/s], shape (m - k, 2) (eq. 26b).
     time : float
         Time of the start of the step [s].
+    mass : ndarray
+        M of the n grains, and then of the walls that a force drives [kg].
+    body : ndarray
+        Where the device's arrays by body have these.
+    driver : ndarray
+        Which of these a wall is, or moves with; else -1; shape (m - k,).
+    lever : ndarray
+        How fast it moves along normal and tangent at unit speed, shape (m - k, 2) (eq. 28).
     """
 
     scene: Scene
@@ -52,6 +60,10 @@ class StepConstraints:
     rebound: FloatArray
     wall_speed: FloatArray
     time: float
+    mass: FloatArray
+    body: Indices
+    driver: Indices
+    lever: FloatArray
 
     @classmethod
     def at(cls, scene: Scene, start: Start, pair: Indices, wall: Indices, time: float) -> Self:
@@ -63,6 +75,14 @@ class StepConstraints:
         between, apart = scene.pair_frames(position, pair)
         normal, gap = scene.wall_frames(position, wall, time=time)
         wall_speed = scene.wall_speeds(position, wall, time)
+        drives, own = scene.bodies.drives, scene.bodies.of(wall[:, 1].astype(np.int32))
+        driven = [k for k, drive in enumerate(drives) if drive.inverse_mass and drive.leader == k]
+        numbers = {k: scene.n + place for place, k in enumerate(driven)}
+        driver = np.array([numbers.get(drive.leader, -1) for drive in drives])[own]
+        directions = np.array([drive.direction for drive in drives])[own]
+        along = np.where((own == OUTER) & (driver >= 0), 1.0, (normal * directions).sum(axis=1))
+        across = normal[:, 0] * directions[:, 1] - normal[:, 1] * directions[:, 0]
+        body = np.append(np.arange(scene.n), np.array(driven, int) + scene.n)
         every = cls(
             scene=scene,
             position=position,
@@ -74,10 +94,14 @@ class StepConstraints:
             rebound=np.zeros(len(pair) + len(wall)),
             wall_speed=wall_speed,
             time=time,
+            mass=np.append(scene.contact_mass, [1.0 / drives[k].inverse_mass for k in driven]),
+            body=body,
+            driver=driver,
+            lever=np.stack([along, across], axis=1),
         )
         if not scene.has_restitution:
             return every
-        rebound = every._rebound(velocity)
+        rebound = every._rebound(velocity[body])
         return replace(every, gap_rate=every.gap_rate - rebound, rebound=rebound)
 
     def _rebound(self, velocity: FloatArray) -> FloatArray:
@@ -89,11 +113,19 @@ class StepConstraints:
         bounces = (e > 0.0) & (vn > rate) & (vn - surface > scene.restitution_speed)
         return np.where(bounces, np.maximum(0.0, rate - (surface - e * (vn - surface))), 0.0)
 
+    @property
+    def compliance(self) -> FloatArray:
+        """By how much a correction of 1 m/s changes J v [m/s], shape (m,): K of eq. 28, else 1."""
+        grain, pairs = self.wall[:, 0], len(self.second)
+        at_walls = self.lever[:, 0] ** 2 * self.mass[grain] / self.mass[self.driver]
+        return np.append(np.ones(pairs), 1.0 + np.where(self.driver >= 0, at_walls, 0.0))
+
     def normal_speed(self, velocity: FloatArray) -> FloatArray:
-        """Return J v for velocities [m/s], shape (n, 2)."""
-        relative = velocity[self.first]
-        relative[: len(self.second)] -= velocity[self.second]
+        """Return J v for velocities [m/s], shape (n, 2), followed by those of driven walls, (s, 0)."""
+        relative, pairs = velocity[self.first], len(self.second)
+        relative[:pairs] -= velocity[self.second]
         found: FloatArray = (relative * self.normal).sum(axis=1)
+        found[pairs:] -= np.where(self.driver >= 0, self.lever[:, 0] * velocity[self.driver, 0], 0.0)
         return found
 
     def sliding(self, move: FloatArray) -> Self:
@@ -135,6 +167,8 @@ class StepConstraints:
             rebound=self.rebound[kept],
             wall=self.wall[at_walls],
             wall_speed=self.wall_speed[at_walls],
+            driver=self.driver[at_walls],
+            lever=self.lever[at_walls],
         )
 
 

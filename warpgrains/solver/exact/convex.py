@@ -68,15 +68,18 @@ class ConvexSolver:
         takes the gaps of the last answer, until an answer satisfies its own gaps.
         """
         contacts, record = ListedContacts(self._records, self._k), self._records.host[self._k]
-        problem = projection_of(contacts.constraints, self._records.array(self._k, "grains.free_velocity"))
+        constraints = contacts.constraints
+        free = self._records.array(self._k, "grains.free_velocity")[constraints.body]
+        problem = projection_of(constraints, free)
+        unit = problem.unit * constraints.compliance
         tolerance = ASKED * self._records.scenes[self._k].tolerance
-        q = problem.unit * np.maximum(contacts.read("dv"), 0.0)
-        problem = _with_gaps_of(problem, contacts.constraints, q)
+        q = unit * np.maximum(contacts.read("dv"), 0.0)
+        problem = _with_gaps_of(problem, constraints, q)
         before = left = problem.residual(q)
         while left > tolerance and record["step"]["factorizations"] < MOST:
             found = solve(problem, self._matrices, q, tolerance)
             record["step"]["factorizations"] += found.factorizations
-            problem = _with_gaps_of(problem, contacts.constraints, found.q)
+            problem = _with_gaps_of(problem, constraints, found.q)
             last, residual = left, problem.residual(found.q)
             if residual < left:
                 q, left = found.q, residual
@@ -84,7 +87,7 @@ class ConvexSolver:
                 break
         is_better = before > tolerance and left <= max(BETTER * before, tolerance)
         if is_better:
-            contacts.write("dv", q / problem.unit)
+            contacts.write("dv", q / unit)
         if left > tolerance or not is_better:
             record["step"]["asking"] = Asking.NEVER  # the methods have done what they can
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
@@ -92,7 +95,6 @@ class ConvexSolver:
 
 def _with_gaps_of(problem: Projection, constraints: StepConstraints, q: FloatArray) -> Projection:
     """Return the problem with the wall gaps for the velocities that corrections q lead to."""
-    scene = constraints.scene
     u = (problem.free - problem.rows.T @ q).reshape(-1, 2)
-    move = scene.dt * (u / np.sqrt(scene.contact_mass)[:, np.newaxis])
+    move = constraints.scene.dt * (u / np.sqrt(constraints.mass)[:, np.newaxis])
     return problem._replace(bound=problem.unit * constraints.sliding(move).gap_rate)

@@ -40,7 +40,7 @@ class Contacts(NamedTuple):
 
     first: Indices
     second: Indices
-    """-1 at walls."""
+    """-1 at walls that no force drives; driven walls follow the grains."""
     normal: FloatArray
     gap_rate: FloatArray
     """gap / dt [m/s]."""
@@ -49,13 +49,16 @@ class Contacts(NamedTuple):
     friction: FloatArray
     surface: FloatArray
     """Speed of the surface along the tangent [m/s]."""
+    lever: FloatArray
+    """Speeds of a driven wall along normal and tangent, at unit speed; else 0 (eq. 28)."""
 
     @classmethod
     def of(cls, constraints: StepConstraints) -> Contacts:
         """Return the contacts of constraints."""
-        second = np.append(constraints.second, np.full(len(constraints.wall), -1))
+        second = np.append(constraints.second, constraints.driver)
+        lever = np.append(np.zeros((len(constraints.second), 2)), constraints.lever, axis=0)
         own = constraints.normal, constraints.gap_rate, constraints.circle, constraints.friction
-        return cls(constraints.first, second, *own, constraints.surface_speed)
+        return cls(constraints.first, second, *own, constraints.surface_speed, lever)
 
     def only(self, chosen: BoolArray) -> Contacts:
         """Return some of the contacts, mask of shape (m,)."""
@@ -75,60 +78,69 @@ class Answer(NamedTuple):
 
 
 class FrictionStep:
-    """A step with friction in memory, for m contacts of n grains.
+    """A step with friction in memory, for m contacts of n grains and some driven walls.
 
-    Grains are eliminated in an order that keeps the factors sparse; the kernels number them in it.
+    Grains are eliminated in an order that keeps the factors sparse, and then the walls, which touch many
+    grains. The kernels number them in it.
 
     Parameters
     ----------
     contacts : Contacts
     inertia : ndarray
-        M, M and J / 2 of every grain [kg], shape (n, 3).
+        M, M and J / 2 of every grain, M, 1 and 1 of every driven wall [kg], shape (n + walls, 3).
     free : ndarray
-        Free velocities and rim speeds [m/s], shape (n, 3).
+        Free velocities and rim speeds [m/s], shape (n + walls, 3).
+    walls : int
+        How many walls are driven.
     """
 
-    def __init__(self, contacts: Contacts, inertia: FloatArray, free: FloatArray):
+    def __init__(self, contacts: Contacts, inertia: FloatArray, free: FloatArray, walls: int = 0):
         first, second = contacts.first, contacts.second
-        n, m, updates, is_pair = len(inertia), len(first), int(kernels.UPDATES), second >= 0
+        n, m, updates = len(inertia) - walls, len(first), int(kernels.UPDATES)
+        is_pair = (second >= 0) & (second < n)
         i, j = first, np.where(is_pair, second, first)
-        every = np.arange(n)
-        edges = np.append(np.minimum(i, j), every), np.append(np.maximum(i, j), every)
+        edges = np.append(np.minimum(i, j), np.arange(n)), np.append(np.maximum(i, j), np.arange(n))
         # Positive definite: only its pattern matters.
         matrix = sparse.csc_matrix((np.repeat([0.1 / max(1, m), 1.0], [m, n]), edges), shape=(n, n))
-        lower, _, self._grain = qdldl.Solver(matrix, upper=True).factors()
-        length = np.diff(lower.indptr).astype(np.int64)
-        blocks = len(lower.indices)
+        lower, _, order = qdldl.Solver(matrix, upper=True).factors()
+        # A wall has a block in every column before its own.
+        row = np.insert(lower.indices, np.repeat(lower.indptr[1:], walls), np.tile(n + np.arange(walls), n))
+        row = np.append(row, n + np.triu_indices(walls, 1)[1])
+        length = np.append(np.diff(lower.indptr) + walls, np.arange(walls)[::-1]).astype(np.int64)
+        grains, n, blocks, self._order = n, n + walls, len(row), np.append(order, n + np.arange(walls))
+        every, j = np.arange(n), np.where(second >= 0, second, first)
         # work of a factorization: a product of blocks takes as long as two visits
         self._beginning = 2 * (int((length * (length + 1)).sum()) + 3 * (blocks + n))
         self._pivoting = self._beginning // updates + 3 * (blocks + n)
         column = np.empty(n, np.int32)
-        column[self._grain] = every
+        column[self._order] = every
         low, high = np.minimum(column[i], column[j]), np.maximum(column[i], column[j])
-        block = np.searchsorted(np.repeat(every, length) * n + lower.indices, low * np.int64(n) + high)
+        block = np.searchsorted(np.repeat(every, length) * n + row, low * np.int64(n) + high)
         mass, k = inertia[:, 0], inertia[:, 0] / inertia[:, 2]
         share_i = np.where(is_pair, mass[j] / (mass[i] + mass[j]), 1.0)
-        k_t = 1.0 + share_i * k[i] + np.where(is_pair, (1.0 - share_i) * k[j], 0.0)
+        k_n, k_t = (1.0 + mass[i, np.newaxis] / mass[j, np.newaxis] * contacts.lever**2).T
+        k_t = k_t + share_i * k[i] + np.where(is_pair, (1.0 - share_i) * k[j], 0.0)
         owner = np.append(column[i], column[j[is_pair]])
         owned = np.append(np.arange(m), np.flatnonzero(is_pair))
         empty, numbers = np.empty, np.int32
         self._host: dict[str, Array] = {
             **contacts._asdict(),
             "first": column[i],
-            "second": np.where(is_pair, column[j], -1).astype(numbers),
+            "second": np.where(second >= 0, column[j], -1).astype(numbers),
             **{name: empty(m) for name in ("dv", "dvt", "gap")},
             **{name: empty((m, 2)) for name in ("error", "opening", "excess", "rate")},
             **{name: empty((n, 3)) for name in ("velocity", "saved", "way", "change")},
             **{name: empty((n, 3, 3)) for name in ("diagonal", "inverse")},
             **{name: empty((blocks, 3, 3)) for name in ("lower", "upper")},
             **{name: empty(n, numbers) for name in ("near", "found", "used_end")},
+            "k_n": k_n.copy(),
             "k_t": k_t,
             "mass": mass[i] * share_i,
             "block": block.astype(numbers),
-            "contact_start": np.append(0, np.cumsum(np.bincount(owner, minlength=n))).astype(numbers),
+            "contact_start": np.append(0, np.cumsum(np.bincount(owner, minlength=grains))).astype(numbers),
             "contact": owned[np.argsort(owner, kind="stable")].astype(numbers),
-            "inertia": inertia[self._grain],
-            "free": free[self._grain],
+            "inertia": inertia[self._order],
+            "free": free[self._order],
             "piece": empty(m, numbers),
             "updates": empty((updates * n, 3)),
             "updated": empty(updates, numbers),
@@ -136,8 +148,8 @@ class FrictionStep:
             "pivot": empty(updates),
             "count": empty(3, numbers),
             "residual": empty(1),
-            "start": lower.indptr.astype(numbers),
-            "row": lower.indices.astype(numbers),
+            "start": np.append(0, np.cumsum(length)).astype(numbers),
+            "row": row.astype(numbers),
             "used": empty(blocks, numbers),
         }
         self._records = [self._shared(struct) for struct in (kernels.Step, kernels.Path, Factors)]
@@ -156,10 +168,10 @@ class FrictionStep:
         return self._host["residual"].item()
 
     def velocity(self, answer: Answer) -> FloatArray:
-        """Return the velocities of an answer [m/s], shape (n, 2)."""
+        """Return the velocities of an answer [m/s], shape (n + walls, 2)."""
         self.residual(answer.dv, answer.dvt)
-        found = np.empty((len(self._grain), 2))
-        found[self._grain] = self._host["velocity"][:, :2]
+        found = np.empty((len(self._order), 2))
+        found[self._order] = self._host["velocity"][:, :2]
         return found
 
     def solve(self, dv: FloatArray, dvt: FloatArray, tolerance: float, budget: float = np.inf) -> Answer:
@@ -224,7 +236,7 @@ class PathSolver:
             self._work += best.work
             state["factorizations"] += best.factorizations
         is_last, is_solved = state["iterations"] >= scene.max_iterations, best.residual <= tolerance
-        is_better = is_solved or (is_last and 0 < best.factorizations and best.residual < state["residual"])
+        is_better = is_solved or (is_last and best.factorizations > 0 and best.residual < state["residual"])
         if is_better:
             listed.write("dv", best.dv)
             listed.write("dvt", best.dvt)
@@ -237,9 +249,15 @@ class PathSolver:
         Contacts far from closing are left out at first, and taken in where an answer closes them.
         """
         scene, constraints = self._records.scenes[self._k], listed.constraints
-        inertia = np.column_stack([scene.contact_mass, scene.contact_mass, 0.5 * scene.rim_mass])
-        names = ("free_velocity", "free_rim", "next_velocity")
-        *free, velocity = (self._records.array(self._k, f"grains.{name}") for name in names)
+        mass, walls = constraints.mass, len(constraints.body) - scene.n
+        inertia = np.column_stack([mass, mass, np.append(0.5 * scene.rim_mass, np.ones(walls))])
+        inertia[scene.n :, 1] = 1.0
+        free, rim, velocity = (
+            self._records.array(self._k, f"grains.{name}")
+            for name in ("free_velocity", "free_rim", "next_velocity")
+        )
+        free = np.column_stack([free[constraints.body], np.append(rim, np.zeros(walls))])
+        velocity = velocity[constraints.body]
         dv = np.maximum(0.0, listed.read("dv"))
         dvt = np.where(dv > 0.0, listed.read("dvt"), 0.0)
         near, reach = dv > 0.0, NEAR * dv.sum() / max(1, np.count_nonzero(dv))
@@ -249,7 +267,7 @@ class PathSolver:
         work, factorizations = 0, 0
         while True:
             near = near | (closing > -reach)
-            step = FrictionStep(contacts.only(near), inertia, np.column_stack(free))
+            step = FrictionStep(contacts.only(near), inertia, free, walls)
             answer = step.solve(dv[near], dvt[near], tolerance, left - work)
             dv[near], dvt[near] = answer.dv, answer.dvt
             work, factorizations = work + answer.work, factorizations + answer.factorizations

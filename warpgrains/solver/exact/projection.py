@@ -30,7 +30,7 @@ class Projection(NamedTuple):
     free: FloatArray
     """u0, shape (2 n,)."""
     unit: FloatArray
-    """Scale of q: the value of q for a correction of 1 m/s, shape (m,)."""
+    """Scale of s: its value for 1 m/s, shape (m,). A correction of 1 m/s is K times that (eq. 28)."""
     widest: float = np.inf
     """The largest |u| of a solution."""
 
@@ -49,18 +49,30 @@ class Projection(NamedTuple):
 
 
 def projection_of(constraints: StepConstraints, free_velocity: FloatArray) -> Projection:
-    """Return a step's problem from its constraints and free velocities [m/s], shape (n, 2)."""
-    mass, normal = constraints.scene.contact_mass, constraints.normal
+    """Return a step's problem from its constraints and free velocities [m/s], shape (n, 2).
+
+    A driven wall is one more grain, of the velocity (s, 0).
+    """
+    mass, normal, compliance = constraints.mass, constraints.normal, constraints.compliance
     j, alone, pairs = constraints.second, constraints.wall[:, 0], len(constraints.second)
     i = constraints.first[:pairs]
     mass_i, mass_j = mass[i], mass[j]
     share_i, share_j = (np.sqrt(other / (mass_i + mass_j))[:, np.newaxis] for other in (mass_j, mass_i))
-    values = [np.hstack([share_i * normal[:pairs], -share_j * normal[:pairs]]), normal[pairs:]]
-    columns = [np.hstack([_columns(i), _columns(j)]), _columns(alone)]
-    unit = np.concatenate([np.sqrt(mass_i / (mass_i + mass_j) * mass_j), np.sqrt(mass[alone])])
-    data, indices = (np.concatenate([part.ravel() for part in parts]) for parts in (values, columns))
-    start = np.concatenate([[0], np.cumsum(np.repeat([4, 2], [pairs, len(alone)]))])
-    indices, start = indices.astype(np.int32), start.astype(np.int32)
+    at_wall, driver = np.sqrt(compliance[pairs:])[:, np.newaxis], constraints.driver
+    lever = constraints.lever[:, :1] * np.sqrt(mass[alone] / mass[driver])[:, np.newaxis] * [1.0, 0.0]
+    values = (
+        [share_i * normal[:pairs], -share_j * normal[:pairs]],
+        [normal[pairs:] / at_wall, -lever / at_wall],
+    )
+    columns = [_columns(i), _columns(j)], [_columns(alone), _columns(driver)]
+    has_four = np.append(np.ones(pairs, bool), driver >= 0)
+    kept = np.stack([np.ones(len(has_four), bool), np.ones(len(has_four), bool), has_four, has_four], axis=1)
+    data, indices = (np.concatenate([np.hstack(part) for part in parts])[kept] for parts in (values, columns))
+    start = np.concatenate([[0], np.cumsum(np.where(has_four, 4, 2))]).astype(np.int32)
+    indices = indices.astype(np.int32)
+    unit = np.concatenate(
+        [np.sqrt(mass_i / (mass_i + mass_j) * mass_j), np.sqrt(mass[alone] / compliance[pairs:])]
+    )
     rows = sparse.csr_array((data, indices, start), shape=(len(unit), 2 * len(mass)))
     free = (np.sqrt(mass)[:, np.newaxis] * free_velocity).ravel()
     # all grains cross the domain in the step
