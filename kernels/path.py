@@ -34,7 +34,11 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Step:
-    """A step with friction: its m contacts, and its n grains in the order of elimination."""
+    """A step with friction: its m contacts, and its n grains in the order of elimination.
+
+    A contact that resists rolling has another entry of the same normal, for which vr, dv_r and mu_r (eq. 37)
+    stand for vt, dv_t and mu. It passes on no normal correction, whose limits it knows alone.
+    """
 
     first: Ints
     second: Ints  # -1 at walls that no force drives; driven walls follow the grains
@@ -44,8 +48,9 @@ class Step:
     friction: Floats
     surface: Floats  # speed of the surface along the tangent [m/s]
     lever: Vectors  # g, g_t at driven walls (eqs. 28, 30b)
+    parts: Triples  # of slip and of the rim speeds of both grains in vt: 1, 1, 1, or 0, c_i, -c_j (eq. 37)
     k_n: Floats  # K (eq. 28)
-    k_t: Floats  # K_t (eqs. 22, 30b)
+    k_t: Floats  # K_t or K_r (eqs. 22, 30b, 37)
     mass: Floats  # mu_c [kg]
     block: Ints  # of a pair in the factors
     contact_start: Ints  # contacts of grain i: contact[k], contact_start[i] <= k < contact_start[i + 1]
@@ -89,27 +94,30 @@ def is_grain(step: Step, j: int) -> bool:
 @wp.func
 def relative(u: Triples, step: Step, c: int) -> wp.vec2d:
     """Return vn and vt of a contact, for a surface at rest."""
-    own, j, n = at(u, at(step.first, c)), at(step.second, c), at(step.normal, c)
-    x, y, rim = own[0], own[1], own[2]
+    own, j, n, parts = at(u, at(step.first, c)), at(step.second, c), at(step.normal, c), at(step.parts, c)
+    x, y, rim = own[0], own[1], parts[1] * own[2]
     if is_grain(step, j):
         other = at(u, j)
-        x, y, rim = x - other[0], y - other[1], rim + other[2]
-    v = wp.vec2d(x * n[0] + y * n[1], y * n[0] - x * n[1] + rim)
+        x, y, rim = x - other[0], y - other[1], rim + parts[2] * other[2]
+    v = wp.vec2d(x * n[0] + y * n[1], parts[0] * (y * n[0] - x * n[1]) + rim)
     if j >= 0 and not is_grain(step, j):
-        v = v - at(u, j)[0] * at(step.lever, c)
+        lever = at(step.lever, c)
+        v = v - at(u, j)[0] * wp.vec2d(lever[0], parts[0] * lever[1])
     return v
 
 
 @wp.func
 def push(force: Triples, step: Step, c: int, amount: wp.vec2d):
-    """Add the transpose of `relative` times mu_c and an amount."""
+    """Add the transpose of `relative` times mu_c and an amount; the entry of rolling has a moment alone."""
     i, j, n, f = at(step.first, c), at(step.second, c), at(step.normal, c), at(step.mass, c) * amount
-    x, y = f[0] * n[0] - f[1] * n[1], f[0] * n[1] + f[1] * n[0]
-    put(force, i, at(force, i) + wp.vec3d(x, y, f[1]))
+    parts = at(step.parts, c)
+    along = parts[0] * f
+    x, y = along[0] * n[0] - along[1] * n[1], along[0] * n[1] + along[1] * n[0]
+    put(force, i, at(force, i) + wp.vec3d(x, y, parts[1] * f[1]))
     if is_grain(step, j):
-        put(force, j, at(force, j) + wp.vec3d(-x, -y, f[1]))
+        put(force, j, at(force, j) + wp.vec3d(-x, -y, parts[2] * f[1]))
     elif j >= 0:
-        put(force, j, at(force, j) - wp.vec3d(wp.dot(at(step.lever, c), f), f64(0.0), f64(0.0)))
+        put(force, j, at(force, j) - wp.vec3d(wp.dot(at(step.lever, c), along), f64(0.0), f64(0.0)))
 
 
 @wp.func
@@ -229,15 +237,16 @@ def assemble(step: Step, path: Path, factors: Factors, eps: f64):
             x, friction, share = at(step.normal, c), at(step.friction, c), f64(1.0) / at(step.k_t, c)
             by_n = at(step.mass, c) * carried(piece, wp.vec2d(f64(1.0), f64(0.0)), friction, eps)
             by_t = at(step.mass, c) * carried(piece, wp.vec2d(f64(0.0), share), friction, eps)
-            slope = wp.vec3d(by_n[0], by_n[1], by_t[1])
-            n, t = wp.vec3d(x[0], x[1], f64(0.0)), wp.vec3d(-x[1], x[0], f64(1.0))
+            parts = at(step.parts, c)
+            slope = wp.vec3d(parts[0] * by_n[0], by_n[1], by_t[1])
+            n, t = wp.vec3d(x[0], x[1], f64(0.0)), wp.vec3d(-parts[0] * x[1], parts[0] * x[0], parts[1])
             i, j, k = at(step.first, c), at(step.second, c), at(step.block, c)
             put(factors.diagonal, i, at(factors.diagonal, i) + coupling(n, t, n, t, slope))
             if j >= 0:
-                m, s = -n, wp.vec3d(x[1], -x[0], f64(1.0))
+                m, s = -n, wp.vec3d(parts[0] * x[1], -parts[0] * x[0], parts[2])
                 if not is_grain(step, j):
                     m = wp.vec3d(-at(step.lever, c)[0], f64(0.0), f64(0.0))
-                    s = wp.vec3d(-at(step.lever, c)[1], f64(0.0), f64(0.0))
+                    s = wp.vec3d(-parts[0] * at(step.lever, c)[1], f64(0.0), f64(0.0))
                 put(factors.diagonal, j, at(factors.diagonal, j) + coupling(m, s, m, s, slope))
                 above, below = coupling(n, t, m, s, slope), coupling(m, s, n, t, slope)
                 if i > j:
@@ -452,7 +461,7 @@ def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int):
 
 @wp.kernel
 def measure(step: Step, path: Path):
-    """Measure the residual of the corrections (eqs. 25 and 30)."""
+    """Measure the residual of the corrections (eqs. 25, 30 and 38)."""
     find_velocity(step, path)
     worst = f64(0.0)
     for c in range(step.first.shape[0]):

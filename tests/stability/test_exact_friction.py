@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from hard_scenes import couette, drum
+from hard_scenes import ROUGH, couette, drum
 from same_bits import contents
+from walled_scenes import OF_ALL_LAWS, WALLED, stirred
 
 from warpgrains import Simulation
 from warpgrains.accuracy import certify
@@ -56,7 +57,7 @@ def test_factors_of_two_grains(first):
 def hard_step(name):
     with np.load(STEPS / f"{name}.npz") as file:
         own = dict(file)
-    own["lever"] = np.zeros_like(own["normal"])  # no wall is driven
+    own["lever"], own["parts"] = np.zeros_like(own["normal"]), np.ones((len(own["first"]), 3))
     contacts = Contacts(*(own[field] for field in Contacts._fields))
     return FrictionStep(contacts, own["inertia"], own["free"]), contacts, own
 
@@ -124,6 +125,37 @@ def test_steps_are_solutions_of_coulombs_law(make):
     bound = certify(simulation)
     assert bound.error is None or bound.error < 1e-6
     assert bound.solver_error <= 1e-5  # [m/s], as far as clarabel proves its own velocities
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        partial(drum, rolling_friction=0.1),
+        partial(drum, wall_rolling_friction=0.3),
+        partial(couette, rolling_friction=0.2, wall_rolling_friction=0.05),
+        partial(WALLED["pressure, a light wall"], **ROUGH | {"max_iterations": 300}, rolling_friction=0.1),
+    ],
+)
+def test_steps_with_rolling_friction_are_solved(make):
+    simulation, asked = Simulation(make()), 0
+    for _ in range(40):
+        report = simulation.step()
+        asked += report.factorizations
+        assert report.converged
+    assert asked > 0
+
+
+def test_an_answer_that_throws_grains_out_of_the_domain_is_declined():
+    """Grains cannot fit: a path leads to a smaller residual with velocities beyond all bounds."""
+    few = {"max_iterations": 30, "exact_time": 1e3}
+    simulation = Simulation(stirred(90, 3, radius_in=0.05, **OF_ALL_LAWS | ROUGH | few))
+    simulation.advance(2)
+    swept = Simulation(simulation.scene.replace(method="accelerated", exact_time=None))
+    swept.restore(simulation.state())
+    report = simulation.step()
+    assert report.factorizations > 0
+    assert report.residual == swept.step().residual > 1.0
+    assert contents(simulation.velocity) == contents(swept.velocity)
 
 
 def test_contacts_left_out_are_taken_in_where_an_answer_closes_them(monkeypatch):

@@ -209,8 +209,6 @@ def _of_driven_walls(scene: Scene) -> Iterator[str]:
 def _of_methods(scene: Scene) -> Iterator[str]:
     if scene.method == "exact" and scene.stops_on != "residual":
         yield f"stop is {scene.stop!r}: method 'exact' stops on the residual"
-    if scene.method == "exact" and scene.has_rolling_friction:
-        yield f"{_rolling_friction(scene)} and method is 'exact': use 'accelerated' or 'gauss-seidel'"
 
 
 def warn_of_overlaps(scenes: Sequence[Scene]) -> None:

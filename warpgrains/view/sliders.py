@@ -53,9 +53,7 @@ def _gravity(size: float, degrees: float, rate: float) -> dict[str, Any]:
 def _add_friction(gui: viser.GuiApi, player: Live, on: OnChange) -> None:
     """Add sliders of friction and of the angular velocities of the circles."""
     scene, sliders = player.scene, []
-    given = {"friction": scene.friction}
-    if scene.method != "exact":  # which knows no other
-        given["rolling friction"] = scene.rolling_friction
+    given = {"friction": scene.friction, "rolling friction": scene.rolling_friction}
     rough = [gui.add_slider(label, 0.0, max(1.0, own), 0.01, own) for label, own in given.items()]
     walls = [("outer wall [rad/s]", scene.angular_velocity_out)] * (scene.bodies.outer is not None)
     walls += [("inner wall [rad/s]", scene.angular_velocity_in)] * (scene.radius_in > 0.0)

@@ -18,6 +18,7 @@ from warpgrains.host_kernels import Array, launch, shared
 from warpgrains.kernels import path as kernels
 from warpgrains.kernels.block_lu import Factors
 from warpgrains.kernels.record import Asking, Phase
+from warpgrains.kernels.types import PoseOf
 from warpgrains.solver.exact.constraints import StepConstraints
 from warpgrains.solver.exact.listed import ListedContacts
 
@@ -30,7 +31,7 @@ FINER, COARSER = 3.0, 5.0  # factors of the compliance after a pass that was fol
 DRIFTING = 1e-8  # compliance of a pass after one at the finest that left more than
 STALLED = 0.5  # of the residual: corrections drift that nearly balance, r / eps a pass
 WORSE = 10.0  # residual after a pass that is kept, in residuals before it
-HALVED, SWEEPS = 6.0, 10_000  # a residual halves within so many times the work before, and these sweeps
+HALVED, SWEEPS = 6.0, 7_000  # a residual halves within so many times the work before, and these sweeps
 NEAR = 0.1  # clearance of contacts that are not left out, in mean corrections of those that carry
 EXACT_TIME = 500.0  # default of `Scene.exact_time`
 
@@ -51,6 +52,8 @@ class Contacts(NamedTuple):
     """Speed of the surface along the tangent [m/s]."""
     lever: FloatArray
     """Speeds of a driven wall along normal and tangent, at unit speed; else 0 (eq. 28)."""
+    parts: FloatArray
+    """1, 1, 1; those of an entry for rolling are 0, c_i, -c_j (eq. 37)."""
 
     @classmethod
     def of(cls, constraints: StepConstraints) -> Contacts:
@@ -58,7 +61,20 @@ class Contacts(NamedTuple):
         second = np.append(constraints.second, constraints.driver)
         lever = np.append(np.zeros((len(constraints.second), 2)), constraints.lever, axis=0)
         own = constraints.normal, constraints.gap_rate, constraints.circle, constraints.friction
-        return cls(constraints.first, second, *own, constraints.surface_speed, lever)
+        return cls(
+            constraints.first, second, *own, constraints.surface_speed, lever, np.ones((len(second), 3))
+        )
+
+    def with_rolling(self, mu: FloatArray, surface: FloatArray, radius: FloatArray) -> Contacts:
+        """Return the contacts, and their entries for rolling, of these coefficients and surface speeds."""
+        is_pair = (self.second >= 0) & (self.second < len(radius))
+        r_i, r_j = radius[self.first], radius[np.where(is_pair, self.second, 0)]
+        c_i = np.where(is_pair, r_j / (r_i + r_j), 1.0)
+        parts = np.stack([np.zeros(len(c_i)), c_i, c_i - 1.0], axis=1)
+        rolling = self._replace(friction=mu, surface=surface, parts=parts)._asdict()
+        return Contacts(
+            **{name: np.append(own, rolling[name], axis=0) for name, own in self._asdict().items()}
+        )
 
     def only(self, chosen: BoolArray) -> Contacts:
         """Return some of the contacts, mask of shape (m,)."""
@@ -70,6 +86,7 @@ class Answer(NamedTuple):
 
     dv: FloatArray
     dvt: FloatArray
+    """Also those of rolling, after these."""
     residual: float
     """[m/s]."""
     factorizations: int = 0
@@ -118,8 +135,10 @@ class FrictionStep:
         block = np.searchsorted(np.repeat(every, length) * n + row, low * np.int64(n) + high)
         mass, k = inertia[:, 0], inertia[:, 0] / inertia[:, 2]
         share_i = np.where(is_pair, mass[j] / (mass[i] + mass[j]), 1.0)
+        slips, part_i, part_j = contacts.parts.T
         k_n, k_t = (1.0 + mass[i, np.newaxis] / mass[j, np.newaxis] * contacts.lever**2).T
-        k_t = k_t + share_i * k[i] + np.where(is_pair, (1.0 - share_i) * k[j], 0.0)
+        k_t = slips * k_t + part_i**2 * share_i * k[i]
+        k_t = k_t + np.where(is_pair, part_j**2 * (1.0 - share_i) * k[j], 0.0)
         owner = np.append(column[i], column[j[is_pair]])
         owned = np.append(np.arange(m), np.flatnonzero(is_pair))
         empty, numbers = np.empty, np.int32
@@ -219,6 +238,11 @@ class PathSolver:
         self._bodies: Indices = np.empty((2, 0), int)  # of the contacts of the best answer; -1 - w at wall w
         self._work = 0  # in the present step
 
+    @property
+    def _tangential(self) -> list[str]:
+        """Names of the corrections beside dv."""
+        return ["dvt"] + ["dvr"] * self._records.scenes[self._k].has_rolling_friction
+
     def solve(self) -> None:
         """Replace the corrections of the step if better ones are found, and let the kernels continue."""
         scene, record = self._records.scenes[self._k], self._records.host[self._k]
@@ -231,7 +255,8 @@ class PathSolver:
         )
         best, is_known = self._best, np.array_equal(bodies, self._bodies)
         if best is None or not is_known:
-            best = self._best = self._answer(listed, contacts, tolerance)
+            entries = self._with_rolling(contacts, listed.constraints.wall)
+            best = self._best = self._answer(listed, entries, tolerance)
             self._bodies = bodies
             self._work += best.work
             state["factorizations"] += best.factorizations
@@ -239,9 +264,25 @@ class PathSolver:
         is_better = is_solved or (is_last and best.factorizations > 0 and best.residual < state["residual"])
         if is_better:
             listed.write("dv", best.dv)
-            listed.write("dvt", best.dvt)
+            for name, values in zip(self._tangential, best.dvt.reshape(-1, len(best.dv)), strict=True):
+                listed.write(name, values)
         state["asking"] = Asking.NEVER if is_last or is_solved else Asking.AT_LAST
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
+
+    def _with_rolling(self, contacts: Contacts, wall: Indices) -> Contacts:
+        """Return contacts with the entries of those that resist rolling, where there are any."""
+        scene = self._records.scenes[self._k]
+        if not scene.has_rolling_friction:
+            return contacts
+        rolling, pose = (self._records.array(self._k, f"walls.{name}") for name in ("rolling", "pose"))
+        spin = rolling[:, 1].copy()
+        if len(pose) > 0:
+            spin[1:] += pose[:, PoseOf.ANGULAR_VELOCITY]
+        body = scene.bodies.of(wall[:, 1].astype(np.int32))
+        pairs = len(contacts.first) - len(wall)
+        mu = np.append(np.full(pairs, scene.rolling_friction), rolling[body, 0])
+        surface = np.append(np.zeros(pairs), scene.radius[wall[:, 0]] * spin[body])
+        return contacts.with_rolling(mu, surface, scene.radius)
 
     def _answer(self, listed: ListedContacts, contacts: Contacts, tolerance: float) -> Answer:
         """Return the best answer found from the corrections of the sweeps.
@@ -259,7 +300,7 @@ class PathSolver:
         free = np.column_stack([free[constraints.body], np.append(rim, np.zeros(walls))])
         velocity = velocity[constraints.body]
         dv = np.maximum(0.0, listed.read("dv"))
-        dvt = np.where(dv > 0.0, listed.read("dvt"), 0.0)
+        dvt = np.concatenate([np.where(dv > 0.0, listed.read(name), 0.0) for name in self._tangential])
         near, reach = dv > 0.0, NEAR * dv.sum() / max(1, np.count_nonzero(dv))
         closing = constraints.normal_speed(velocity) - constraints.gap_rate
         exact_time = EXACT_TIME if scene.exact_time is None else scene.exact_time
@@ -267,13 +308,19 @@ class PathSolver:
         work, factorizations = 0, 0
         while True:
             near = near | (closing > -reach)
-            step = FrictionStep(contacts.only(near), inertia, free, walls)
-            answer = step.solve(dv[near], dvt[near], tolerance, left - work)
-            dv[near], dvt[near] = answer.dv, answer.dvt
+            every = np.tile(near, len(self._tangential))
+            step = FrictionStep(contacts.only(every), inertia, free, walls)
+            answer = step.solve(np.append(dv, dv)[: len(every)][every], dvt[every], tolerance, left - work)
+            dv[near], dvt[every] = answer.dv[: np.count_nonzero(near)], answer.dvt
             work, factorizations = work + answer.work, factorizations + answer.factorizations
             velocity = step.velocity(answer)
             sliding = constraints.sliding(scene.dt * velocity)
             closing = sliding.normal_speed(velocity) - sliding.gap_rate
             residual = max(answer.residual, closing[~near].max(initial=0.0))
             if residual <= tolerance or answer.residual > tolerance:
+                if (
+                    residual > tolerance
+                    and np.abs(velocity).max(initial=0.0) > 2.0 * scene.radius_out / scene.dt
+                ):
+                    residual = np.inf  # grains cannot fit, and some leave the domain
                 return Answer(dv, dvt, residual, factorizations, work)
