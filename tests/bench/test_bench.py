@@ -25,7 +25,7 @@ ROWS = {
     "batch": ("--scenes 2", 5),
     "features": ("", 3 * len(FEATURES)),
     "gpu": ("--scenes 1 --device cpu", 2),
-    "exact": ("--grains 60", 2 + 12 + 9 * 3),
+    "exact": ("--grains 60", 2 + 13 + 9 * 3),
     "shear": ("--grains 100 --steps 40 --programs warpgrains", 3),
 }
 

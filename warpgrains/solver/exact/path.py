@@ -31,7 +31,7 @@ FINER, COARSER = 3.0, 5.0  # factors of the compliance after a pass that was fol
 DRIFTING = 1e-8  # compliance of a pass after one at the finest that left more than
 STALLED = 0.5  # of the residual: corrections drift that nearly balance, r / eps a pass
 WORSE = 10.0  # residual after a pass that is kept, in residuals before it
-HALVED, SWEEPS = 6.0, 7_000  # a residual halves within so many times the work before, and these sweeps
+HALVED, SWEEPS = 6.0, 7_500  # a residual halves within so many times the work before, and these sweeps
 NEAR = 0.1  # clearance of contacts that are not left out, in mean corrections of those that carry
 EXACT_TIME = 500.0  # default of `Scene.exact_time`
 
