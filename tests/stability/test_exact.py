@@ -212,7 +212,7 @@ def test_one_bound_in_closed_form(scale):
 
 @pytest.mark.parametrize("make", [Simulation, lambda scene: Batch([scene])])
 def test_without_the_library_the_extra_is_named(make, monkeypatch):
-    for module in ("active_set", "bordered", "convex", "interior_point", "path", "projection"):
+    for module in ("active_set", "bordered", "convex", "friction", "interior_point", "path", "projection"):
         monkeypatch.delitem(sys.modules, f"warpgrains.solver.exact.{module}")
     monkeypatch.setitem(sys.modules, "qdldl", None)
     with pytest.raises(InputError, match=r"method 'exact' needs qdldl: pip install 'qdldl>="):

@@ -13,7 +13,7 @@ from walled_scenes import WALLED
 from warpgrains import Simulation
 from warpgrains.accuracy import certify
 from warpgrains.kernels.block_lu import Factors, Triples, factor, solve
-from warpgrains.solver.exact import path
+from warpgrains.solver.exact import friction
 from warpgrains.solver.exact.path import Contacts, FrictionStep
 
 EPS = np.finfo(float).eps
@@ -153,7 +153,7 @@ def test_an_answer_that_throws_grains_out_of_the_domain_is_declined(speed, monke
     swept = Simulation(simulation.scene.replace(method="accelerated", exact_time=None))
     swept.restore(simulation.state())
     found = FrictionStep.velocity
-    monkeypatch.setattr(path, "NEAR", 1e9)  # no contact is left out
+    monkeypatch.setattr(friction, "NEAR", 1e9)  # no contact is left out
     monkeypatch.setattr(FrictionStep, "velocity", lambda *own: found(*own) + speed)
     report = simulation.step()
     assert report.factorizations > 0
@@ -162,9 +162,9 @@ def test_an_answer_that_throws_grains_out_of_the_domain_is_declined(speed, monke
 
 
 def test_contacts_left_out_are_taken_in_where_an_answer_closes_them(monkeypatch):
-    monkeypatch.setattr(path, "NEAR", 0.0)
+    monkeypatch.setattr(friction, "NEAR", 0.0)
     steps = []
-    monkeypatch.setattr(path, "FrictionStep", lambda *own: steps.append(own) or FrictionStep(*own))
+    monkeypatch.setattr(friction, "FrictionStep", lambda *own: steps.append(own) or FrictionStep(*own))
     simulation, attempts = Simulation(couette()), 0
     for _ in range(10):
         report = simulation.step()
@@ -176,7 +176,7 @@ def test_contacts_left_out_are_taken_in_where_an_answer_closes_them(monkeypatch)
 @pytest.mark.parametrize("swapped", [False, True])
 def test_an_answer_is_kept_until_the_last_sweep_for_its_walls(swapped, monkeypatch):
     """The list may change within a step, and have another wall of a grain in the same place."""
-    listed, asked, answers = path.ListedContacts, [], []
+    listed, asked, answers = friction.ListedContacts, [], []
 
     def swapping(*own):
         found = listed(*own)
@@ -185,9 +185,9 @@ def test_an_answer_is_kept_until_the_last_sweep_for_its_walls(swapped, monkeypat
         asked.append(found)
         return found
 
-    answer = path.PathSolver._answer
-    monkeypatch.setattr(path, "ListedContacts", swapping)
-    monkeypatch.setattr(path.PathSolver, "_answer", lambda *own: answers.append(own) or answer(*own))
+    answer = friction.PathSolver._answer
+    monkeypatch.setattr(friction, "ListedContacts", swapping)
+    monkeypatch.setattr(friction.PathSolver, "_answer", lambda *own: answers.append(own) or answer(*own))
     simulation = Simulation(couette(exact_time=1e-6))
     while len(asked) < 2:
         simulation.step()

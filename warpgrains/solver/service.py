@@ -28,7 +28,7 @@ def exact_solver(method: str) -> Callable[[SceneRecords, int], Any] | None:
         return None
     with requiring("method 'exact'", "exact"):
         from warpgrains.solver.exact.convex import ConvexSolver
-        from warpgrains.solver.exact.path import PathSolver
+        from warpgrains.solver.exact.friction import PathSolver
 
     def solver_of(records: SceneRecords, k: int) -> ConvexSolver | PathSolver:
         return (PathSolver if records.scenes[k].has_friction else ConvexSolver)(records, k)

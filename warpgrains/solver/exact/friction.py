@@ -1,0 +1,124 @@
+"""The host's part of the method "exact" with friction: the contacts of a scene, and when answers are taken.
+
+path.py finds an answer for given contacts.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpgrains.arrays import Indices
+from warpgrains.kernels.record import Asking, Phase
+from warpgrains.kernels.types import PoseOf
+from warpgrains.solver.exact.listed import ListedContacts
+from warpgrains.solver.exact.path import Answer, Contacts, FrictionStep
+
+if TYPE_CHECKING:
+    from warpgrains.solver.records import SceneRecords
+
+ASKED = 0.9  # of the tolerance; leaves a margin for rounding in the kernels
+NEAR = 0.1  # clearance of contacts that are not left out, in mean corrections of those that carry
+EXACT_TIME = 500.0  # default of `Scene.exact_time`
+
+
+class PathSolver:
+    """Host solver for the steps with friction of scene k.
+
+    While sweeps continue, only an answer that meets the tolerance is taken. After the last sweep the best
+    answer is taken if its residual is smaller than that of the sweeps.
+    """
+
+    def __init__(self, records: SceneRecords, k: int):
+        self._records, self._k = records, k
+        self._best: Answer | None = None
+        self._bodies: Indices = np.empty((2, 0), int)  # of the contacts of the best answer; -1 - w at wall w
+        self._work = 0  # in the present step
+
+    @property
+    def _tangential(self) -> list[str]:
+        """Names of the corrections beside dv."""
+        return ["dvt"] + ["dvr"] * self._records.scenes[self._k].has_rolling_friction
+
+    def solve(self) -> None:
+        """Replace the corrections of the step if better ones are found, and let the kernels continue."""
+        scene, record = self._records.scenes[self._k], self._records.host[self._k]
+        listed, state = ListedContacts(self._records, self._k), record["step"]
+        contacts, tolerance = Contacts.of(listed.constraints), ASKED * scene.tolerance
+        if state["asking"] == Asking.EARLY:
+            self._best, self._work = None, 0
+        bodies = np.stack(
+            [contacts.first, np.append(listed.constraints.second, -1 - listed.constraints.wall[:, 1])]
+        )
+        best, is_known = self._best, np.array_equal(bodies, self._bodies)
+        if best is None or not is_known:
+            entries = self._with_rolling(contacts, listed.constraints.wall)
+            best = self._best = self._answer(listed, entries, tolerance)
+            self._bodies = bodies
+            self._work += best.work
+            state["factorizations"] += best.factorizations
+        is_last, is_solved = state["iterations"] >= scene.max_iterations, best.residual <= tolerance
+        is_better = is_solved or (is_last and best.factorizations > 0 and best.residual < state["residual"])
+        if is_better:
+            listed.write("dv", best.dv)
+            for name, values in zip(self._tangential, best.dvt.reshape(-1, len(best.dv)), strict=True):
+                listed.write(name, values)
+        state["asking"] = Asking.NEVER if is_last or is_solved else Asking.AT_LAST
+        record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
+
+    def _with_rolling(self, contacts: Contacts, wall: Indices) -> Contacts:
+        """Return contacts with the entries of those that resist rolling, where there are any."""
+        scene = self._records.scenes[self._k]
+        if not scene.has_rolling_friction:
+            return contacts
+        rolling, pose = (self._records.array(self._k, f"walls.{name}") for name in ("rolling", "pose"))
+        spin = rolling[:, 1].copy()
+        if len(pose) > 0:
+            spin[1:] += pose[:, PoseOf.ANGULAR_VELOCITY]
+        body = scene.bodies.of(wall[:, 1].astype(np.int32))
+        pairs = len(contacts.first) - len(wall)
+        mu = np.append(np.full(pairs, scene.rolling_friction), rolling[body, 0])
+        surface = np.append(np.zeros(pairs), scene.radius[wall[:, 0]] * spin[body])
+        return contacts.with_rolling(mu, surface, scene.radius)
+
+    def _answer(self, listed: ListedContacts, contacts: Contacts, tolerance: float) -> Answer:
+        """Return the best answer found from the corrections of the sweeps.
+
+        Contacts far from closing are left out at first, and taken in where an answer closes them.
+        """
+        scene, constraints = self._records.scenes[self._k], listed.constraints
+        mass, walls = constraints.mass, len(constraints.body) - scene.n
+        inertia = np.column_stack([mass, mass, np.append(0.5 * scene.rim_mass, np.ones(walls))])
+        inertia[scene.n :, 1] = 1.0
+        free, rim, velocity = (
+            self._records.array(self._k, f"grains.{name}")
+            for name in ("free_velocity", "free_rim", "next_velocity")
+        )
+        free = np.column_stack([free[constraints.body], np.append(rim, np.zeros(walls))])
+        velocity = velocity[constraints.body]
+        dv = np.maximum(0.0, listed.read("dv"))
+        dvt = np.concatenate([np.where(dv > 0.0, listed.read(name), 0.0) for name in self._tangential])
+        near, reach = dv > 0.0, NEAR * dv.sum() / max(1, np.count_nonzero(dv))
+        closing = constraints.normal_speed(velocity) - constraints.gap_rate
+        exact_time = EXACT_TIME if scene.exact_time is None else scene.exact_time
+        left = exact_time * scene.max_iterations * len(dv) - self._work
+        work, factorizations = 0, 0
+        while True:
+            near = near | (closing > -reach)
+            every = np.tile(near, len(self._tangential))
+            step = FrictionStep(contacts.only(every), inertia, free, walls)
+            answer = step.solve(np.append(dv, dv)[: len(every)][every], dvt[every], tolerance, left - work)
+            dv[near], dvt[every] = answer.dv[: np.count_nonzero(near)], answer.dvt
+            work, factorizations = work + answer.work, factorizations + answer.factorizations
+            velocity = step.velocity(answer)
+            sliding = constraints.sliding(scene.dt * velocity)
+            closing = sliding.normal_speed(velocity) - sliding.gap_rate
+            residual = max(answer.residual, closing[~near].max(initial=0.0))
+            if residual <= tolerance or answer.residual > tolerance:
+                if (
+                    residual > tolerance
+                    and np.abs(velocity).max(initial=0.0) > 2.0 * scene.radius_out / scene.dt
+                ):
+                    residual = np.inf  # grains cannot fit, and some leave the domain
+                return Answer(dv, dvt, residual, factorizations, work)
