@@ -130,7 +130,7 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
     assert Recording(tmp_path / "run.usdc").scene.walls == scene.walls
     assert report_on_recording(tmp_path / "run.usdc") == ["OK: 25 frames, 2 grains"]
     assert export(tmp_path / "run.usdc", tmp_path / "run.pvd") == 25
-    assert {"hopper_2", "hopper_4", "polyline3_7"} < drawn_walls(scene).keys()
+    assert {"hopper_2", "hopper_4", "polyline3_7"} < drawn_walls(scene, 0.02).keys()
     simulation.save(tmp_path / "state.npz")
     assert Simulation.load(tmp_path / "state.npz").scene.walls == scene.walls
     contacts = simulation.wall_contacts()

@@ -97,11 +97,11 @@ def test_scales_come_from_the_scene(scale, fields, expected):
 @pytest.mark.parametrize("kind", BOXES)
 def test_sides_and_walls_of_a_box_are_drawn_in_it_at_all_times(kind):
     """Without a circle; what crosses a periodic side reaches beyond by its width, and in between again."""
-    scene, still = boxed(kind), drawn_walls(boxed(kind))
+    scene, still = boxed(kind), drawn_walls(boxed(kind), 0.02)
     period, high = scene.period.lengths, np.array([1.0, 0.7])
     assert {name.split("_")[0] for name in still} == {*scene.wall_names}
     for time in (0.0, 0.3, 2.0, 50.0):
-        for name, band in (still | moved_walls(scene, scene, time)).items():
+        for name, band in (still | moved_walls(scene, scene, time, 0.02)).items():
             wall = scene.walls[list(still).index(name)]
             points = np.concatenate([band.first, band.second])
             assert len(points) == len(still[name].first) * 2

@@ -1,10 +1,14 @@
 """Damaged recordings: `check` names what is wrong, and readers refuse what no recording has."""
 
+import re
+
 import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
 from recordings import GRAINS, grains_of, make_frames, make_scene, record
+from walled_scenes import BOXES, DRIVEN, PISTON, STILL, boxed, pressed
 
+from warpgrains import Simulation
 from warpgrains.errors import InputError
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recording import Recording
@@ -14,11 +18,13 @@ COLOR = "primvars:displayColor:indices"
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    """Return the bytes of two recordings: points, and discs that rotate."""
+    """Return the bytes of recordings: points, discs that rotate, and walls that move and are driven."""
     folder, discs = tmp_path_factory.mktemp("recordings"), make_scene(friction=0.3)
     points = record(folder / "points.usdc", make_frames(4), forces=True)
     discs = record(folder / "discs.usdc", make_frames(4), discs, draw_as="discs")
-    return {path.stem: path.read_bytes() for path in (points, discs)}
+    walls, mobile = folder / "walls.usdc", pressed(9, walls=[PISTON, DRIVEN, STILL], pressure=None)
+    Simulation(mobile).run(steps=40, record=walls, fps=20)  # 5 frames
+    return {path.stem: path.read_bytes() for path in (points, discs, walls)}
 
 
 @pytest.fixture
@@ -177,6 +183,43 @@ def test_walls_are_inspected(damaged):
         assert f"Outer: extent {problem} {ALL}" in inspect_recording(
             damaged(within("Walls/Outer.extent", wrong))
         )
+
+
+def shift_by(number, at):
+    """Return the damage that adds a number to all values of a frame; for None, of all frames."""
+
+    def apply(own):
+        kind = type(own.Get(at or 0))
+        values = kind.FromNumpy(np.array(own.Get(at or 0)) + np.array(number, np.float32))
+        own.Set(values) if at is None else own.Set(values, at)
+
+    return apply
+
+
+@pytest.mark.parametrize(
+    ("place", "damage", "wall", "off", "frame"),
+    [
+        ("Walls/Segment0.points", shift_by((0.25, 0, 0), 3), "Segment0", 0.25, 3),
+        ("Walls/Segment1.points", shift_by((0, 0.125, 0), 2), "Segment1", 0.125, 2),
+        ("Walls.warpgrains:places", shift_by(0.5, 4), "Segment1", 0.5, 4),
+        ("Walls/Disc2.points", shift_by((0, 0.5, 0), None), "Disc2", 0.5, 0),
+        ("Walls.warpgrains:thickness", put(0.03), "Outer", 0.03 - 0.0208, 0),
+    ],
+)
+def test_walls_are_drawn_where_they_are(damaged, place, damage, wall, off, frame):
+    found = inspect_recording(damaged(within(place, damage), "walls"))
+    (line,) = [each for each in found if each.startswith(f"{wall}: points")]
+    distance, number = re.fullmatch(r".* up to (\S+) m from where the wall is \(frame (\d)\)", line).groups()
+    assert (float(distance), int(number)) == (pytest.approx(off, rel=0.03), frame)
+
+
+@pytest.mark.parametrize("kind", BOXES)
+def test_walls_of_every_kind_are_drawn_where_they_are(tmp_path, kind):
+    """Also in a recording that begins later."""
+    simulation = Simulation(boxed(kind, 30))
+    simulation.run(steps=13)
+    simulation.run(steps=20, record=tmp_path / "run.usdc", fps=47.0)
+    assert inspect_recording(tmp_path / "run.usdc") == []
 
 
 def test_instances_are_inspected_at_their_size(damaged):

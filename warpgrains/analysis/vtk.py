@@ -12,11 +12,11 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import all_contacts, contact_lines, cut
-from warpgrains.drawing.shapes import drawn_walls, moved_walls, wall_mesh
+from warpgrains.drawing.shapes import wall_mesh
 from warpgrains.errors import InputError
 from warpgrains.files import draft_of, make_folder, require_writable_path, resolve_link, write_atomically
 from warpgrains.locks import Lock
-from warpgrains.usd.recording import Recording
+from warpgrains.usd.recording import Recording, painter_of
 
 Arrays = dict[str, np.ndarray]
 _FRAME = re.compile(r"(\.draft\.)?([a-z]+-)?\d{4,}\.vtp")  # drafts are those of an export that was killed
@@ -92,8 +92,9 @@ def _blocks(source: Recording, k: int) -> dict[str, bytes]:
         of_contact = {"grain": pair[contact, 0], "other": pair[contact, 1]}
         of_contact |= {name: own[contact] for name, own in carried.items()}
         found["Contacts"] = _vtp(ends, "Lines", np.arange(len(ends)).reshape(-1, 2), of_cells=of_contact)
-    moved = moved_walls(scene, scene, frame.time)
-    meshes = [wall_mesh(band) for band in (drawn_walls(scene) | moved).values()]
+    painter = painter_of(source)
+    moved = painter.moved_walls(scene, frame.time)
+    meshes = [wall_mesh(band) for band in (painter.walls | moved).values()]
     if meshes and (moved or k == 0):
         first = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
         corners = [mesh.corners.reshape(-1, 4) + of for mesh, of in zip(meshes, first, strict=False)]

@@ -12,7 +12,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
 from warpgrains.drawing.colors import GrainColors
 from warpgrains.drawing.kinds import frame_of
-from warpgrains.drawing.shapes import drawn_walls
+from warpgrains.drawing.shapes import drawn_walls, moved_walls
 from warpgrains.scene.band import Band
 from warpgrains.scene.bounds import Bounds
 from warpgrains.scene.extent import box_of_discs
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.snapshot import Snapshot
 
 
+_THICKNESS = 0.02  # of walls, in half of the longer side of the view
 _MARGIN = 0.04  # about the extent, in half of its longer side: walls are drawn outside of the grains' space
 
 
@@ -37,6 +38,8 @@ class Painter:
         self._is_framed = frame is not None
         margin = (_MARGIN * scene.extent.half * ~scene.period.repeats).tolist()
         self.view = scene.extent.grown(*margin) if frame is None else frame_of("frame", frame)
+        self.thickness = _THICKNESS * self.view.half
+        """Thickness of walls [m]."""
 
     @property
     def needs_contacts(self) -> bool:
@@ -45,7 +48,11 @@ class Painter:
     @cached_property
     def walls(self) -> dict[str, Band]:
         """The walls as drawn, by name."""
-        return drawn_walls(self.scene)
+        return drawn_walls(self.scene, self.thickness)
+
+    def moved_walls(self, now: Scene, time: float) -> dict[str, Band]:
+        """Return the mobile walls as drawn at a time [s], by name; driven ones as in the scene now."""
+        return moved_walls(self.scene, now, time, self.thickness)
 
     @property
     def has_free_corners(self) -> bool:

@@ -21,7 +21,6 @@ WALL_COLOR = (0.35, 0.35, 0.35)
 """Color of walls (sRGB)."""
 
 _SEGMENTS = 64  # per circle about z; the polygon lacks 0.16 % of the disc's area
-_THICKNESS = 0.02  # thickness of a wall, in half of the longer side of the extent
 _RINGS = 16  # of a sphere, from pole to pole
 _RIM = 0.88  # inner radius of the rim of a disc, in radii
 _SLOPE = 2.0  # slope of the rim; its shading separates grains that touch
@@ -114,17 +113,15 @@ def wall_mesh(band: Band) -> Shape:
     return Shape(points, np.full(len(bands), 4), bands.ravel(), normals)
 
 
-def drawn_walls(scene: Scene) -> dict[str, Band]:
-    """Return the drawn walls by name; they lie outside the space of the grains."""
-    thickness = _THICKNESS * scene.extent.half
+def drawn_walls(scene: Scene, thickness: float) -> dict[str, Band]:
+    """Return the walls as drawn with a thickness [m], by name; they lie outside the space of the grains."""
     own = ((number, wall) for number, wall in enumerate(scene.walls) if wall.image is None)
     drawn = {number: _drawn(scene, wall, None, thickness) for number, wall in own}
     return _by_name(scene, drawn)
 
 
-def moved_walls(scene: Scene, now: Scene, time: float) -> dict[str, Band]:
+def moved_walls(scene: Scene, now: Scene, time: float, thickness: float) -> dict[str, Band]:
     """Return the mobile walls of a scene as drawn at a time [s], by name; driven ones as in the scene now."""
-    thickness = _THICKNESS * scene.extent.half
     own = ((number, wall) for number, wall in now.mobile_walls.items() if wall.image is None)
     moved = {number: _drawn(scene, wall, time, thickness) for number, wall in own}
     return _by_name(scene, moved)

@@ -23,7 +23,7 @@ from warpgrains.drawing.colorings import COLORINGS
 from warpgrains.drawing.colors import ColorScale, mark_color
 from warpgrains.drawing.kinds import STILLS
 from warpgrains.drawing.painter import Painter
-from warpgrains.drawing.shapes import WALL_COLOR, marks, moved_walls
+from warpgrains.drawing.shapes import WALL_COLOR, marks
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.scene.band import Band
@@ -76,7 +76,7 @@ class FrameArtists:
         collections = self._grains, *marks, self._chains
         for collection in collections:
             axes.add_collection(collection, autolim=False)
-        mobile = [self._walls[name] for name in moved_walls(painter.scene, painter.scene, 0.0)]
+        mobile = [self._walls[name] for name in painter.moved_walls(painter.scene, 0.0)]
         self.changing: tuple[Any, ...] = *mobile, *collections, self._time
         """Artists that `show` changes, from back to front."""
         if painter.chain_scale is not None:
@@ -84,7 +84,7 @@ class FrameArtists:
 
     def show(self, now: Snapshot) -> None:
         """Draw a snapshot, replacing the last one."""
-        for name, wall in moved_walls(self._painter.scene, now.scene, now.time).items():
+        for name, wall in self._painter.moved_walls(now.scene, now.time).items():
             self._walls[name].set_path(_outline(wall))
         (places, grain), chains = now.images, self._painter.chains(now)
         color, radius = self._painter.color(now)[grain], now.scene.radius[grain]

@@ -11,7 +11,9 @@ from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpgrains.drawing.chains import ChainScale
 from warpgrains.drawing.colors import ColorScale
+from warpgrains.drawing.shapes import drawn_walls, moved_walls, wall_mesh
 from warpgrains.errors import InputError
+from warpgrains.scene import checks
 from warpgrains.shown import number_of
 from warpgrains.usd.grains import (
     ANGLE,
@@ -25,7 +27,8 @@ from warpgrains.usd.grains import (
     position_of,
     quaternions,
 )
-from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, WALLS
+from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, THICKNESS, WALLS
+from warpgrains.usd.recording import Recording
 from warpgrains.usd.stage import (
     RECORDED_BY,
     Values,
@@ -55,15 +58,21 @@ class Row(NamedTuple):
 def inspect_recording(path: str | Path) -> list[str]:
     """Return the problems of a recording, one a line. Raises InputError if it is no recording at all."""
     with refusing_untrusted_content(path):
-        return _problems(open_recording(Path(path)))
+        stage = open_recording(Path(path))
+        found = _problems(stage)
+        try:
+            has_walls = bool(stage.GetPrimAtPath(WALLS))
+            return [*found, *(_misplaced_walls(Recording(path), stage) if has_walls else ())]
+        except InputError as error:
+            return found or [str(error)]
 
 
 def report_on_recording(path: str | Path) -> list[str]:
     """Return the lines that `check` prints: the problems of a recording, or else "OK" and its size."""
+    if problems := inspect_recording(path):
+        return problems
     with refusing_untrusted_content(path):
         stage = open_recording(Path(path))
-        if problems := _problems(stage):
-            return problems
         prim = stage.GetPrimAtPath(GRAINS)
         frames, mass = position_of(prim).GetNumTimeSamples(), _values(prim.GetAttribute(OF_GRAINS["mass"]))
         return [f"OK: {number_of(frames, 'frame')}, {number_of(len(mass), 'grain')}"]
@@ -113,6 +122,30 @@ def _stage_problems(stage: Usd.Stage, codes: list[float]) -> list[str]:
         f"no walls at {WALLS}": not stage.GetPrimAtPath(WALLS),
     }
     return [problem for problem, is_found in found.items() if is_found]
+
+
+def _misplaced_walls(recording: Recording, stage: Usd.Stage) -> Iterator[str]:
+    """Yield the walls that are not drawn where the scene of a recording has them."""
+    scene, prim = recording.recorded_scene, stage.GetPrimAtPath(WALLS)
+    thickness = checks.positive("thickness of walls", prim.GetAttribute(THICKNESS).Get())
+    still = drawn_walls(scene, thickness)
+    largest, where = dict.fromkeys(still, 0.0), dict[str, int]()
+    for code in range(len(recording)):
+        now = scene.with_walls_at(recording.places(code))
+        moved = moved_walls(scene, now, recording.times.time(code), thickness)
+        for name, band in (moved if code else still | moved).items():
+            expected = wall_mesh(band).points
+            points = _values(prim.GetChild(name).GetAttribute("points"), code)
+            if points.shape != expected.shape:
+                yield f"{name}: points hold {len(points)} values, not {len(expected)} (frame {code})"
+                return
+            distance = float(np.abs(points - expected).max())
+            if distance > max(
+                largest[name], _ROUNDED * float(np.spacing(np.float32(np.abs(expected).max())))
+            ):
+                largest[name], where[name] = distance, code
+    for name, code in where.items():
+        yield f"{name}: points are up to {largest[name]:.3g} m from where the wall is (frame {code})"
 
 
 def _scale_problems(stage: Usd.Stage) -> Iterator[str]:

@@ -10,7 +10,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, all_contacts, chains_of
 from warpgrains.drawing.painter import Painter
-from warpgrains.drawing.shapes import WALL_COLOR, moved_walls, wall_mesh
+from warpgrains.drawing.shapes import WALL_COLOR, wall_mesh
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.usd.stage import as_float32, bind_material, covering_extent, define_mesh, set_kind, triples
@@ -18,6 +18,8 @@ from warpgrains.usd.stage import as_float32, bind_material, covering_extent, def
 WALLS = Sdf.Path("/World/Walls")
 PLACES = "warpgrains:places"
 """Attribute of `WALLS` in scenes with driven walls: the coordinates of all walls [m], see `State.driven`."""
+THICKNESS = "warpgrains:thickness"
+"""Attribute of `WALLS`: with which thickness [m] they are drawn."""
 FORCES = Sdf.Path("/World/Forces")
 GRAINS_OF = ("grain", "neighbour")
 """Primvars of a band: the grains of its contact, see `all_contacts`."""
@@ -37,6 +39,7 @@ class Walls:
         """Author the prims, completely if the walls are not mobile."""
         walls = UsdGeom.Xform.Define(stage, WALLS).GetPrim()
         set_kind(walls, "subcomponent")
+        walls.CreateAttribute(THICKNESS, Sdf.ValueTypeNames.Double).Set(self._painter.thickness)
         if self._scene.has_driven_walls:
             walls.CreateAttribute(PLACES, Sdf.ValueTypeNames.DoubleArray)
         for name, wall in self._painter.walls.items():
@@ -46,7 +49,7 @@ class Walls:
         values: dict[str, NDArray[Any]] = {}
         if now.places is not None:
             values[f"{WALLS}.{PLACES}"] = now.places
-        for name, wall in moved_walls(self._scene, now.scene, now.time).items():
+        for name, wall in self._painter.moved_walls(now.scene, now.time).items():
             shown, path = as_float32("a point of a wall", wall_mesh(wall).points), WALLS.AppendChild(name)
             values[f"{path}.points"] = shown
             values[f"{path}.extent"] = covering_extent(shown, np.zeros(len(shown)))

@@ -174,7 +174,7 @@ class Recording(Shown):
         """
         scene, time = self.recorded_scene, self.times.time(0)
         if time != scene.time:
-            scene = scene.with_walls_at(self._places(0)).starting_at(time)
+            scene = scene.with_walls_at(self.places(0)).starting_at(time)
         try:
             require_valid_positions(scene)
         except InputError as error:
@@ -193,7 +193,7 @@ class Recording(Shown):
             **self._parameters,
         )
 
-    def _places(self, k: int) -> FloatArray | None:
+    def places(self, k: int) -> FloatArray | None:
         """Return the coordinates of walls [m], shape (walls,); None where no force drives a wall."""
         with refusing_untrusted_content(self.path):
             places = self._stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
@@ -228,7 +228,7 @@ class Recording(Shown):
         grains: dict[str, Any] = {}
         for name in ("position", "velocity", "spin", "angle"):
             grains[name] = self._of_frame(name, k)
-        places = self._places(k)
+        places = self.places(k)
         scene, steps = self.recorded_scene.with_walls_at(places), times.simulated_step(k)
         return Snapshot(
             scene=scene,

@@ -7,7 +7,7 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import linear, mark_color
 from warpgrains.drawing.painter import Painter
-from warpgrains.drawing.shapes import WALL_COLOR, mark, moved_walls, wall_mesh
+from warpgrains.drawing.shapes import WALL_COLOR, mark, wall_mesh
 from warpgrains.scene.band import Band
 from warpgrains.scene.snapshot import Snapshot
 
@@ -42,7 +42,7 @@ class Stage:
 
     def show(self, now: Snapshot, painter: Painter) -> None:
         """Draw a snapshot, replacing the last one."""
-        for name, wall in moved_walls(painter.scene, now.scene, now.time).items():
+        for name, wall in painter.moved_walls(now.scene, now.time).items():
             self._add_wall(name, wall)
         (places, grain), chains = now.images, painter.chains(now)
         unused = 0, self._slots - len(grain)  # of instances, whose number is fixed: of radius 0
