@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 import warpgrains as wg
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.drawing.chains import ChainScale
-from warpgrains.drawing.colors import ColorScale
+from warpgrains.drawing.looks import Look
 from warpgrains.drawing.painter import Painter
 from warpgrains.pictures.still import FrameArtists, add_color_bar
 from warpgrains.solver.statistics import Summary
@@ -68,14 +69,15 @@ class Row:
         Divided by the diameter of a mean grain, it is the pressure of the last color.
         """
         scene = simulation.scene
-        painter = Painter(scene, color_by, forces=True, frame=frame)
+        painter = Painter(scene, Look(color_by=color_by, forces=True, frame=frame))
         if largest is not None:
             painter.chain_scale = ChainScale(largest, scene.smallest_radius)
-            if color_by == "pressure":
-                painter.colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
+            if painter.colors.scale is not None and color_by == "pressure":
+                high = largest / (2.0 * float(scene.radius.mean()))
+                painter.colors.scale = replace(painter.colors.scale, high=high)
         FrameArtists(self._free.pop(0), painter).show(snapshot(simulation))
-        if not self._free and painter.colors.scale is not None:
-            add_color_bar(self.figure, self.axes, painter.colors.scale)
+        if not self._free:
+            add_color_bar(self.figure, self.axes, painter)
 
 
 def moments(

@@ -77,7 +77,9 @@ def test_force_chains_are_as_wide_as_in_the_file(tmp_path, frames):
         across = np.array([-along[1], along[0]])
         places = (start + end) / 2.0 + np.linspace(-0.1, 0.1, 4001)[:, np.newaxis] * across
         shown = picture.shows(CHAIN_COLOR, places).mean() * 0.2
-        assert shown == pytest.approx(width, abs=1.25 * picture.edge)
+        # both sides may cut a pixel along its diagonal, and half of the white border lies on the band
+        lost = 2.0 * np.sqrt(2.0) / picture.view.scale + 0.15 * width
+        assert shown == pytest.approx(width, abs=lost)
 
 
 def test_frames_of_a_strip_are_spread_evenly(tmp_path):

@@ -25,7 +25,7 @@ def same_frames(one, other):
     """Return how many frames two recordings have, which an independent reader finds equal."""
     assert inspect_recording(one) == inspect_recording(other) == []
     grains = [lightusd.load(str(path)).prim_at(GRAINS) for path in (one, other)]
-    for name in ("points", "velocities", "primvars:displayColor:indices"):
+    for name in ("points", "velocities", "primvars:speed"):
         ours, theirs = (prim.attribute(name) for prim in grains)
         assert ours.timesamples.times == theirs.timesamples.times == tuple(range(len(ours.timesamples)))
         for code in ours.timesamples.times:

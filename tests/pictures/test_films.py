@@ -3,14 +3,17 @@
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import imageio_ffmpeg
 import numpy as np
 import pytest
 from command import exit_code
+from matplotlib.collections import PolyCollection
 from matplotlib.image import imread
 from moments import far_away
 from PIL import Image, ImageSequence
+from pxr import Usd
 from recordings import make_scene, moment, record
 from walled_scenes import boxed
 from walls_seen import View
@@ -19,12 +22,17 @@ from warpgrains import InputError, Scene, Segment, Simulation
 from warpgrains.analysis.plots import plot
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.drawing.chains import CHAIN_COLOR
-from warpgrains.drawing.colors import GrainColors, mark_color
+from warpgrains.drawing.colorings import speed_scale
+from warpgrains.drawing.colors import GrainColors, is_dark, mark_color
 from warpgrains.drawing.frames import FrameTimes
+from warpgrains.drawing.kinds import color_of
+from warpgrains.drawing.looks import Look
 from warpgrains.drawing.painter import Painter
-from warpgrains.pictures.film import Film, draw_film, encoding_of_frames
+from warpgrains.pictures.film import Film, FilmWriter, draw_film, encoding_of_frames
 from warpgrains.pictures.still import FrameArtists, Picture
+from warpgrains.scene.toml import toml_value
 from warpgrains.simulation.options import RunOptions
+from warpgrains.usd.recording import Recording, painter_of
 
 STRIDE = 4
 LOSS = 0.15  # of a color, by 8 bits of YUV at half resolution, 256 colors, or 80 % of quality
@@ -68,7 +76,7 @@ def test_a_picture_of_a_periodic_box_is_the_same_on_both_sides(kind):
     simulation.run(duration=0.2)
     pictures = []
     for shown in (snapshot(simulation), far_away(snapshot(simulation))):
-        figure = Picture(Painter(shown.scene, "speed", False), shown).figure
+        figure = Picture(Painter(shown.scene, Look(color_by="speed")), shown).figure
         figure.canvas.draw()
         pictures.append(np.asarray(figure.canvas.buffer_rgba())[..., :3] / 255.0)
     assert np.array_equal(*pictures)
@@ -90,7 +98,7 @@ def test_frames_show_the_states(tmp_path, states, capsys, recorded, drawn):
     path, scene = tmp_path / f"run{recorded}", Scene.load("annulus")
     if drawn is None:
         path.write_bytes(b"earlier")
-    summary = Simulation(scene).run(steps=STRIDE * (len(states) - 1), record=path, fps=25)
+    summary = Simulation(scene).run(steps=STRIDE * (len(states) - 1), record=path, fps=25, color_by="speed")
     assert summary.output == str(path)
     assert list(tmp_path.iterdir()) == [path]
     if drawn:
@@ -113,7 +121,7 @@ def test_marks_show_how_far_grains_have_turned(tmp_path, suffix, options):
     simulation.run(steps=40, record=path, **options)
     assert list(tmp_path.iterdir()) == [path]
     pixels, now = picture_of(path), snapshot(simulation)
-    view, colors = View(pixels, 0.08), GrainColors(simulation.scene, "speed").of(now)
+    view, colors = View(pixels, 0.08), GrainColors(simulation.scene, "palette").of(now)
     turned = np.stack([np.cos(now.angle), np.sin(now.angle)], axis=1)
     ahead = 0.6 * now.scene.radius[:, np.newaxis] * turned
     for shift, expected in ((-ahead, colors), (ahead, mark_color(colors))):
@@ -225,7 +233,7 @@ def test_a_still_contains_all_grains_unless_it_has_a_frame():
     for y, top in ((0.1, 0.62), (1.0, 1.05)):
         now = moment(np.array([(0.0, y)]), np.zeros((1, 2)), scene)
         for frame, limits in ((None, [-0.32, 0.32, -0.42, top]), (FRAME, [-0.5, 1.5, -0.25, 0.75])):
-            (axes,) = Picture(Painter(scene, "palette", False, frame=frame), now).figure.axes
+            (axes,) = Picture(Painter(scene, Look(frame=frame)), now).figure.axes
             assert [*axes.get_xlim(), *axes.get_ylim()] == pytest.approx(limits)
 
 
@@ -239,3 +247,164 @@ def test_a_still_shows_the_state(tmp_path):
     widest = contacts.pair[np.argmax(contacts.force)]
     middle = simulation.position[widest].mean(axis=0, keepdims=True)
     assert np.allclose(View(pixels).at(pixels, middle), CHAIN_COLOR, atol=0.02)
+
+
+LOOKS = [
+    {"color_by": "bands"},
+    {"color_by": "height", "colors": "#f4e9cd,#31572c"},
+    {"color_by": "speed", "colors": "viridis_r", "range": "0,0.5"},
+    {"color_by": "force", "forces": True, "clean": True},
+    {"color_by": "id", "background": "#202428", "frame": FRAME, "size": "640x400"},
+    {"color_by": "palette", "background": "black", "colors": "tan,#ffffff", "forces": True},
+]
+
+
+class TestLooks:
+    """They may be chosen when one runs a scene, and when one looks at its recording."""
+
+    @pytest.fixture(scope="class")
+    def recorded(self, tmp_path_factory):
+        """Return the path of a recording of the annulus with its forces, and the simulation at its end."""
+        path, simulation = tmp_path_factory.mktemp("looks") / "run.usdc", Simulation(Scene.load("annulus"))
+        simulation.run(steps=100, record=path, fps=50, forces=True, color_by="radius")
+        return path, simulation
+
+    @pytest.mark.parametrize("looks", LOOKS)
+    def test_of_a_recording_are_those_of_the_run(self, recorded, tmp_path, looks):
+        """And in Python, on the command line and in a style alike."""
+        path, simulation = recorded
+        colors = painter_of(Recording(path), **looks).color(Recording(path).frame(-1))
+        assert (
+            np.abs(colors - Painter(simulation.scene, Look(**looks)).color(snapshot(simulation))).max() < 0.02
+        )
+        flags = [
+            f"--{name.replace('_', '-')}" + ("" if one is True else f"={one}") for name, one in looks.items()
+        ]
+        style = tmp_path / "style.toml"
+        style.write_text("\n".join(f"{name} = {toml_value(one)}" for name, one in looks.items()))
+        chosen = {"a": flags, "b": ["--style", style], "c": ["--style", style, "--no-clean"]}
+        for name, words in chosen.items():
+            words = [*words, "--no-curves", "--frames=-1"]
+            assert exit_code("plot", path, "-o", tmp_path / f"{name}.png", *words) == 0
+        plot(path, tmp_path / "d.png", [-1], False, **looks)
+        one, same, bare, again = ((tmp_path / f"{name}.png").read_bytes() for name in "abcd")
+        assert one == same == again
+        assert (one == bare) == ("clean" not in looks)
+        assert picture_of(tmp_path / "a.png")[0, 0] == pytest.approx(
+            color_of("", looks.get("background", "white"))
+        )
+
+    def test_of_a_run_have_a_style_too(self, tmp_path):
+        style = tmp_path / "style.toml"
+        style.write_text("color_by = 'height'\nclean = true\nsize = '200x200'\n")
+        assert exit_code("run", "annulus", "--steps", 3, "-o", tmp_path / "a.png", "--style", style) == 0
+        looks = {"color_by": "height", "clean": True, "size": "200x200"}
+        Simulation("annulus").run(steps=3, record=tmp_path / "b.png", **looks)
+        simulation = Simulation("annulus")
+        simulation.run(steps=3)
+        simulation.plot(style=style).save(tmp_path / "c.png")
+        one, *others = ((tmp_path / f"{name}.png").read_bytes() for name in "abc")
+        assert others == [one, one]
+
+    def test_that_a_recording_cannot_have_are_refused(self, tmp_path, states):
+        path = record(tmp_path / "run.usdc", states[:2], Scene.load("annulus"))
+        style = tmp_path / "style.toml"
+        style.write_text("colour = 'red'")
+        for looks, complaint in (
+            ({"color_by": "force"}, "color_by 'force' needs contacts: record them with --forces"),
+            ({"forces": True}, "holds no contacts"),
+            ({"color_by": "spin"}, "needs a scene with friction"),
+            ({"range": "1,1"}, "LOW must be less than HIGH"),
+            ({"color_by": "bands", "range": "0,1"}, "range has no effect on color_by 'bands'"),
+            ({"colors": "virdis"}, "did you mean 'viridis'"),
+            ({"colors": "#fff,red"}, None),
+            ({"colors": "#ff,red"}, "colors is '#ff': it must be a color"),
+        ):
+            with pytest.raises(InputError, match=complaint) if complaint else nullcontext():
+                plot(path, tmp_path / "run.png", **looks)
+        with pytest.raises(InputError, match=r"key of style .*'colour': did you mean"):
+            Simulation("annulus").plot(style=style)
+
+    def test_have_more_than_a_few_light_colors(self):
+        """The colors of most frames are light: those of grains at rest, and the palette."""
+        scene = Scene.load("rotating_drum")
+        slow = moment(scene.position, np.full((scene.n, 2), 0.02), scene)
+        for color_by in ("palette", "speed", "spin"):
+            assert not is_dark(GrainColors(scene, color_by).of(slow)).any()
+
+    def test_slow_grains_use_the_scale_too(self):
+        """A hundredth of the largest speed has a tenth of the colors."""
+        scene = Scene.load("annulus")
+        velocity = np.outer(np.geomspace(0.01, 1.0, 3), (speed_scale(scene), 0.0)).repeat(5, axis=0)
+        levels = GrainColors(scene, "speed").levels(moment(scene.position, velocity, scene))
+        assert levels[::5].tolist() == [round(0.1 * 63), round(0.1**0.5 * 63), 63]
+
+    @pytest.mark.parametrize(("pixels", "is_marked"), [(64, False), (800, True)])
+    def test_marks_are_off_where_grains_are_small(self, pixels, is_marked):
+        scene = make_scene(np.full(5, 0.1), friction=0.3)
+        look = Look(size=f"{pixels}x{pixels}", clean=True)
+        artists = Picture(Painter(scene, look), moment(scene.position, scene.velocity, scene)).figure.axes[0]
+        marks = [own for own in artists.collections if isinstance(own, PolyCollection) and own.get_paths()]
+        assert len(marks) == is_marked
+
+
+class TestSlowMotion:
+    def test_a_film_of_a_bullet_shows_it(self, tmp_path, capfd):
+        """Of 0.13 s, without an option."""
+        path = tmp_path / "bullet.mp4"
+        assert exit_code("run", "bullet", "-o", path) == 0
+        assert "frames, 24 a second, 20 times slower" in capfd.readouterr().out
+        frames, rate = film_frames(path)
+        assert (len(frames) > 40, rate) == (True, 24.0)
+
+    def test_films_of_runs_and_recordings_play_it(self, tmp_path):
+        scene = Scene.load("bullet")
+        for suffix in (".webp", ".usdc"):
+            Simulation(scene).run(steps=40, record=tmp_path / f"run{suffix}", fps=25, slow=10.0)
+        draw_film(tmp_path / "run.usdc", tmp_path / "again.webp")
+        draw_film(tmp_path / "run.usdc", tmp_path / "fast.webp", slow=5.0, fps=25)
+        draw_film(tmp_path / "run.usdc", tmp_path / "real.webp", slow=1.0, fps=50)
+        for name, count, rate in (
+            ("run", 11, 25.0),
+            ("again", 11, 25.0),
+            ("fast", 6, 25.0),
+            ("real", 3, 50.0),
+        ):
+            frames, shown = film_frames(tmp_path / f"{name}.webp")
+            assert (len(frames), shown) == (count, pytest.approx(rate))
+        with pytest.raises(InputError, match="fps 20 cannot be met"):
+            draw_film(tmp_path / "run.usdc", tmp_path / "odd.webp", fps=20)
+
+    def test_velocities_of_a_recording_are_those_that_it_shows(self, tmp_path):
+        """A grain that flies freely moves by its velocity over the time codes a second, for motion blur."""
+        flight = {"velocity": [(3.0, -2.0)], "gravity": (0.0, 0.0), "dt": 1e-3}
+        scene = Scene(position=[(0.0, 0.3)], radius=0.1, mass=1.0, radius_out=2.0, **flight)
+        Simulation(scene).run(steps=100, record=tmp_path / "run.usdc", slow=20.0)
+        stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
+        assert stage.GetTimeCodesPerSecond() == 24.0
+        points, velocities = (
+            [np.array(stage.GetAttributeAtPath(f"/World/Grains.{name}").Get(k))[0] for k in range(48)]
+            for name in ("points", "velocities")
+        )
+        assert np.diff(points, axis=0) == pytest.approx(np.array(velocities[1:]) / 24.0, abs=1e-6)
+        recording = Recording(tmp_path / "run.usdc")
+        assert recording.times.rate == 480.0
+        assert recording.time[-1] == pytest.approx(48 / 480.0, abs=1 / 480.0)
+        assert recording.velocity[0] == pytest.approx(np.array([[3.0, -2.0]]))
+
+
+def test_ctrl_c_leaves_the_film_so_far(tmp_path, monkeypatch, capfd):
+    """And the line says how a run is continued."""
+    path, add = tmp_path / "run.mp4", FilmWriter.add
+
+    def interrupted(writer, now):
+        if writer.frames == 5:
+            raise KeyboardInterrupt
+        add(writer, now)
+
+    monkeypatch.setattr(FilmWriter, "add", interrupted)
+    assert exit_code("run", "annulus", "--duration", 2, "-o", path) == 130
+    assert "interrupted; '" in (said := capfd.readouterr().err)
+    assert f"'{path}' shows the 5 frames so far; a run with -o FILE.usdc --checkpoint" in said
+    assert len(film_frames(path)[0]) == 5
+    assert list(tmp_path.iterdir()) == [path]

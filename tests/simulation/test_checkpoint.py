@@ -28,8 +28,8 @@ FIELDS = {
         " pair_rolling wall_rolling",
         "VerletList": "pair wall skin recent_deviation reference_position reference_velocity"
         " frame_shift base_skin frame_skin elapsed lifetime",
-        "RunOptions": "steps record fps color_by forces draw_as size frame checkpoint every until"
-        " measure series measure_every region mean",
+        "RunOptions": "color_by colors range forces size frame background clean fps slow steps record draw_as"
+        " checkpoint every until measure series measure_every region mean",
         "Summary": "steps iterations iterations_max unconverged residual gap_error overlap rebuilds restarts"
         " seconds output met error frames held means",
     }.items()

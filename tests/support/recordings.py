@@ -59,10 +59,12 @@ def moment(position, velocity, scene=None, **fields):
 
 
 def recorder_of(path, scene=None, resume_at=None, first_step=0, fps=50, **options):
-    """A recorder of 50 frames per second, unless it is told otherwise."""
+    """A recorder of 50 frames per second, and colors by speed, unless it is told otherwise."""
     scene = make_scene() if scene is None else scene
-    options = RunOptions(steps=1, record=path, fps=fps, **options)
-    return Recorder(scene, options, FrameTimes(scene.dt, fps, first_step), resume_at)
+    options = RunOptions(steps=1, record=path, fps=fps, **{"color_by": "speed"} | options)
+    return Recorder(
+        scene, options, FrameTimes.of(scene.dt, fps, first_step, slow=options.slow or 1.0), resume_at
+    )
 
 
 def moments(frames, scene=None):

@@ -7,14 +7,14 @@ from warpgrains.drawing.shapes import WALL_COLOR
 
 
 class View:
-    """Where places [m] are in a picture, told from its outer wall, of radius 2 m and thickness 0.04 m."""
+    """Where places [m] are in a picture, told from its outer wall, of radius 2 m."""
 
     def __init__(self, pixels, atol=0.02):
         shape, _ = label(np.abs(pixels - WALL_COLOR).max(axis=2) < atol, np.ones((3, 3)))
         row, column = np.nonzero(shape == 1 + np.argmax(np.bincount(shape.ravel())[1:]))
         width = np.ptp(column) + 1
         self._corner = np.array([column.min() + width / 2.0, row.min() + (np.ptp(row) + 1) / 2.0])
-        self.scale = width / (2.0 * 2.04)
+        self.scale = width / (2.0 * (2.0 + 0.014 * 1.04 * 2.0))  # its thickness follows the view
         """Pixels a metre."""
 
     def at(self, pixels, places):

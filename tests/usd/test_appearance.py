@@ -24,7 +24,7 @@ from warpgrains.drawing.colorings import (
     COLORINGS,
     colorings_of,
 )
-from warpgrains.drawing.colors import PALETTE, GrainColors, encoded, linear, mark_color
+from warpgrains.drawing.colors import CATEGORIES, PALETTE, GrainColors, encoded, linear, mark_color
 from warpgrains.usd.recording import Recording, painter_of
 
 FORCES = "/World/Forces"
@@ -40,7 +40,7 @@ def in_form(request, tmp_path_factory):
     return request.param, opened(path, 2, TURNING, draw_as=request.param, forces=True)
 
 
-@pytest.mark.parametrize(("color_by", "draw_as"), [*zip(["palette", *COLORINGS], cycle(FORMS))])
+@pytest.mark.parametrize(("color_by", "draw_as"), [*zip([*CATEGORIES, *COLORINGS], cycle(FORMS))])
 def test_colors_and_numbers_are_those_of_the_snapshots(tmp_path, color_by, draw_as):
     """And only what changes is written each frame, and what turns only with friction."""
     scene = TURNING if color_by in ("spin", "mobilized") else make_scene()
@@ -48,7 +48,7 @@ def test_colors_and_numbers_are_those_of_the_snapshots(tmp_path, color_by, draw_
     stage = opened(tmp_path / "run.usdc", 3, scene, color_by=color_by, draw_as=draw_as, forces=has_forces)
     written = {name for prim in stage.TraverseAll() for name in prim.GetAuthoredPropertyNames()}
     assert bool(written & ROTATION) == scene.has_friction
-    codes = 0 if color_by in ("palette", "radius") else 3
+    codes = 3 if color_by in COLORINGS and COLORINGS[color_by].changes else 0
     grains = stage.GetPrimAtPath(GRAINS)
     indices = ["primvars:displayColor:indices"] + ["protoIndices"] * (draw_as != "points")
     assert [grains.GetAttribute(name).GetNumTimeSamples() for name in indices] == [codes] * len(indices)
@@ -62,8 +62,9 @@ def test_colors_and_numbers_are_those_of_the_snapshots(tmp_path, color_by, draw_
         frame = recording.frame(number, contacts=has_forces)
         assert np.array_equal(painter_of(recording).color(frame), colors.of(now))
         numbers = {"angle": now.angle} if scene.has_friction else {}
-        found = colorings_of(scene, has_forces or colors.needs_contacts)
-        for name, values in (numbers | {name: own.values(now) for name, own in found.items()}).items():
+        found = colorings_of(scene, has_forces or colors.needs_contacts).items()
+        numbers |= {name: own.values(now) for name, own in found if own.changes}
+        for name, values in numbers.items():
             assert np.array_equal(primvars.GetPrimvar(name).Get(number), values.astype(np.float32))
         if has_forces:
             for name, values in zip(("force", "tangential_force"), all_contacts(now)[1:], strict=True):

@@ -203,7 +203,7 @@ def shift_by(number, at):
         ("Walls/Segment1.points", shift_by((0, 0.125, 0), 2), "Segment1", 0.125, 2),
         ("Walls.warpgrains:places", shift_by(0.5, 4), "Segment1", 0.5, 4),
         ("Walls/Disc2.points", shift_by((0, 0.5, 0), None), "Disc2", 0.5, 0),
-        ("Walls.warpgrains:thickness", put(0.03), "Outer", 0.03 - 0.0208, 0),
+        ("Walls.warpgrains:thickness", put(0.03), "Outer", 0.03 - 0.014 * 1.04, 0),
     ],
 )
 def test_walls_are_drawn_where_they_are(damaged, place, damage, wall, off, frame):

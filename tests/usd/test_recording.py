@@ -167,12 +167,13 @@ def test_an_independent_reader_reads_what_is_static(tmp_path, suffix):
     assert (stage.start_time, stage.end_time) == (0.0, 2.0)
     assert stage.time_codes_per_second == stage.frames_per_second == 50.0
     kept = stage.custom_layer_data["warpgrains"]
-    scale = {"quantity": "pressure", "unit": "N/m", "colormap": "cividis", "low": 0.0}
+    look = {"color_by": "pressure", "forces": True}
+    scale = {"quantity": "pressure", "unit": "N/m", "colormap": "Blues", "low": 0.0}
     assert kept.pop("colors") == scale | {"high": pressure_scale(scene)}
     assert kept.pop("forces") == {"unit": "N", "force": ChainScale.of(scene).force, "width": RADIUS.min()}
     assert read_parameters(kept.pop("parameters"))["dt"] == scene.dt
     texts = {"version": warpgrains.__version__, "name": "example", "scene": scene.text}
-    assert kept == {**texts, "draw_as": "points", "first_step": 0}
+    assert kept == {**texts, "draw_as": "points", "first_step": 0, "slow": 1.0, "look": look}
     assert scene.text in stage.doc
 
 

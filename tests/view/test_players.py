@@ -178,7 +178,7 @@ def test_friction_is_switched_on_and_off(simulation, plain):
     assert live.readout()["rotation of the walls"] == "2, -1 rad/s"
     live.set_friction(2.0, -1.0, 0.0, 0.1)
     assert simulation.scene.angular_velocity_out == simulation.scene.rolling_friction == 0.0
-    assert live.colorings == ("palette", "radius", "speed", "pressure")
+    assert live.colorings == ("palette", "bands", "radius", "id", "height", "speed", "pressure", "force")
     live.set_style("speed", forces=False)
     assert not live.snapshot().scene.has_friction
 

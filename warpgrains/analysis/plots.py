@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 from matplotlib import colormaps
@@ -12,7 +13,9 @@ from matplotlib.figure import Figure, SubFigure
 
 from warpgrains.analysis.energy import kinetic_energy
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.kinds import STILLS, size_of
+from warpgrains.drawing.kinds import STILLS
+from warpgrains.drawing.looks import Looks
+from warpgrains.drawing.painter import Painter
 from warpgrains.errors import InputError
 from warpgrains.files import read_table, require_writable_path
 from warpgrains.locks import Lock
@@ -36,18 +39,19 @@ def plot(
     output: str | Path,
     frames: Sequence[int] | None = None,
     curves: bool = True,
-    *,
-    size: str | None = None,
-    frame: str | None = None,
+    **looks: Unpack[Looks],
 ) -> list[int]:
-    """Draw frames of a recording, by default five, and curves over time, and return their numbers."""
+    """Draw frames of a recording, by default five, and curves over time, and return their numbers.
+
+    They have the look of the recording or another, see `RunOptions`.
+    """
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
-    pixels = None if size is None else size_of("size", size)
     source = Recording(recording)
     numbers = _numbers(frames, len(source))
     with Lock(output):
-        save_figure(_draw(source, numbers, curves and len(source) > 1, pixels, frame), output)
+        painter = painter_of(source, **looks)
+        save_figure(_draw(source, painter, numbers, curves and len(source) > 1), output)
     return numbers
 
 
@@ -67,25 +71,18 @@ def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
     return [frame % count for frame in frames]
 
 
-def _draw(
-    source: Recording,
-    numbers: list[int],
-    curves: bool,
-    pixels: tuple[int, int] | None,
-    frame: str | None,
-) -> Figure:
+def _draw(source: Recording, painter: Painter, numbers: list[int], curves: bool) -> Figure:
     columns = min(len(numbers), _FRAMES_IN_A_ROW)
     rows = -(-len(numbers) // columns)
     size = max(_FRAME_SIZE, 3.0 * _FRAME_SIZE / columns)
     snapshots = [source.frame(number, source.has_forces) for number in numbers]
-    painter = painter_of(source, frame)
     painter.show_all(*snapshots)
     across, along = shares(painter.view)
     heights = [rows * along * size] + [_CURVES_HEIGHT] * curves
     inches = columns * across * size, float(sum(heights))
-    if pixels is not None:
+    if (pixels := painter.look.pixels) is not None:
         inches = pixels[0] / DOTS_PER_INCH, pixels[1] / DOTS_PER_INCH
-    figure = Figure(figsize=inches, layout="constrained")
+    figure = Figure(figsize=inches, facecolor=painter.background, layout="constrained")
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
     upper = figure.add_subfigure(grid[0])
     places = upper.subplots(rows, columns, squeeze=False)
@@ -93,8 +90,7 @@ def _draw(
         axes.set_axis_off()
         if now is not None:
             FrameArtists(axes, painter).show(now)
-    if source.scale is not None:
-        add_color_bar(upper, places, source.scale)
+    add_color_bar(upper, places, painter)
     if curves:
         _draw_curves(figure.add_subfigure(grid[1]), source, numbers)
     return figure

@@ -9,11 +9,11 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from warpgrains.console import in_columns, progress_bar, stdout_to_stderr
+from warpgrains.drawing.looks import DEFAULT_RATE
 from warpgrains.errors import InputError, OutputError, requiring
 from warpgrains.scene import checks
 from warpgrains.scene.region import table_of
 from warpgrains.shown import number_of
-from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import bounds_of
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, RunSettings
 from warpgrains.sweep.results import MET

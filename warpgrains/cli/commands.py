@@ -1,16 +1,18 @@
 """The commands and their options, read from commands.toml."""
 
 import tomllib
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Iterator
+from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction, Namespace
+from collections.abc import Collection, Iterator
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 from types import NoneType
 from typing import Any, NamedTuple, get_args, get_type_hints
 
 from warpgrains.console import exit_on_interrupt
 from warpgrains.drawing.kinds import FILM, STILL
-from warpgrains.simulation.options import DEFAULT_RATE, FLAGS, OPTIONS, RunOptions
+from warpgrains.drawing.looks import DEFAULT_RATE, Looks
+from warpgrains.simulation.options import FLAGS, OPTIONS, RunOptions
 
 _VALUES = {"rate": DEFAULT_RATE, "still": STILL.listed, "film": FILM.listed}
 
@@ -48,12 +50,12 @@ class Command(NamedTuple):
         return int(do(arguments))
 
 
-def _outputs() -> Iterator[Option]:
-    """Yield the options of `RunOptions`, grouped by the options that they need."""
-    groups = {"record": "recording", "measure": "series", "series": "series", "checkpoint": "checkpoints"}
+def _outputs(names: Collection[str], shown: str | None = None) -> Iterator[Option]:
+    """Yield options of `RunOptions`, grouped by those that they need; `shown` is the default of all."""
+    groups = {"record": "looks", "measure": "series", "series": "series", "checkpoint": "checkpoints"}
     types = get_type_hints(RunOptions)
-    for name, flag in FLAGS.items():
-        default, about = OPTIONS[name].default, OPTIONS[name].metadata
+    for name in names:
+        default, about, flag = OPTIONS[name].default, OPTIONS[name].metadata, FLAGS[name]
         option: Option = {"dest": name, "group": groups.get(about["needs"] or name, "")}
         if name == "draw_as":
             option["rivals"] = name
@@ -61,13 +63,13 @@ def _outputs() -> Iterator[Option]:
                 same = {"name": f"{flag}-{form}", "help": f"the same as {flag} {form}"}
                 yield option | same | {"action": "store_const", "const": form}
         meaning = about["meaning"][0].lower() + about["meaning"][1:-1]
-        meaning += f" (default: {default})" if default else ""
+        meaning += f" (default: {shown or default})" if shown or default else ""
         if name == "every":
             meaning += f", and two rows of a series (default: {OPTIONS['measure_every'].default})"
         (kind,) = set(get_args(types[name]) or [types[name]]) - {NoneType}
-        value = (
-            {"action": "store_true"} if kind is bool else {"metavar": about["metavar"], "type": kind.__name__}
-        )
+        value: Option = {"metavar": about["metavar"], "type": kind.__name__}
+        if kind is bool:
+            value = {"action": BooleanOptionalAction}
         yield option | value | {"name": f"-o {flag}" if name == "record" else flag, "help": meaning}
 
 
@@ -81,7 +83,8 @@ def _whole_numbers(text: str) -> list[int]:
 _TYPES = {"int": int, "float": float, "str": str, "whole numbers": _whole_numbers}
 _TABLE = tomllib.loads((Path(__file__).parent / "commands.toml").read_text())
 _SHARED = _TABLE.pop("shared")
-_OF_RUN = _TABLE["run"]["options"]
-_at = _OF_RUN.index("RunOptions")
-_OF_RUN[_at : _at + 1] = _outputs()
+_OUTPUTS = {"RunOptions": _outputs(FLAGS), "looks": _outputs(Looks.__annotations__, "as recorded")}
+for _row in _TABLE.values():
+    _options = ([one] if isinstance(one, dict) else _OUTPUTS[one] for one in _row["options"])
+    _row["options"] = [*chain.from_iterable(_options)]
 COMMANDS = {name: Command(**row) for name, row in _TABLE.items()}

@@ -18,7 +18,8 @@ from tqdm import tqdm
 
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import exit_on_interrupt, in_columns, stdout_to_stderr
-from warpgrains.drawing.kinds import RECORDING
+from warpgrains.drawing.kinds import FILM, RECORDING
+from warpgrains.drawing.looks import with_style
 from warpgrains.errors import InputError
 from warpgrains.files import require_writable_path
 from warpgrains.frame_log import log_of
@@ -32,7 +33,7 @@ from warpgrains.simulation.run import OpenRun, carry_out
 from warpgrains.warp_start import start_warp
 
 # Options that a resumed run reads from its checkpoint.
-KEPT = {"scene": "SCENE", "overrides": "--set"} | FLAGS
+KEPT = {"scene": "SCENE", "overrides": "--set", "style": "--style"} | FLAGS
 KEPT |= {name: f"--{name}" for name in ("order", "method", "separate")}
 for _name in ("checkpoint", "every"):
     del KEPT[_name]
@@ -51,7 +52,7 @@ def run(arguments: Namespace) -> bool:
         try:
             _carry_out(run, state, arguments)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(*_commands_to_continue(run.options)) from None
+            raise KeyboardInterrupt(*_commands_to_continue(run)) from None
     results = results_of(run)
     print(json.dumps(results) if arguments.json else summary_lines(results))
     return False
@@ -61,7 +62,7 @@ def _step_by_step(arguments: Namespace) -> bool:
     """Run a scene interactively, one step per key press."""
     if arguments.scene is None:
         raise InputError("SCENE is missing: give a file or a name, listed by `warpgrains scenes`")
-    for name in _given(arguments, *FLAGS, "resume", "json"):
+    for name in _given(arguments, *FLAGS, "style", "resume", "json"):
         raise InputError(f"{FLAGS.get(name, f'--{name}')} cannot be combined with --step-by-step")
     scene = _scene(arguments)
     if arguments.separate:
@@ -101,8 +102,12 @@ def _carry_out(run: OpenRun, state: State | None, arguments: Namespace) -> None:
         carry_out(simulation, run, progress=True)
 
 
-def _commands_to_continue(options: RunOptions) -> Iterator[str]:
+def _commands_to_continue(run: OpenRun) -> Iterator[str]:
     """Yield the commands that continue an interrupted run, or recover its frames."""
+    options, frames = run.options, run.statistics.frames
+    if options.record is not None and options.shows is FILM and frames > 1:
+        kept = "a run with -o FILE.usdc --checkpoint FILE.npz can be continued, and plot makes its film"
+        yield f"'{options.record}' shows the {frames} frames so far; {kept}"
     if options.checkpoint is not None and Path(options.checkpoint).exists():
         yield f"to continue: warpgrains run --resume {shlex.quote(options.checkpoint)}"
     if options.record is not None and (log := log_of(Path(options.record))).exists():
@@ -115,6 +120,7 @@ def _begin(arguments: Namespace) -> tuple[OpenRun, None]:
     given = _given(arguments, *FLAGS)
     every = given.pop("every", None)
     require_needed(given, FLAGS.__getitem__)
+    given = with_style(given, arguments.style)
     given |= _spacing(every, arguments.checkpoint, arguments.series)
     scene = _scene(arguments)
     run = OpenRun(scene, RunOptions(steps=_steps(scene, arguments), **given))
@@ -164,7 +170,9 @@ def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> d
 
 def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
     values = {name: getattr(arguments, name) for name in names}
-    return {name: value for name, value in values.items() if value is not None and value is not False}
+    return {
+        name: one for name, one in values.items() if one is not None and (one is not False or name in FLAGS)
+    }
 
 
 def _steps(scene: Scene, arguments: Namespace, planned: int | None = None) -> int:
@@ -194,7 +202,7 @@ def results_of(run: OpenRun) -> dict[str, Any]:
     if options.until is not None:
         results["until"] = options.until
     if run.times is not None:
-        results |= {"frames": run.statistics.frames, "fps": run.times.rate}
+        results |= {"frames": run.statistics.frames, "fps": run.times.played, "slow": run.times.slow}
     return results
 
 
@@ -206,6 +214,7 @@ def summary_lines(results: dict[str, Any]) -> str:
         ended = f", {'at' if results['met'] else 'not at'} {results['until']}"
     if "frames" in results:
         shown += f", {number_of(results['frames'], 'frame')}, {results['fps']:.6g} a second"
+        shown += f", {results['slow']:g} times slower" if results["slow"] != 1.0 else ""
     rows = {
         "scene": f"{results['scene']}, {number_of(results['grains'], 'grain')}",
         "steps": f"{results['steps']}{ended}",

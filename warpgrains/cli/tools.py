@@ -5,10 +5,11 @@ import warnings
 from argparse import Namespace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from warpgrains.console import in_columns, stdout_to_stderr
 from warpgrains.drawing.kinds import FILMS, require_drawing
+from warpgrains.drawing.looks import Looks, with_style
 from warpgrains.errors import InputError, requiring
 from warpgrains.files import require_writable_path, suffix_of
 from warpgrains.scene.scene import Scene
@@ -31,26 +32,30 @@ def recover(arguments: Namespace) -> bool:
 
 def plot(arguments: Namespace) -> bool:
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
-    is_film = suffix_of(output) in FILMS
+    is_film, is_history = suffix_of(output) in FILMS, suffix_of(arguments.file) == ".csv"
     require_drawing("plot", is_film)
-    if suffix_of(arguments.file) == ".csv":
-        if arguments.frames is not None or not arguments.curves or arguments.size or arguments.frame:
-            raise InputError("--frames, --no-curves, --size and --frame have no effect on a history")
+    given = {name: getattr(arguments, name) for name in (*Looks.__annotations__, "style")}
+    given = {name: value for name, value in given.items() if value is not None}
+    kind = "history" if is_history else "film" if is_film else "picture"
+    if kind != "picture" and (arguments.frames is not None or not arguments.curves):
+        raise InputError(f"--frames and --no-curves have no effect on a {kind}")
+    for name in given:
+        if is_history or (kind == "picture" and name in ("fps", "slow")):
+            raise InputError(f"--{name.replace('_', '-')} has no effect on a {kind}")
+    if is_history:
         from warpgrains.analysis.plots import plot_history
 
         print(f"{output}: {number_of(len(plot_history(arguments.file, output)), 'step')}")
         return False
-    shown = {"output": output, "size": arguments.size, "frame": arguments.frame}
+    looks: Any = with_style(given, given.pop("style", None))
     if is_film:
-        if arguments.frames is not None or not arguments.curves:
-            raise InputError("--frames and --no-curves have no effect on a film")
         from warpgrains.pictures.film import draw_film
 
-        print(f"{output}: {number_of(len(draw_film(arguments.file, **shown)), 'frame')}")
+        print(f"{output}: {number_of(len(draw_film(arguments.file, output, True, **looks)), 'frame')}")
         return False
     from warpgrains.analysis.plots import plot
 
-    numbers = plot(arguments.file, frames=arguments.frames, curves=arguments.curves, **shown)
+    numbers = plot(arguments.file, output, arguments.frames, arguments.curves, **looks)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
     return False
 

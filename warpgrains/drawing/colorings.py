@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,10 +29,12 @@ class Coloring(NamedTuple):
     """Matplotlib's name of the ends of the scale that values may exceed."""
     ends: Callable[[Scene], tuple[float, float]]
     """Function that returns the values of the first and last color in a scene."""
-    values: Callable[[Snapshot], FloatArray]
-    """Function that returns the value of each grain, shape (n,)."""
+    values: Callable[[Any], FloatArray]
+    """Function that returns the value of each grain, shape (n,), in a snapshot, or in a scene."""
     changes: bool = True
-    """Whether snapshots of a scene differ in it; otherwise it is a field of the scene."""
+    """Whether snapshots of a scene differ in it."""
+    has_root: bool = False
+    """Whether colors are spread by the root of the value: most grains are far slower than the fastest."""
     needs_friction: bool = False
     """Whether only scenes with friction have it."""
     needs_contacts: bool = False
@@ -100,10 +103,14 @@ def pressure_scale(scene: Scene) -> float:
 
 def pressure(now: Snapshot) -> FloatArray:
     """Return the mean of the principal stresses of each grain, force by circumference [N/m], shape (n,)."""
+    return force(now) / (2.0 * np.pi * now.scene.radius)
+
+
+def force(now: Snapshot) -> FloatArray:
+    """Return the sum of the normal forces on each grain [N], shape (n,)."""
     grain = np.concatenate([*now.pair.T, now.wall[:, 0]])
-    force = np.concatenate([now.force, now.force, now.wall_force])
-    total = np.bincount(grain, force, now.n).astype(np.float64)  # integers without contacts
-    return total / (2.0 * np.pi * now.scene.radius)
+    pushed = np.concatenate([now.force, now.force, now.wall_force])
+    return np.bincount(grain, pushed, now.n).astype(np.float64)  # integers without contacts
 
 
 def mobilized(now: Snapshot) -> FloatArray:
@@ -121,35 +128,67 @@ def _share(tangential: FloatArray, most: FloatArray) -> FloatArray:
     return np.divide(np.abs(tangential), most, out=np.zeros_like(most), where=most > 0.0)
 
 
+def start_height(scene: Scene) -> FloatArray:
+    """Return how high each grain is at the start, against gravity [m], to what recordings hold of it."""
+    return scene.position.astype(np.float32).astype(np.float64) @ scene.up_at(scene.time)
+
+
+def _ends(of: Callable[[Scene], FloatArray], scene: Scene) -> tuple[float, float]:
+    values = of(scene)
+    return float(values.min()), float(values.max())
+
+
+_STILL: dict[str, tuple[str, str, Callable[[Scene], FloatArray]]] = {
+    "radius": ("m", "plasma", lambda scene: scene.radius),
+    "id": ("", "viridis", lambda scene: np.arange(scene.n, dtype=np.float64)),
+    "height": ("m", "cividis", start_height),
+}
 COLORINGS = {
-    "radius": Coloring(
-        "m",
-        "plasma",
-        "neither",
-        lambda scene: (float(scene.radius.min()), float(scene.radius.max())),
-        lambda now: now.scene.radius,
-        changes=False,
-    ),
+    name: Coloring(unit, colors, "neither", partial(_ends, of), of, changes=False)
+    for name, (unit, colors, of) in _STILL.items()
+} | {
     "speed": Coloring(
         "m/s",
-        "viridis",
+        "YlGnBu",
         "max",
         lambda scene: (0.0, speed_scale(scene)),
         lambda now: np.hypot(*now.velocity.T),
+        has_root=True,
     ),
     "pressure": Coloring(
-        "N/m", "cividis", "max", lambda scene: (0.0, pressure_scale(scene)), pressure, needs_contacts=True
+        "N/m",
+        "Blues",
+        "max",
+        lambda scene: (0.0, pressure_scale(scene)),
+        pressure,
+        has_root=True,
+        needs_contacts=True,
+    ),
+    "force": Coloring(
+        "N",
+        "YlGn",
+        "max",
+        lambda scene: (0.0, pressure_scale(scene) * 2.0 * np.pi * float(scene.radius.mean())),
+        force,
+        has_root=True,
+        needs_contacts=True,
     ),
     "spin": Coloring(
         "rad/s",
-        "managua",
+        "PuOr",
         "both",
         lambda scene: (-spin_scale(scene), spin_scale(scene)),
         lambda now: now.spin,
         needs_friction=True,
     ),
     "mobilized": Coloring(
-        "", "magma", "neither", lambda scene: (0.0, 1.0), mobilized, needs_friction=True, needs_contacts=True
+        "",
+        "Purples",
+        "neither",
+        lambda scene: (0.0, 1.0),
+        mobilized,
+        needs_friction=True,
+        needs_contacts=True,
     ),
 }
-"""The colorings by name, except for "palette"."""
+"""The colorings by name, except for "palette" and "bands"."""

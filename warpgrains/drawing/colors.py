@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.drawing.colorings import COLORINGS, colorings_of
-from warpgrains.errors import InputError
+from warpgrains.arrays import BoolArray, FloatArray, IndexArray
+from warpgrains.drawing.colorings import COLORINGS, colorings_of, start_height
+from warpgrains.drawing.kinds import colors_of, range_of
+from warpgrains.errors import InputError, requiring
 from warpgrains.scene import checks
 from warpgrains.scene.snapshot import Snapshot
 
@@ -25,8 +26,13 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green and blue
 _DARK = 0.18  # luminance of what looks half as bright as white
 _CONTRAST = 0.4  # of a mark, in the color or its complement
 
-# Okabe and Ito's colors, which color-blind readers tell apart too.
+# Pebbles: light, warm, and a little apart from each other.
 PALETTE: FloatArray = np.array(
+    colors_of("palette", "#e9d8b4,#d9b98c,#e3c7a0,#cda67c,#ddccae,#d2af88,#c6a98a")
+)
+
+# Okabe and Ito's colors, which color-blind readers tell apart too.
+BANDS: FloatArray = np.array(
     [
         (0.90, 0.62, 0.00),
         (0.34, 0.71, 0.91),
@@ -37,10 +43,10 @@ PALETTE: FloatArray = np.array(
         (0.80, 0.47, 0.65),
     ]
 )
+_BANDS = 8  # from the lowest grain to the highest one at the start
 
-# Matplotlib's perceptually uniform colormaps, safe for color-blind readers, at 32 points of the range, for
-# use without Matplotlib. Colors between are interpolated in sRGB; tests/usd/test_colors.py bounds
-# the error.
+# Matplotlib's colormaps, safe for color-blind readers, at points of the range between which colors are
+# interpolated in sRGB, for use without Matplotlib; tests/usd/test_colors.py bounds the error.
 _COLORMAPS = {
     "viridis": """
         440154 470d60 48186a 482374 472e7c 453882 424186 3e4a89 3a548c 365d8d 32658e 2e6d8e 2b758e 287d8e
@@ -57,16 +63,11 @@ _COLORMAPS = {
         bf3984 c7427c cf4c74 d6556d dd5e66 e3685f e97257 ef7c51 f3874a f79143 fa9e3b fca934 fdb52e fdc229
         fcd025 f9dd25 f5eb27 f0f921
     """,
-    "managua": """
-        ffcf67 f5bf62 ebb05d e1a158 d79152 cd844e c3774a b96c46 ae5f42 a3543f 97493c 8a3f3a 7c3639 702f3a
-        652a3d 5c2843 542a4e 4f305b 4d376a 4c4179 4d4e8a 4f5a98 5266a5 5672b1 5b80bc 608dc6 659acf 6aa8d9
-        70b8e3 76c7ec 7bd7f5 81e7ff
-    """,
-    "magma": """
-        000004 030312 0a0822 130d34 1e1149 2a115c 38106c 451077 54137d 601880 6d1d81 792282 882781 942c80
-        a1307e ae347b bd3977 ca3e72 d6456c e24d66 ec5860 f3655c f8745c fb835f fd9467 fea36f feb27a fec185
-        fed194 fde0a1 fceeb0 fcfdbf
-    """,
+    "YlGnBu": "ffffd9 edf8b1 c6e9b4 7ecdbb 40b5c4 1d90c0 225da8 243392 081d58",
+    "Blues": "f7fbff deebf7 c6dbef 9dcae1 6aaed6 4191c6 2070b4 08509b 08306b",
+    "YlGn": "ffffe5 f7fcb9 d9f0a3 acdd8e 77c679 40aa5c 228343 006737 004529",
+    "Purples": "fcfbfd efedf5 dadaeb bcbddc 9e9ac8 807cba 6950a3 53268f 3f007d",
+    "PuOr": "7f3b08 b25706 e08214 fcb761 fee0b6 f6f6f7 d8daeb b1aad1 8073ac 532687 2d004b",
 }
 
 
@@ -80,55 +81,72 @@ class ColorScale:
     """Value of the first color; smaller values have it too."""
     high: float
     """Value of the last color; larger values have it too."""
+    colormap: str
+    """Name of a colormap, or a list of colors, see `Look.colors`."""
 
     @property
     def label(self) -> str:
-        """Name and unit of the quantity; a pure number has none."""
-        unit = COLORINGS[self.quantity].unit
-        return f"{self.quantity} [{unit}]" if unit else self.quantity
+        """Name and unit of the quantity, of which a pure number has none, and whether the scale is a root."""
+        unit, root = COLORINGS[self.quantity].unit, ", root scale" * COLORINGS[self.quantity].has_root
+        return f"{self.quantity} [{unit}]{root}" if unit else self.quantity
 
     def described(self) -> dict[str, str | float]:
         """Return the scale as a recording stores it."""
-        unit, name, *_ = COLORINGS[self.quantity]
-        return {"quantity": self.quantity, "unit": unit, "colormap": name, "low": self.low, "high": self.high}
+        return {"unit": COLORINGS[self.quantity].unit, **asdict(self)}
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> Self:
         name = checks.one_of("quantity of colors", described["quantity"], COLORINGS)
-        return cls(name, *(checks.number(f"{end} of colors", described[end]) for end in ("low", "high")))
+        low, high = (checks.number(f"{end} of colors", described[end]) for end in ("low", "high"))
+        colors = checks.text("colormap of colors", described["colormap"])
+        colormap(colors, np.zeros(1))
+        return cls(name, low, high, colors)
 
     def levels(self, values: FloatArray) -> IndexArray:
         """Return the index into `colors` of each value, shape (n,)."""
         reach = self.high - self.low
         share = np.clip((values - self.low) / reach, 0.0, 1.0) if reach > 0.0 else np.zeros_like(values)
+        share = np.sqrt(share) if COLORINGS[self.quantity].has_root else share
         return np.rint(share * (LEVELS - 1)).astype(np.int64)
 
     def colors(self) -> FloatArray:
         """Colors from low to high (sRGB), shape (64, 3)."""
-        return colormap(COLORINGS[self.quantity].colormap, np.linspace(0.0, 1.0, LEVELS))
+        return colormap(self.colormap, np.linspace(0.0, 1.0, LEVELS))
 
 
 class GrainColors:
-    """Colors of the grains of a scene by one of `COLORINGS`, or the "palette" that distinguishes neighbors.
+    """Colors of the grains of a scene by one of `COLORINGS`, by their number, or by bands at the start.
 
-    Scales depend only on the scene, so that a color means the same in every snapshot and after a restart.
-    `still` holds the index of the color of each grain, shape (n,), where it is constant. Raises InputError
-    where `color_by` is unknown, or needs friction that the scene does not have.
+    Scales depend only on the scene, so that a color means the same in every snapshot and after a restart;
+    for `colors` and `range`, see `Look`. `still` holds the index of the color of each grain, shape (n,),
+    where it is constant. Raises InputError where `color_by` is unknown, or needs friction that the scene does
+    not have, and for a `range` without a scale.
     """
 
-    def __init__(self, scene: Scene, color_by: str) -> None:
+    def __init__(
+        self, scene: Scene, color_by: str, colors: str | None = None, range: str | None = None
+    ) -> None:
         coloring = COLORINGS.get(color_by) if isinstance(color_by, str) else None
         if coloring is not None and coloring.needs_friction and not scene.has_friction:
             raise InputError(f"color_by is {color_by!r}: it needs a scene with friction")
-        checks.one_of("color_by", color_by, ["palette", *colorings_of(scene)])
+        checks.one_of("color_by", color_by, [*CATEGORIES, *colorings_of(scene)])
         self.needs_contacts = coloring is not None and coloring.needs_contacts
-        self.scale = None if coloring is None else ColorScale(color_by, *coloring.ends(scene))
-        self.colors = PALETTE if self.scale is None else self.scale.colors()
+        self.scale: ColorScale | None = None
         self.still: IndexArray | None = None
-        if coloring is None:
-            self.still = np.arange(scene.n) % len(PALETTE)
-        elif self.scale is not None and not coloring.changes:
-            self.still = self.scale.levels(getattr(scene, color_by))
+        if coloring is not None:
+            ends = coloring.ends(scene) if range is None else range_of("range", range)
+            self.scale = ColorScale(color_by, *ends, colors or coloring.colormap)
+            self.colors = self.scale.colors()
+            if not coloring.changes:
+                self.still = self.scale.levels(coloring.values(scene))
+        else:
+            if range is not None:
+                raise InputError(f"range has no effect on color_by {color_by!r}, which has no scale")
+            self.colors, number = CATEGORIES[color_by]
+            if colors is not None:
+                listed = colors_of("colors", colors)
+                self.colors = np.array(listed or colormap(colors, np.linspace(0.0, 1.0, len(self.colors))))
+            self.still = number(scene) % len(self.colors)
 
     def levels(self, now: Snapshot) -> IndexArray:
         """Return the index of the color of each grain, shape (n,)."""
@@ -143,19 +161,48 @@ class GrainColors:
         return self.colors[self.levels(now)]
 
 
+def _bands(scene: Scene) -> IndexArray:
+    """Return the band in which each grain is at the start, shape (n,)."""
+    height = start_height(scene)
+    share = (height - height.min()) / (np.ptp(height) or 1.0)
+    return np.minimum((_BANDS * share).astype(np.int64), _BANDS - 1)
+
+
+CATEGORIES: dict[str, tuple[FloatArray, Callable[[Scene], IndexArray]]] = {
+    "palette": (PALETTE, lambda scene: np.arange(scene.n)),
+    "bands": (BANDS, _bands),
+}
+"""Colors without a scale by name, and which of them each grain has, counted again from the first."""
+
+
 def colormap(name: str, share: FloatArray) -> FloatArray:
-    """Return the sRGB colors at shares of the range, shape (n,), as an array of shape (n, 3), in [0, 1]."""
-    known = np.array(
-        [[channel / 255.0 for channel in bytes.fromhex(word)] for word in _COLORMAPS[name].split()]
-    )
+    """Return the sRGB colors at shares of the range, shape (n,), as an array of shape (n, 3), in [0, 1].
+
+    The name is that of a colormap, known here or to Matplotlib, or a list of colors.
+    """
+    forwards = name.removesuffix("_r")
+    if "," in name:
+        known = np.array(colors_of("colors", name))
+    elif forwards in _COLORMAPS:
+        codes = map(bytes.fromhex, _COLORMAPS[forwards].split())
+        known = np.array([[*code] for code in codes])[:: 1 if name == forwards else -1] / 255.0
+    else:
+        with requiring(f"colors {name!r}", "report"):
+            from matplotlib import colormaps
+        checks.one_of("colors", name, colormaps)
+        known = colormaps[name](np.linspace(0.0, 1.0, 256))[:, :3]
     place = np.clip(share, 0.0, 1.0) * (len(known) - 1.0)
     return np.stack([np.interp(place, np.arange(len(known)), channel) for channel in known.T], axis=1)
 
 
 def mark_color(color: FloatArray) -> FloatArray:
     """Return the colors (sRGB) of marks on grains of some colors (sRGB), shape (n, 3): darker, or lighter."""
-    is_bright = linear(color) @ _LUMINANCE > _DARK
-    return np.where(is_bright[..., np.newaxis], _CONTRAST * color, 1.0 - _CONTRAST * (1.0 - color))
+    return np.where(is_dark(color)[..., np.newaxis], 1.0 - _CONTRAST * (1.0 - color), _CONTRAST * color)
+
+
+def is_dark(color: FloatArray) -> BoolArray:
+    """Return whether colors (sRGB) look less than half as bright as white."""
+    return np.asarray(linear(color) @ _LUMINANCE <= _DARK)
 
 
 def linear(encoded: FloatArray) -> NDArray[np.float32]:

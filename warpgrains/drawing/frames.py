@@ -28,13 +28,23 @@ class FrameTimes:
     """Time steps before the run."""
     start: float = 0.0
     """Time at the start of the simulation [s]."""
+    slow: float = 1.0
+    """How many times slower than it happened the run is played."""
 
     @classmethod
-    def of(cls, dt: float, wanted: float, first_step: int = 0, start: float = 0.0) -> FrameTimes:
-        """Return frame times with the requested rate [1/s] > 0, or one frame per step if steps are longer."""
+    def of(
+        cls, dt: float, wanted: float, first_step: int = 0, start: float = 0.0, slow: float = 1.0
+    ) -> FrameTimes:
+        """Return frame times with the rate as played [1/s] > 0, or one frame per step if steps are longer."""
         if not 0 < wanted < float("inf"):
             raise InputError(f"frames per second is {wanted}: it must be greater than 0")
-        return cls(dt, min(float(wanted), float(1 / _as_written(dt))), first_step, start)
+        rate = float(_as_written(wanted) * _as_written(slow))
+        return cls(dt, min(rate, float(1 / _as_written(dt))), first_step, start, slow)
+
+    @property
+    def played(self) -> float:
+        """Frames per second as played [1/s]."""
+        return float(_as_written(self.rate) / _as_written(self.slow))
 
     def step(self, k: int) -> int:
         """Return the step of the run in which frame k lies, or at whose end it is."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import AbstractContextManager, nullcontext
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -95,12 +96,12 @@ class Kind(NamedTuple):
 
 RECORDING = Kind(
     "recording", "a USD file of the frames, the present state first", RECORDINGS,
-    "usd.recorder:Recorder", continues=True, lacks=("size",),
+    "usd.recorder:Recorder", continues=True, lacks=("size", "background", "clean"),
 )  # fmt: skip
 FILM = Kind("film", "a film of them", tuple(FILMS), "pictures.film:Film", "film", lacks=("draw_as",))
 STILL = Kind(
     "still", "a picture of the end", STILLS, "pictures.still:Still", "report",
-    has_frames=False, lacks=("draw_as", "fps"),
+    has_frames=False, lacks=("draw_as", "fps", "slow"),
 )  # fmt: skip
 KINDS = {suffix: kind for kind in (RECORDING, FILM, STILL) for suffix in kind.suffixes}
 """Kinds by suffix."""
@@ -135,6 +136,34 @@ def size_of(field: str, text: Any, is_film: bool = False) -> tuple[int, int]:
     if is_film and (width % 2 or height % 2):
         raise InputError(f"{field} is {text!r}: a film needs even numbers of pixels")
     return width, height
+
+
+def range_of(field: str, text: Any) -> tuple[float, float]:
+    """Return the numbers of a text "LOW,HIGH". Raises InputError unless LOW < HIGH."""
+    try:
+        low, high = (checks.number(field, float(word)) for word in text.split(","))
+    except ValueError:
+        raise InputError(f"{field} is {text!r}: it must be LOW,HIGH, such as 0,0.5") from None
+    if not low < high:
+        raise InputError(f"{field} is {text!r}: LOW must be less than HIGH")
+    return low, high
+
+
+def color_of(field: str, text: str) -> tuple[float, float, float]:
+    """Return a color (sRGB) of a text, such as "#e8d3a8" or, with Matplotlib, a name."""
+    if re.fullmatch("#[0-9a-fA-F]{6}", text):
+        red, green, blue = (channel / 255.0 for channel in bytes.fromhex(text[1:]))
+        return red, green, blue
+    with requiring(f"{field} {text!r}", "report"):
+        from matplotlib.colors import is_color_like, to_rgb
+    if not is_color_like(text):
+        raise InputError(f"{field} is {text!r}: it must be a color, such as '#e8d3a8' or tan")
+    return to_rgb(text)
+
+
+def colors_of(field: str, text: str) -> list[tuple[float, float, float]] | None:
+    """Return the colors (sRGB) of a text of several, with commas between; None for a colormap's name."""
+    return [color_of(field, one.strip()) for one in text.split(",")] if "," in text else None
 
 
 def require_drawing(what: str, is_film: bool = False) -> None:

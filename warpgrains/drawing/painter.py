@@ -10,8 +10,9 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
-from warpgrains.drawing.colors import GrainColors
-from warpgrains.drawing.kinds import frame_of
+from warpgrains.drawing.colors import GrainColors, is_dark
+from warpgrains.drawing.kinds import color_of, frame_of
+from warpgrains.drawing.looks import Look
 from warpgrains.drawing.shapes import drawn_walls, moved_walls
 from warpgrains.scene.band import Band
 from warpgrains.scene.bounds import Bounds
@@ -22,22 +23,19 @@ if TYPE_CHECKING:
     from warpgrains.scene.snapshot import Snapshot
 
 
-_THICKNESS = 0.02  # of walls, in half of the longer side of the view
+_THICKNESS = 0.014  # of walls, in half of the longer side of the view
 _MARGIN = 0.04  # about the extent, in half of its longer side: walls are drawn outside of the grains' space
 
 
 class Painter:
-    """Colors and force chains of the snapshots of a scene, and the rectangle to show.
+    """Colors and force chains of the snapshots of a scene in some look, and the rectangle to show."""
 
-    `frame` is the rectangle, by default the extent of the scene.
-    """
-
-    def __init__(self, scene: Scene, color_by: str, forces: bool, frame: str | None = None) -> None:
-        self.scene, self.colors = scene, GrainColors(scene, color_by)
-        self.chain_scale = ChainScale.of(scene) if forces else None
-        self._is_framed = frame is not None
+    def __init__(self, scene: Scene, look: Look) -> None:
+        self.scene, self.look = scene, look
+        self.colors = GrainColors(scene, look.color_by, look.colors, look.range)
+        self.chain_scale = ChainScale.of(scene) if look.forces else None
         margin = (_MARGIN * scene.extent.half * ~scene.period.repeats).tolist()
-        self.view = scene.extent.grown(*margin) if frame is None else frame_of("frame", frame)
+        self.view = scene.extent.grown(*margin) if look.frame is None else frame_of("frame", look.frame)
         self.thickness = _THICKNESS * self.view.half
         """Thickness of walls [m]."""
 
@@ -59,6 +57,16 @@ class Painter:
         """True if the corners are empty, because they are outside of the outer wall."""
         return "Outer" in self.walls and hypot(*self.view[:2]) > 1.3 * self.walls["Outer"].reach
 
+    @property
+    def background(self) -> tuple[float, float, float]:
+        """Color of the background (sRGB)."""
+        return color_of("background", self.look.background)
+
+    @property
+    def ink(self) -> str:
+        """Color of texts, which are read on the background."""
+        return "white" if is_dark(np.array(self.background)) else "black"
+
     def color(self, now: Snapshot) -> FloatArray:
         """Return the colors of the grains (sRGB), shape (n, 3)."""
         return self.colors.of(now)
@@ -68,7 +76,7 @@ class Painter:
 
     def show_all(self, *snapshots: Snapshot) -> None:
         """Widen the rectangle to contain all grains of snapshots, unless it was given or is periodic."""
-        if not self._is_framed:
+        if self.look.frame is None:
             reach = np.outer(self.scene.radius, ~self.scene.period.repeats)
             boxes = [box_of_discs(self.scene.period.wrapped(now.position), reach) for now in snapshots]
             self.view = reduce(Bounds.covering, boxes, self.view)

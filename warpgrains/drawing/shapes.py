@@ -24,7 +24,8 @@ _SEGMENTS = 64  # per circle about z; the polygon lacks 0.16 % of the disc's are
 _RINGS = 16  # of a sphere, from pole to pole
 _RIM = 0.88  # inner radius of the rim of a disc, in radii
 _SLOPE = 2.0  # slope of the rim; its shading separates grains that touch
-_MARKED = 8  # segments of a circle in the mark that shows the angle of a grain
+_MARKED = 2  # segments of a circle in the mark of a mesh, which shows the angle of a grain
+_LINE = 0.06  # half of the width of a drawn mark, in radii
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,8 @@ SHAPES: dict[str, Callable[..., Shape] | None] = {"points": None, "discs": disc,
 
 
 def mark() -> FloatArray:
-    """Return the corners of the mark of a disc of radius 1 that has not turned: a sector, shape (k, 2)."""
-    angle = (np.arange(_MARKED + 1) - _MARKED / 2) * 2.0 * np.pi / _SEGMENTS
-    return np.concatenate([[(0.0, 0.0)], np.stack([np.cos(angle), np.sin(angle)], axis=1)])
+    """Return the corners of the mark of a disc of radius 1 that has not turned: a line, shape (4, 2)."""
+    return np.array([(0.0, -_LINE), (1.0 - _LINE, -_LINE), (1.0 - _LINE, _LINE), (0.0, _LINE)])
 
 
 def marks(position: FloatArray, radius: FloatArray, angle: FloatArray) -> FloatArray:

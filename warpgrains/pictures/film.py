@@ -11,14 +11,16 @@ from fractions import Fraction
 from math import ceil
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
+from warpgrains.console import progress_bar
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import FILMS, SLOWEST, FilmFormat, size_of
+from warpgrains.drawing.looks import Looks
 from warpgrains.drawing.painter import Painter
 from warpgrains.errors import InputError
 from warpgrains.files import draft_folder, draft_of, draft_path, require_writable_path, suffix_of
@@ -110,11 +112,9 @@ class FilmWriter:
     ValueError if the film has no frame, OSError if it cannot be encoded.
     """
 
-    def __init__(
-        self, path: Path, painter: Painter, rate: float, size: tuple[int, int] | None = None
-    ) -> None:
-        self._path, self._rate = path, rate
-        self._canvas = Canvas(painter, FILMS[suffix_of(path)].side, size)
+    def __init__(self, path: Path, painter: Painter, rate: float) -> None:
+        self._path, self._rate, self.frames = path, rate, 0
+        self._canvas = Canvas(painter, FILMS[suffix_of(path)].side)
         self._held = ExitStack()
         has_palette = not FILMS[suffix_of(path)].encoding
         self._encoded = draft_path(path) / "film.mkv" if has_palette else path
@@ -125,6 +125,7 @@ class FilmWriter:
         if self._encoder is None:
             self._encoder = encoding_of_frames(self._encoded, pixels.shape, self._rate)
         self._encoder.write(pixels)
+        self.frames += 1
 
     def __enter__(self) -> Self:
         if self._encoded != self._path:
@@ -152,24 +153,39 @@ class FilmWriter:
 
 
 def draw_film(
-    recording: str | Path, output: str | Path, size: str | None = None, frame: str | None = None
+    recording: str | Path, output: str | Path, progress: bool = False, **looks: Unpack[Looks]
 ) -> list[int]:
-    """Make a film of a recording, with size and frame as in `RunOptions`; return the frames in it."""
+    """Make a film of a recording in its look or another, see `RunOptions`; return the frames in it.
+
+    With `fps` or `slow`, the recording must have a whole number of frames to each one of the film.
+    """
     from warpgrains.usd.recording import Recording, painter_of  # a film of a run needs no USD
 
     output = Path(output)
     require_writable_path("film", output, *FILMS)
-    pixels = None if size is None else size_of("size", size, is_film=True)
+    if (size := looks.get("size")) is not None:
+        size_of("size", size, is_film=True)
     source = Recording(recording)
-    require_rate(source.times.rate)
-    frames = range(0, len(source), max(1, ceil(source.times.rate / FILMS[suffix_of(output)].fastest)))
+    rate, slow = source.times.rate, looks.get("slow") or source.times.slow
+    shown = looks.get("fps") or rate / slow
+    step = rate / slow / shown
+    if abs(step - round(step)) > 1e-9 or round(step) < 1:
+        raise InputError(
+            f"fps {shown:g} cannot be met: '{recording}' has {rate / slow:g} frames a second at this"
+            " speed, and these over whole numbers"
+        )
+    step = round(step) * max(1, ceil(shown / FILMS[suffix_of(output)].fastest))
+    require_rate(rate / slow / step)
+    frames, painter = range(0, len(source), step), painter_of(source, **looks)
     with (
         Lock(output),
         draft_of(output) as draft,
-        FilmWriter(draft, painter_of(source, frame), source.times.rate / frames.step, pixels) as film,
+        FilmWriter(draft, painter, rate / slow / step) as film,
+        progress_bar(len(frames), shown=progress, unit="frame") as bar,
     ):
         for number in frames:
             film.add(source.frame(number, source.has_forces))
+            bar.update()
     return list(frames)
 
 
@@ -177,14 +193,19 @@ class Film(DrawnOutput):
     """A film of a run, see `DrawnOutput`."""
 
     def __init__(self, scene: Scene, options: RunOptions, times: FrameTimes, *_: object) -> None:
-        require_rate(times.rate)
+        require_rate(times.played)
         super().__init__(scene, options)
-        self._rate = times.rate
+        self._rate = times.played
 
     def __enter__(self) -> Self:
         draft = self.enter_context(draft_of(self._path))
-        self._writer = self.enter_context(FilmWriter(draft, self._painter, self._rate, self._size))
+        self._writer = self.enter_context(FilmWriter(draft, self._painter, self._rate))
         return self
 
     def record(self, now: Snapshot) -> None:
         self._writer.add(now)
+
+    def __exit__(self, kind: type[BaseException] | None, *error: Any) -> bool | None:
+        """Complete the film; after Ctrl-C, of the frames so far, if there are several."""
+        is_kept = kind is KeyboardInterrupt and self._writer.frames > 1
+        return super().__exit__(*((None, None, None) if is_kept else (kind, *error)))

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import EllipseCollection, PolyCollection
-from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.colors import ListedColormap, PowerNorm
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colorings import COLORINGS
-from warpgrains.drawing.colors import ColorScale, mark_color
+from warpgrains.drawing.colors import mark_color
 from warpgrains.drawing.kinds import STILLS
 from warpgrains.drawing.painter import Painter
 from warpgrains.drawing.shapes import WALL_COLOR, marks
@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     from warpgrains.simulation.options import RunOptions
 
 _OUTLINE = 0.3  # line width [points]; less for small grains
+_EDGE = (0.25, 0.2, 0.15)  # color of the outlines of grains (sRGB)
+_LEAST_MARK = 5.0  # radius of a grain with a mark [pixels]
+_TEXT: dict[str, Any] = {"fontsize": "x-small"}
 _CASING = 0.15  # width of the white border of a force chain, in widths of the chain
 DOTS_PER_INCH = 120
 _SIDE = 600  # pixels of the longer side of the axes in a picture of a simulation
@@ -62,7 +65,7 @@ class FrameArtists:
             units="xy",
             offsets=np.zeros((len(radius), 2)),
             offset_transform=axes.transData,
-            edgecolors="black",
+            edgecolors=[_EDGE],
         )
         self._lines = np.minimum(_OUTLINE, 6.0 * radius / view.half)
         self._marks = PolyCollection([], linewidths=0.0)
@@ -71,15 +74,17 @@ class FrameArtists:
         pixels = min(window.width / view.width, window.height / view.height)
         self._points = 72.0 * pixels / axes.figure.dpi
         side = "top" if painter.has_free_corners else "bottom"
-        self._time = axes.text(0.0, 1.0, "t", transform=axes.transAxes, va=side, fontsize="small")
-        marks = [self._marks] if painter.scene.has_friction else []
+        self._time = axes.text(0.0, 1.0, "t", transform=axes.transAxes, va=side, **_TEXT, color=painter.ink)
+        self._time.set_visible(not painter.look.clean)
+        self._has_marks = painter.scene.has_friction & (radius * pixels >= _LEAST_MARK)
+        marks = [self._marks] if self._has_marks.any() else []
         collections = self._grains, *marks, self._chains
         for collection in collections:
             axes.add_collection(collection, autolim=False)
         mobile = [self._walls[name] for name in painter.moved_walls(painter.scene, 0.0)]
         self.changing: tuple[Any, ...] = *mobile, *collections, self._time
         """Artists that `show` changes, from back to front."""
-        if painter.chain_scale is not None:
+        if painter.chain_scale is not None and not painter.look.clean:
             _add_chain_legend(axes, painter.chain_scale, painter)
 
     def show(self, now: Snapshot) -> None:
@@ -92,9 +97,9 @@ class FrameArtists:
         self._grains.set(
             offsets=places, facecolor=color, widths=width, heights=width, linewidth=self._lines[grain]
         )
-        if now.scene.has_friction:
-            turned = marks(places, radius, now.angle[grain])
-            self._marks.set(verts=turned, facecolor=mark_color(color))
+        if (seen := self._has_marks[grain]).any():
+            turned = marks(places[seen], radius[seen], now.angle[grain[seen]])
+            self._marks.set(verts=turned, facecolor=mark_color(color[seen]))
         if chains is not None:
             casing = _CASING * self._points * chains.width
             self._chains.set(verts=chains.corners, linewidth=casing)  # one array is set fastest
@@ -106,12 +111,17 @@ def _outline(wall: Band) -> Path:
     return Path.make_compound_path_from_polys(wall.outlines())
 
 
-def add_color_bar(figure: Figure | SubFigure, axes: Any, scale: ColorScale) -> None:
-    """Draw the colors of a scale next to axes, with its unit and range."""
-    mapped = ScalarMappable(Normalize(scale.low, scale.high), ListedColormap(scale.colors()))
+def add_color_bar(figure: Figure | SubFigure, axes: Any, painter: Painter) -> None:
+    """Draw the colors of a painter's scale next to axes, with its unit and range, if it shows one."""
+    scale = painter.colors.scale
+    if scale is None or painter.look.clean:
+        return
+    norm = PowerNorm(0.5 if COLORINGS[scale.quantity].has_root else 1.0, scale.low, scale.high)
+    mapped = ScalarMappable(norm, ListedColormap(scale.colors()))
     bar = figure.colorbar(mapped, ax=axes, extend=COLORINGS[scale.quantity].extends, **_BAR)
-    bar.set_label(scale.label)
-    bar.outline.set_linewidth(0.5)
+    bar.set_label(scale.label, **_TEXT, color=painter.ink)
+    bar.ax.tick_params(labelsize=_TEXT["fontsize"], width=0.5, colors=painter.ink)
+    bar.outline.set(linewidth=0.5, edgecolor=painter.ink)
 
 
 def _add_chain_legend(axes: Axes, scale: ChainScale, painter: Painter) -> None:
@@ -124,7 +134,7 @@ def _add_chain_legend(axes: Axes, scale: ChainScale, painter: Painter) -> None:
     band = Rectangle(corner, length, scale.width, color=CHAIN_COLOR, linewidth=0.0, clip_on=False)
     axes.add_patch(band)
     force = f"{float(f'{scale.force:.2g}'):g} N"
-    axes.text(left + 1.1 * length, middle, force, va="center", fontsize="small")
+    axes.text(left + 1.1 * length, middle, force, va="center", **_TEXT, color=painter.ink)
 
 
 def shares(view: Bounds) -> tuple[float, float]:
@@ -136,19 +146,22 @@ def shares(view: Bounds) -> tuple[float, float]:
 class Canvas:
     """A frame with its color bar, drawn for each snapshot; `side` [pixels] is the longer, without a size."""
 
-    def __init__(self, painter: Painter, side: int, size: tuple[int, int] | None = None) -> None:
-        bar = _BAR_SHARE * (painter.colors.scale is not None)
+    def __init__(self, painter: Painter, side: int) -> None:
+        bar, size = (
+            _BAR_SHARE * (painter.colors.scale is not None and not painter.look.clean),
+            painter.look.pixels,
+        )
         if size is None:
             across, along = shares(painter.view)
             size = 2 * round(side * (across + bar) / 2.0), 2 * round(side * along / 2.0)  # even, for films
         else:
             side = min(round(size[0] / (1.0 + bar)), size[1])
         dpi = side / _INCHES
-        self.figure = Figure(figsize=(size[0] / dpi, size[1] / dpi), dpi=dpi, layout="constrained")
+        inches = size[0] / dpi, size[1] / dpi
+        self.figure = Figure(figsize=inches, dpi=dpi, facecolor=painter.background, layout="constrained")
         self._agg = FigureCanvasAgg(self.figure)
         axes = self.figure.subplots()
-        if painter.colors.scale is not None:
-            add_color_bar(self.figure, axes, painter.colors.scale)
+        add_color_bar(self.figure, axes, painter)
         self._artists = FrameArtists(axes, painter)
         self._background: Any = None
 
@@ -190,9 +203,9 @@ class Picture:
     >>> simulation.plot(color_by="pressure", forces=True).save("annulus.png")
     """
 
-    def __init__(self, painter: Painter, now: Snapshot, size: tuple[int, int] | None = None) -> None:
+    def __init__(self, painter: Painter, now: Snapshot) -> None:
         painter.show_all(now)
-        canvas = Canvas(painter, _SIDE, size)
+        canvas = Canvas(painter, _SIDE)
         canvas.show(now)
         self.figure = canvas.figure
 
@@ -219,9 +232,9 @@ class DrawnOutput(ExitStack):
 
     def __init__(self, scene: Scene, options: RunOptions, *_: object) -> None:
         super().__init__()
-        self._path, self._size = pathlib.Path(options.record or ""), options.pixels
+        self._path = pathlib.Path(options.record or "")
         require_writable_path("output", self._path)
-        self._painter = Painter(scene, options.color_by, options.forces, options.frame)
+        self._painter = Painter(scene, options)
         self.needs_contacts = self._painter.needs_contacts
         self.enter_context(Lock(self._path))
 
@@ -234,5 +247,5 @@ class Still(DrawnOutput):
 
     def record(self, now: Snapshot) -> None:
         """Write the picture of the end."""
-        figure = Picture(self._painter, now, self._size).figure
+        figure = Picture(self._painter, now).figure
         save_figure(figure, self._path, dpi=figure.dpi)

@@ -9,10 +9,12 @@ import os
 from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypedDict
+from typing import TYPE_CHECKING, Any, Self
 
-from warpgrains.described import described, described_fields
-from warpgrains.drawing.kinds import FILM, FILMS, KINDS, Kind, described_kinds, frame_of, size_of
+from warpgrains.described import described_fields
+from warpgrains.drawing.frames import FrameTimes
+from warpgrains.drawing.kinds import FILM, FILMS, KINDS, Kind, described_kinds, size_of
+from warpgrains.drawing.looks import Look, Looks, option
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link, suffix_of
 from warpgrains.scene import checks
@@ -20,8 +22,8 @@ from warpgrains.scene import checks
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
-DEFAULT_RATE = 24.0
-"""Frames per second [1/s] at which Blender plays by default."""
+_BRIEF = 1.0  # duration of a film [s] below which it is slowed down
+_SLOWER = [digit * 10.0**k for k in range(9) for digit in (1, 2, 5)]
 FILES = ("record", "series")
 """Options that name the files of a run other than its checkpoint."""
 
@@ -55,63 +57,23 @@ def _region(field: str, text: Any) -> str:
     return str(text)
 
 
-def _readable_by(read: Callable[[str, Any], object]) -> Callable[[str, Any], str]:
-    """Return the check of a text that a function reads."""
-
-    def check(field: str, text: Any) -> str:
-        read(field, text)
-        return str(text)
-
-    return check
-
-
-def _option(meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, **more: Any) -> Any:
-    """Return a field for an option of runs, a switch without metavar.
-
-    `more`: its `default`, a `flag` other than its name (None: none), and the option that it `needs` to have
-    an effect.
-    """
-    return described(meaning, **({"default": None, "needs": None} | more), check=check, metavar=metavar)
-
-
-class Outputs(TypedDict, total=False):
+class Outputs(Looks, total=False):
     """Keywords of `Simulation.run` that are fields of `RunOptions`, so that type checkers find wrong ones."""
 
     record: str | Path | None
-    fps: float
-    color_by: str
-    forces: bool
     draw_as: str
-    size: str | None
-    frame: str | None
     checkpoint: str | Path | None
     every: int
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunOptions:
+class RunOptions(Look):
     """Length and outputs of a run. Raises InputError where a value is invalid or has no effect."""
 
     steps: int
     """Planned number of time steps."""
-    record: str | None = _option(f"File to write: {described_kinds()}.", _output, "OUT", flag="--output")
-    fps: float = _option(
-        "Frames per second of simulated time [1/s], exactly; at most one per step.",
-        checks.positive,
-        "F",
-        default=DEFAULT_RATE,
-        needs="record",
-    )
-    color_by: str = _option(
-        "Color of the grains: speed, pressure, radius, with friction spin or mobilized, or palette (a"
-        " different color for neighbors).",
-        checks.text,
-        "WHAT",
-        default="speed",
-        needs="record",
-    )
-    forces: bool = _option("Draw force chains.", checks.boolean, default=False, needs="record")
-    draw_as: str = _option(
+    record: str | None = option(f"File to write: {described_kinds()}.", _output, "OUT", flag="--output")
+    draw_as: str = option(
         "Form of the grains in a USD file: points, discs or spheres.",
         checks.text,
         "FORM",
@@ -119,53 +81,40 @@ class RunOptions:
         default="points",
         needs="record",
     )
-    size: str | None = _option(
-        "Width and height of a film or a picture [pixels]; without it, they follow from the frame.",
-        _readable_by(size_of),
-        "WIDTHxHEIGHT",
-        needs="record",
-    )
-    frame: str | None = _option(
-        "Rectangle to show [m], also by the camera of a USD file; without it, the grains and the walls that"
-        " they can touch.",
-        _readable_by(frame_of),
-        "X0,Y0,X1,Y1",
-        needs="record",
-    )
-    checkpoint: str | None = _option(
+    checkpoint: str | None = option(
         "An .npz file to save the run to as it goes, from which it can be resumed.", _file, "FILE"
     )
-    every: int = _option(
+    every: int = option(
         "Steps between two checkpoints; the first and the last state are always saved.",
         checks.whole_number,
         "K",
         default=1000,
         needs="checkpoint",
     )
-    until: str | None = _option(
+    until: str | None = option(
         "End criterion of the run: rest[,speed=V][,energy=E][,time=T], with bounds in m/s, J and s.",
         checks.text,
         "rest",
     )
-    measure: str | None = _option(
+    measure: str | None = option(
         "Quantities to measure as the run goes, such as energy,stress.",
         checks.text,
         "WHAT,...",
         needs="series",
     )
-    series: str | None = _option(
+    series: str | None = option(
         "A CSV file for the measured quantities, one row every K steps.", _file, "CSV", needs="measure"
     )
-    measure_every: int = _option(
+    measure_every: int = option(
         "Steps between two rows of a series.", checks.whole_number, default=10, needs="series", flag=None
     )
-    region: str | None = _option(
+    region: str | None = option(
         "Region of the measured quantities that have one, such as 'x = [-1.0, 0.0], below = \"surface\"'.",
         _region,
         "RANGES",
         needs="measure",
     )
-    mean: bool = _option(
+    mean: bool = option(
         "Measure in every step; rows hold the means of the K steps up to their own.",
         checks.boolean,
         default=False,
@@ -174,11 +123,8 @@ class RunOptions:
 
     def __post_init__(self) -> None:
         checks.whole_number("steps", self.steps, least=0)
-        for name, option in OPTIONS.items():
-            value = getattr(self, name)
-            if value is not None or option.default is not None:
-                object.__setattr__(self, name, option.metadata["check"](name, value))
-        require_needed([name for name, option in OPTIONS.items() if getattr(self, name) != option.default])
+        super().__post_init__()
+        require_needed([name for name, one in OPTIONS.items() if getattr(self, name) != one.default])
         if self.mean and 0 < self.steps < self.measure_every:
             raise InputError(
                 f"steps is {self.steps}: no mean over {self.measure_every} steps ends within them"
@@ -191,16 +137,22 @@ class RunOptions:
         """Kind of output that `record` is by its suffix; None without it."""
         return None if self.record is None else KINDS[suffix_of(self.record)]
 
-    @property
-    def pixels(self) -> tuple[int, int] | None:
-        """Width and height of a film or a picture [pixels], if given."""
-        return None if self.size is None else size_of("size", self.size)
-
-    @property
-    def rate(self) -> float:
-        """Requested frames per second of simulated time [1/s], limited by what the file can store."""
+    def times(self, scene: Scene, first_step: int) -> FrameTimes | None:
+        """Return the times of the frames, whose rate is limited by what the file can store."""
+        if self.shows is None or not self.shows.has_frames:
+            return None
         film = FILMS.get(suffix_of(self.record or ""))
-        return self.fps if film is None else min(self.fps, film.fastest)
+        rate = self.fps if film is None else min(self.fps, film.fastest)
+        slow = self.slow or (1.0 if film is None else self._slow_enough(self.steps * scene.dt, scene.dt))
+        return FrameTimes.of(scene.dt, rate, first_step, scene.time, slow)
+
+    def _slow_enough(self, duration: float, dt: float) -> float:
+        """Return how slow a film of a duration [s] plays: its frames are at most one per step."""
+        if not 0.0 < duration < _BRIEF or self.fps != type(self).fps:
+            return 1.0
+        enough = (slow for slow in _SLOWER if slow * duration >= 2.0 * _BRIEF)
+        most = [slow for slow in _SLOWER if slow * self.fps * dt <= 1.0]
+        return min(next(enough, _SLOWER[-1]), max(most, default=1.0))
 
     def _require_effect(self, kind: Kind) -> None:
         """Raise InputError for options that have no effect on this kind of output."""
@@ -258,7 +210,7 @@ OPTIONS = described_fields(RunOptions)
 """The described fields of `RunOptions`, by name."""
 FLAGS: dict[str, str] = {
     name: flag
-    for name, option in OPTIONS.items()
-    if (flag := option.metadata.get("flag", f"--{name.replace('_', '-')}")) is not None
+    for name, one in OPTIONS.items()
+    if (flag := one.metadata.get("flag", f"--{name.replace('_', '-')}")) is not None
 }
 """Flags of these options on the command line."""

@@ -14,7 +14,6 @@ from warnings import warn
 
 from warpgrains.analysis.snapshot import snapshot_of
 from warpgrains.console import progress_bar
-from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import Output
 from warpgrains.errors import InputError
 from warpgrains.frame_log import is_complete
@@ -74,9 +73,7 @@ class OpenRun(CountedRun):
         self._is_resumed, self._is_locked = statistics is not None, is_locked
         self.observer: Observer | None = None
         self.output: Output | None = None
-        self.times: FrameTimes | None = None
-        if options.shows is not None and options.shows.has_frames:
-            self.times = FrameTimes.of(scene.dt, options.rate, first_step, scene.time)
+        self.times = options.times(scene, first_step)
         if statistics is not None and self.missing_frames:
             after, due = f"after {statistics.steps} steps", statistics.frames + self.missing_frames
             raise InputError(f"the checkpoint counts {statistics.frames} frames {after}: there are {due}")
@@ -132,13 +129,13 @@ class OpenRun(CountedRun):
     @property
     def lowered_rate(self) -> str | None:
         """The reason why a new run has fewer frames per second than requested; None if it has not fewer."""
-        options, times = self.options, self.times
-        if times is None or times.rate == options.fps or self._is_resumed:
+        times, fps = self.times, self.options.fps
+        if times is None or times.played == fps or self._is_resumed:
             return None
-        reason = f"with one frame every step of {self.scene.dt:g} s there are {times.rate:.6g}"
-        if times.rate == options.rate:
-            reason = f"a file of this kind has at most {options.rate:.6g}"
-        return f"fps {options.fps:g} cannot be met: {reason}"
+        reason = f"with one frame every step of {self.scene.dt:g} s there are {times.played:.6g}"
+        if times.step(1) > 1 or times.left(1) > 0.0:
+            reason = f"a file of this kind has at most {times.played:.6g}"
+        return f"fps {fps:g} cannot be met: {reason}"
 
     @property
     def steps_to_output(self) -> int:

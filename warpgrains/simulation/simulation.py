@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack, cast
 from warpgrains.analysis.snapshot import snapshot_of
 from warpgrains.arrays import FloatArray
 from warpgrains.described import documented, fields_in_help
-from warpgrains.drawing.kinds import require_drawing, size_of
+from warpgrains.drawing.kinds import STILL, require_drawing
+from warpgrains.drawing.looks import LOOKS, Look, Looks, with_style
 from warpgrains.drawing.painter import Painter
 from warpgrains.errors import InputError, SimulationError, requiring
 from warpgrains.scene import checks
@@ -321,6 +322,7 @@ class Simulation(LoadedScene, Shown):
         *,
         observer: Observer | None = None,
         progress: bool = False,
+        style: str | Path | None = None,
         **outputs: Unpack[Outputs],
     ) -> Summary:
         """Advance by many time steps.
@@ -341,6 +343,8 @@ class Simulation(LoadedScene, Shown):
             Checkpoints do not hold it: `run --resume` continues without it.
         progress : bool
             Whether to show a progress bar on standard error.
+        style : str or Path, optional
+            TOML table of looks, which are options below and replace its values.
         {fields}
 
         Raises
@@ -367,7 +371,7 @@ class Simulation(LoadedScene, Shown):
         options = RunOptions(
             steps=steps_of(self.scene, steps, duration),
             until=until if isinstance(until, str) else None,
-            **cast(dict[str, Any], outputs),
+            **with_style(cast(dict[str, Any], outputs), style),
         )
         run = OpenRun(self.scene, options, first_step=self.steps)
         if not (until is None or isinstance(until, str)):
@@ -404,18 +408,14 @@ class Simulation(LoadedScene, Shown):
 
         return Page(Live(self), port).start()
 
-    @documented([OPTIONS[name] for name in ("color_by", "forces", "size", "frame")])
-    def plot(
-        self,
-        color_by: str = RunOptions.color_by,
-        forces: bool = RunOptions.forces,
-        size: str | None = None,
-        frame: str | None = None,
-    ) -> Picture:
+    @documented([LOOKS[name] for name in LOOKS if name not in STILL.lacks])
+    def plot(self, *, style: str | Path | None = None, **looks: Unpack[Looks]) -> Picture:
         """Return a picture of the present state. Notebooks show it.
 
         Parameters
         ----------
+        style : str or Path, optional
+            TOML table of the following, which replace its values.
         {fields}
 
         Raises
@@ -426,9 +426,10 @@ class Simulation(LoadedScene, Shown):
         require_drawing("plot")
         from warpgrains.pictures.still import Picture
 
-        painter = Painter(self.scene, color_by, forces, frame=frame)
-        pixels = None if size is None else size_of("size", size)
-        return Picture(painter, snapshot_of(self, has_contacts=painter.needs_contacts), pixels)
+        for name in looks:
+            checks.one_of("option of a picture", name, LOOKS.keys() - set(STILL.lacks))
+        painter = Painter(self.scene, Look(**with_style(looks, style)))
+        return Picture(painter, snapshot_of(self, has_contacts=painter.needs_contacts))
 
     def save(self, path: str | Path) -> None:
         """Save the exact state and the scene to a checkpoint, an .npz file, atomically.

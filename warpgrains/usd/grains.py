@@ -42,16 +42,18 @@ class Grains:
 
     The `widths` of points are diameters. Colors are indices into a table. Each instance also uses one of 16
     prototypes, whose colors are means over ranges of that table, because Blender does not read primvars of an
-    instancer. Further primvars hold the mass [kg], the angle [rad] with friction, and the quantities of
+    instancer. Velocities are those of the recording as it is played, `slow` times slower than it happened.
+    Further primvars hold the mass [kg], the angle [rad] with friction, and the quantities of
     `COLORINGS`. In a periodic box, grains are followed by the images of those that cross its sides, and so
     frames hold all arrays.
     """
 
-    def __init__(self, painter: Painter, shape: Shape | None) -> None:
+    def __init__(self, painter: Painter, shape: Shape | None, slow: float) -> None:
         scene = self._scene = painter.scene
         self.height = 1.0 if shape is None else shape.height
         """Extent of a grain of radius 1 m towards the viewer [m]."""
         self._shape, self._colors, self._rotates = shape, painter.colors, scene.has_friction
+        self._slow = slow
         self._position = "points" if shape is None else "positions"
         self._diameter = (2.0 * scene.radius).astype(np.float32)
         self._are_equal = bool((self._diameter == self._diameter[0]).all())
@@ -93,7 +95,7 @@ class Grains:
         values: dict[str, NDArray[Any]] = {
             self._position: shown,
             "extent": covering_extent(shown, self._half_width[number]),
-            VELOCITIES: triples("the velocity of a grain", now.velocity[number]),
+            VELOCITIES: triples("the velocity of a grain", now.velocity[number] / self._slow),
             **{f"primvars:{name}": as_float32(f"the {name} of a grain", own) for name, own in found.items()},
         }
         if self._rotates and self._shape is not None:

@@ -51,10 +51,10 @@ class Recorder:
         _require_float32(scene)
         self.path = Path(options.record or "")
         self.log = log_of(self.path)
-        painter = Painter(scene, options.color_by, options.forces, options.frame)
+        painter = Painter(scene, options)
         self.needs_contacts = painter.needs_contacts
         shape_of = SHAPES[checks.one_of("draw_as", options.draw_as, SHAPES)]
-        grains = Grains(painter, shape_of and shape_of(is_marked=scene.has_friction))
+        grains = Grains(painter, shape_of and shape_of(is_marked=scene.has_friction), times.slow)
         self._drawings: list[Drawing] = [grains, Walls(painter)]
         if painter.chain_scale is not None:
             height = grains.height * float(scene.radius.max())
@@ -67,9 +67,11 @@ class Recorder:
             "parameters": parameters_text(scene),
             "draw_as": options.draw_as,
             "first_step": times.first_step,
+            "slow": times.slow,
+            "look": painter.look.changed,
             **{name: own.described() for name, own in scales.items() if own is not None},
         }
-        static = static_layer(scene.text, times.rate, self._drawings, data, painter.view)
+        static = static_layer(scene.text, times.played, self._drawings, data, painter.view)
         self._frames = FrameLog(self.log, static.ExportToString())
         self._is_needed = resume_at is not None
         self._lock = lock_output(self.path)

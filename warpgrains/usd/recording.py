@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from pxr import UsdGeom
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.chains import ChainScale, pairs_and_walls
 from warpgrains.drawing.colorings import COLORINGS
 from warpgrains.drawing.colors import ColorScale
 from warpgrains.drawing.frames import FrameTimes
+from warpgrains.drawing.looks import Look, Looks
 from warpgrains.drawing.painter import Painter
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
@@ -25,7 +27,15 @@ from warpgrains.scene.snapshot import TABLES, UNITS, Snapshot
 from warpgrains.scene.toml import read_parameters
 from warpgrains.shown import Shown, number_of
 from warpgrains.tables import dataset, library
-from warpgrains.usd.grains import GRAINS, OF_GRAINS, PERIODS, VELOCITIES, numbers_of, position_of
+from warpgrains.usd.grains import (
+    COLOR_INDICES,
+    GRAINS,
+    OF_GRAINS,
+    PERIODS,
+    VELOCITIES,
+    numbers_of,
+    position_of,
+)
 from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, WALLS
 from warpgrains.usd.stage import RECORDED_BY, numbers, open_recording, refusing_untrusted_content
 
@@ -93,9 +103,10 @@ class Recording(Shown):
         self.scale = ColorScale.read(data["colors"]) if "colors" in data else None
         self.chain_scale = ChainScale.read(data["forces"]) if "forces" in data else None
         first_step = checks.whole_number("first_step", data["first_step"], least=0)
-        rate = float(self._stage.GetTimeCodesPerSecond())
+        self.look = Look(**dict(data["look"]))
+        rate, slow = float(self._stage.GetTimeCodesPerSecond()), checks.positive("slow", data["slow"])
         start = checks.number("time", parameters.get("time", 0.0))
-        self.times = FrameTimes.of(checks.positive("dt", parameters["dt"]), rate, first_step, start)
+        self.times = FrameTimes.of(checks.positive("dt", parameters["dt"]), rate, first_step, start, slow)
         checks.number("time of the last frame", self.times.time(self._count - 1))
         box = checked_domain("domain", parameters.get("domain"))
         self._period = box.period if box else Period()
@@ -161,7 +172,8 @@ class Recording(Shown):
             if name == "position" and self._period:
                 periods = numbers(self._stage.GetPrimAtPath(GRAINS).GetAttribute(PERIODS), k, (n, 2))
                 return found[:, :2] + self._period.lengths * periods
-            return found[:, :2] if found.ndim == 2 else found
+            found = found[:, :2] if found.ndim == 2 else found
+            return self.times.slow * found if name == "velocity" else found
 
     @cached_property
     def scene(self) -> Scene:
@@ -192,6 +204,14 @@ class Recording(Shown):
             mass=self._mass,
             **self._parameters,
         )
+
+    @property
+    def levels(self) -> IndexArray:
+        """Indices of the grains' colors in the first frame, shape (n,)."""
+        with refusing_untrusted_content(self.path):
+            return numbers(self._stage.GetPrimAtPath(GRAINS).GetAttribute(COLOR_INDICES))[
+                : len(self.radius)
+            ].astype(int)
 
     def places(self, k: int) -> FloatArray | None:
         """Return the coordinates of walls [m], shape (walls,); None where no force drives a wall."""
@@ -309,9 +329,20 @@ class Recording(Shown):
         return dataset(frame, UNITS)
 
 
-def painter_of(recording: Recording, frame: str | None = None) -> Painter:
-    """Return the painter of the frames, with the scales of the file; for `frame`, see `Painter`."""
-    color_by = "palette" if recording.scale is None else recording.scale.quantity
-    painter = Painter(recording.recorded_scene, color_by, recording.has_forces, frame=frame)
-    painter.colors.scale, painter.chain_scale = recording.scale, recording.chain_scale
+def painter_of(recording: Recording, **looks: Unpack[Looks]) -> Painter:
+    """Return the painter of the frames in the look of the file but for some `looks`, with its scales.
+
+    Raises InputError where a look needs contacts that were not recorded.
+    """
+    painter = Painter(recording.recorded_scene, replace(recording.look, **looks))
+    if not looks.keys() & {"color_by", "colors", "range"}:
+        painter.colors.scale = recording.scale
+        if painter.colors.still is not None:
+            painter.colors.still = recording.levels
+    elif painter.colors.needs_contacts and not recording.has_forces:
+        raise InputError(f"color_by {painter.look.color_by!r} needs contacts: record them with --forces")
+    if painter.look.forces:
+        if not recording.has_forces:
+            raise InputError(f"'{recording.path}' holds no contacts: record them with --forces")
+        painter.chain_scale = recording.chain_scale
     return painter

@@ -10,6 +10,7 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.looks import Look
 from warpgrains.drawing.painter import Painter
 from warpgrains.grade.probes import start_of
 from warpgrains.grade.sandbox import Answer, Child, EndedError
@@ -47,7 +48,7 @@ class Homework:
 
     def __init__(self, scene: Scene, start: Callable[[], tuple[Child, Child]], name: str) -> None:
         self._scene, self._start, self.name = scene, start, name
-        self.painter = _Painter(scene, "palette", forces=False)
+        self.painter = _Painter(scene, Look())
         self._children: tuple[Child, ...] = ()
         self.restart()
 

@@ -41,7 +41,7 @@ class Page:
         self.is_playing, self._pace = False, Pace(player.dt)
         self._refused: str | None = None
         self._speed, has_chains = 1.0, player.painter.chain_scale is not None
-        self._style: dict[str, Any] = {"color_by": "speed", "forces": has_chains}
+        self._style: dict[str, Any] = {"color_by": player.painter.look.color_by, "forces": has_chains}
         self._server = serve_page(port, f"warpgrains: {player.name}")
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
@@ -172,7 +172,9 @@ class Page:
         speed = gui.add_slider("playback speed", 0.1, _MOST_SPEED, 0.1, 1.0, hint="1 is real time")
         speed.on_update(lambda _: setattr(self, "_speed", value_of(speed)))
         if player.colorings:
-            colors = gui.add_dropdown("color by", player.colorings, initial_value="speed")
+            colors = gui.add_dropdown(
+                "color by", player.colorings, initial_value=player.painter.look.color_by
+            )
             colors.on_update(self._ask(lambda: self._set_style(color_by=str(colors.value))))
             self._colors = colors
         if player.has_chains:

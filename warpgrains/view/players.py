@@ -12,6 +12,8 @@ import numpy as np
 from warpgrains.analysis.snapshot import snapshot_of
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colorings import colorings_of
+from warpgrains.drawing.colors import CATEGORIES
+from warpgrains.drawing.looks import Look
 from warpgrains.drawing.painter import Painter
 from warpgrains.errors import SimulationError
 from warpgrains.scene.energy import kinetic_energy
@@ -72,7 +74,7 @@ class Live:
     def __init__(self, simulation: Simulation) -> None:
         self._simulation, self._first = simulation, simulation.scene
         self.name, self.dt = simulation.scene.name, simulation.scene.dt
-        self.set_style("speed", forces=False)
+        self.set_style(Look.color_by, forces=False)
         self._forget()
 
     def _forget(self) -> None:
@@ -86,7 +88,7 @@ class Live:
 
     @property
     def colorings(self) -> tuple[str, ...]:
-        return "palette", *colorings_of(self.scene)
+        return *CATEGORIES, *colorings_of(self.scene)
 
     @property
     def steps(self) -> int:
@@ -139,7 +141,7 @@ class Live:
         self.change(restitution=restitution, restitution_speed=first.restitution_speed if bounces else 0.0)
 
     def set_style(self, color_by: str, forces: bool) -> None:
-        self.painter = Painter(self._simulation.scene, color_by, forces)
+        self.painter = Painter(self._simulation.scene, Look(color_by=color_by, forces=forces))
 
     def snapshot(self) -> Snapshot:
         return snapshot_of(self._simulation, has_contacts=self.painter.needs_contacts)
@@ -178,14 +180,13 @@ class Live:
 
 
 class Replay:
-    """Player of a recording. A step is a frame; colors are those of the file."""
-
-    colorings: tuple[str, ...] = ()
+    """Player of a recording. A step is a frame."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording, self.name = recording, recording.path.name
         self.dt, self.steps, self.last = 1.0 / recording.times.rate, 0, len(recording) - 1
         self.painter, self.has_chains = painter_of(recording), recording.has_forces
+        self.colorings = *CATEGORIES, *colorings_of(recording.recorded_scene, self.has_chains)
 
     @property
     def has_ended(self) -> bool:
@@ -199,8 +200,7 @@ class Replay:
         self.steps = 0
 
     def set_style(self, color_by: str, forces: bool) -> None:
-        """Show or hide force chains; the colors are those of the file."""
-        self.painter.chain_scale = self._recording.chain_scale if forces else None
+        self.painter = painter_of(self._recording, color_by=color_by, forces=forces)
 
     def snapshot(self) -> Snapshot:
         return self._recording.frame(self.steps, self.has_chains)

@@ -1,0 +1,145 @@
+"""Looks of pictures, films and recordings: each option stands here once, for runs, `plot` and Python."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypedDict
+
+from warpgrains.described import described, described_fields
+from warpgrains.drawing.kinds import color_of, colors_of, frame_of, range_of, size_of
+from warpgrains.errors import InputError
+from warpgrains.scene import checks
+
+DEFAULT_RATE = 24.0
+"""Frames per second [1/s] at which Blender plays by default."""
+
+
+def option(meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, **more: Any) -> Any:
+    """Return a field for an option of runs, a switch without metavar.
+
+    `more`: its `default`, a `flag` other than its name (None: none), and the option that it `needs` to have
+    an effect.
+    """
+    return described(meaning, **({"default": None, "needs": None} | more), check=check, metavar=metavar)
+
+
+def _look(
+    meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, default: Any = None
+) -> Any:
+    return option(meaning, check, metavar, default=default, needs="record")
+
+
+def _readable_by(read: Callable[[str, Any], object]) -> Callable[[str, Any], str]:
+    """Return the check of a text that a function reads."""
+
+    def check(field: str, text: Any) -> str:
+        read(field, checks.text(field, text))
+        return str(text)
+
+    return check
+
+
+class Looks(TypedDict, total=False):
+    """Keywords that are fields of `Look`, so that type checkers find wrong ones."""
+
+    color_by: str
+    colors: str | None
+    range: str | None
+    forces: bool
+    size: str | None
+    frame: str | None
+    background: str
+    clean: bool
+    fps: float
+    slow: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """How grains and walls are shown. Raises InputError where a value is invalid."""
+
+    color_by: str = _look(
+        "Color of the grains: palette (much alike), bands (by height at the start), height, id, speed,"
+        " pressure, force, radius, with friction spin or mobilized.",
+        checks.text,
+        "WHAT",
+        "palette",
+    )
+    colors: str | None = _look(
+        "Colors to use instead: a colormap such as viridis, or a list such as '#e8d3a8,tan'.",
+        _readable_by(colors_of),
+        "COLORS",
+    )
+    range: str | None = _look(
+        "Values of the first and the last color, in the unit of the quantity.",
+        _readable_by(range_of),
+        "LOW,HIGH",
+    )
+    forces: bool = _look("Draw force chains.", checks.boolean, default=False)
+    size: str | None = _look(
+        "Width and height of a film or a picture [pixels]; without it, they follow from the frame.",
+        _readable_by(size_of),
+        "WIDTHxHEIGHT",
+    )
+    frame: str | None = _look(
+        "Rectangle to show [m], also by the camera of a USD file; without it, the grains and the walls that"
+        " they can touch.",
+        _readable_by(frame_of),
+        "X0,Y0,X1,Y1",
+    )
+    background: str = _look(
+        "Color of the background of a film or a picture.", _readable_by(color_of), "COLOR", "#ffffff"
+    )
+    clean: bool = _look(
+        "Draw grains and walls alone: no time, color bar and legend.", checks.boolean, default=False
+    )
+    fps: float = _look(
+        "Frames per second [1/s] as played, exactly; at most one per step.",
+        checks.positive,
+        "F",
+        DEFAULT_RATE,
+    )
+    slow: float | None = _look(
+        "How many times slower than it happened a film or a recording plays; without it 1, or for a film of"
+        " less than a second and without fps, what makes it last about two.",
+        checks.positive,
+        "S",
+    )
+
+    def __post_init__(self) -> None:
+        for name, one in described_fields(type(self)).items():
+            value = getattr(self, name)
+            if value is not None or one.default is not None:
+                object.__setattr__(self, name, one.metadata["check"](name, value))
+
+    @property
+    def pixels(self) -> tuple[int, int] | None:
+        """Width and height of a film or a picture [pixels], if given."""
+        return None if self.size is None else size_of("size", self.size)
+
+    @property
+    def changed(self) -> dict[str, Any]:
+        """The fields of pictures that differ from their defaults, as a style has them."""
+        names = [name for name in LOOKS if getattr(self, name) != LOOKS[name].default]
+        return {name: getattr(self, name) for name in names if name not in ("fps", "slow")}
+
+
+LOOKS = described_fields(Look)
+"""The fields of `Look` by name."""
+
+
+def with_style(given: Mapping[str, Any], style: str | Path | None) -> dict[str, Any]:
+    """Return options with those of a style, a TOML table of looks, which do not stand among them."""
+    if style is None:
+        return dict(given)
+    path = Path(checks.path("style", style))
+    try:
+        table = tomllib.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise InputError(f"style '{path}' cannot be read: {error}") from None
+    for name in table:
+        checks.one_of(f"key of style '{path}'", name, LOOKS)
+    return table | dict(given)
