@@ -56,7 +56,11 @@ def find_device(name: str) -> warp.Device:
     import warp
 
     try:
-        return warp.get_device(name)
+        with (
+            TemporaryFile() as remarks,
+            redirected(STDERR, remarks.fileno()),
+        ):  # of the driver that is not there
+            return warp.get_device(name)
     except (ValueError, RuntimeError) as error:
         known = ", ".join(device.alias for device in warp.get_devices())
         raise InputError(f"device {name!r} does not exist: choose one of {known}") from error

@@ -208,7 +208,7 @@ def test_vtk_reads_every_frame_back(recorded, capfd):
             values |= {"spin": frame.spin, "angle": frame.angle, "mobilized": frame.recorded["mobilized"]}
             tangential = np.concatenate([frame.tangential_force, frame.wall_tangential_force])
             assert np.array_equal(contacts.cell_data["tangential_force"], tangential)
-        assert {*grains.point_data} == {*values, "speed", "pressure"}
+        assert {*grains.point_data} == {*values, "speed", "pressure", "force"}
         for name, value in values.items():
             assert np.array_equal(grains.point_data[name], value)
         assert grains.point_data["speed"] == pytest.approx(np.hypot(*frame.velocity.T), rel=2 * FLOAT32)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -13,11 +14,14 @@ from time import sleep
 import pytest
 from command import exit_code, require_refusal
 from homeworks import PLAIN, PLAIN_WRONG, contact_that
-from pages import PAGES
+from pages import PAGES, blocks, commands_in_words
 
 from warpgrains.files import read_table
+from warpgrains.grade.diagnosis import read_mistakes
 from warpgrains.grade.sandbox import CONTACT, UPDATE
 from warpgrains.reference.reference import DEFINES, SOURCE
+from warpgrains.view import page
+from warpgrains.view.players import PLACEHOLDER
 
 EXCHANGED = PLAIN_WRONG["masses exchanged in the share of a pair"]
 
@@ -116,16 +120,19 @@ def test_a_class_has_a_table_and_pages(tmp_path, capfd):
             (folder / name).symlink_to(text)
     shown = [name.replace("\udcff", "\\xff").replace("\x1b", "\\x1b") for name in CLASS]
     arguments = ("grade", folder, "-o", output, "--html", pages)
-    assert exit_code(*arguments, "--lang", "fr") == 2
+    assert exit_code(*arguments) == 2
     counts = f"homeworks {len(CLASS)} right 2 wrong 2 not compiled 5 not read 4 with warnings 0"
     assert capfd.readouterr().out.split() == f"{counts} table {output} pages {pages}".split()
     rows = read_table(output)
+    assert exit_code(*arguments, "--lang", "fr") == 2
+    capfd.readouterr()
     assert [row["file"] for row in rows] == shown
-    for row, (_, status, first) in zip(rows, CLASS.values(), strict=True):
+    for row, (_, status, _) in zip(rows, CLASS.values(), strict=True):
         assert row["status"] == status, row
-        assert first in row["first"]
         assert "\x1b" not in "".join(row.values())
-    assert rows[0]["mistakes"] == "masses échangées dans la part d'une paire"
+    for row, (_, _, first) in zip(read_table(output), CLASS.values(), strict=True):
+        assert first in row["première différence"]
+    assert read_table(output)[0]["erreurs"] == "masses échangées dans la part d'une paire"
     assert (rows[0][UPDATE], rows[0][CONTACT]) == ("right", "wrong")
     index = (pages / "index.html").read_text()
     assert "masses échangées dans la part d&#x27;une paire</td><td>2</td>" in index
@@ -211,6 +218,59 @@ def programs_in(folder):
             if Path(os.readlink(process / "cwd")).is_relative_to(folder):
                 names.append((process / "comm").read_text().strip())
     return names
+
+
+def test_points_are_shares_of_the_scenes_that_are_right(tmp_path, capfd):
+    """On the terminal, in the table and on the pages; in French, too, where nothing stays English."""
+    folder = tmp_path / "class"
+    files = [homework(folder / "right.c"), homework(folder / "wrong.c", EXCHANGED)]
+    assert exit_code("grade", files[1], "--points", "8,16", "--seed", 7) == 1
+    assert (
+        "\npoints 12 of 24, femGrainsUpdate 8 of 8, femGrainsContactIterate 4 of 16\n"
+        in capfd.readouterr().out
+    )
+    words = ["--points", "8,16", "-o", tmp_path / "t.csv", "--html", tmp_path / "site", "--lang", "fr"]
+    for named in ([folder], files):
+        assert exit_code("grade", *named, *words) == 1
+        printed = capfd.readouterr().out
+        assert printed.splitlines()[:3] == [f"{'devoirs':<17} 2", f"{'juste':<17} 1", f"{'faux':<17} 1"]
+        right, wrong = read_table(tmp_path / "t.csv")
+        assert (right["points"], wrong["points"]) == ("24", "12")
+        assert (right["statut"], wrong["statut"], wrong[CONTACT]) == ("juste", "faux", "faux")
+        assert not {"status", "mistakes", "file", "warnings", "first"} & set(right)
+    assert "<th>points</th>" in (tmp_path / "site/index.html").read_text()
+    assert exit_code("grade", files[1], "--points", "8") == 2
+    require_refusal(capfd, "--points is '8': it must be points of each function, such as 10,20")
+
+
+def test_an_endless_loop_is_named_for_what_it_is(tmp_path, capfd):
+    """Although its iter is right."""
+    text = PLAIN.replace("    do {\n", "    while (1) {\n").replace(
+        "    } while ((zeta > tol && iter <= iterMax) || iter == 1);", "    }"
+    )
+    assert exit_code("grade", homework(tmp_path / "homework.c", text), "--json") == 1
+    update, *_ = json.loads(capfd.readouterr().out)["parts"]
+    assert update["mistakes"] == ["loop never ends"]
+
+
+def test_jacobi_is_told_to_look_at_velocities():
+    mistakes = {mistake.name: mistake.hint.look for mistake in read_mistakes()}
+    (look,) = {look for name, look in mistakes.items() if name.startswith("Jacobi")}
+    assert look.startswith("Print v_i before and after each pair")
+
+
+def test_commands_of_the_course_page_play_a_homework(tmp_path, monkeypatch):
+    """Those in its sentences and tables, too."""
+    monkeypatch.chdir(tmp_path)
+    homework(tmp_path / "mine/homework.c")
+    shown = [line for block in blocks("course") if block.language == "bash" for line in block.lines]
+    named = [line for line in [*shown, *commands_in_words("course")] if "--homework mine" in line]
+    played = []
+    monkeypatch.setattr(page.Page, "run", lambda own, announce: played.append(own._player.readout()["stage"]))
+    for line in named:
+        assert exit_code(*shlex.split(line)[1:]) == 0
+    assert played == [PLACEHOLDER] * len(named)
+    assert len(named) > 1
 
 
 def test_the_template(tmp_path, capfd):

@@ -8,7 +8,7 @@ from io import StringIO
 import numpy as np
 import pytest
 
-from warpgrains import InputError, Scene
+from warpgrains import InputError, Scene, Simulation
 from warpgrains.cli.main import main
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report import report
@@ -71,6 +71,19 @@ def test_default_report_leaves_friction_out(tmp_path, monkeypatch):
     assert main(["report", "-o", str(tmp_path)]) == 0
     assert "pile" in names
     assert not {"heap", "couette", "rotating_drum"} & set(names)
+
+
+def test_warnings_of_its_own_trajectories_are_not_shown(tmp_path, monkeypatch, capfd):
+    """These begin at converged steps, where grains overlap as far as the tolerance lets them."""
+
+    def write(scenes, *_, **__):
+        state = first_state(scenes[0])
+        Simulation(scenes[0].replace(position=0.999 * state.position), dt=1e-3)
+        return []
+
+    monkeypatch.setattr(report, "write_report", write)
+    assert main(["report", "pile", "-o", str(tmp_path)]) == 0
+    assert "Warning" not in capfd.readouterr().err
 
 
 def test_steps_of_the_history_in_every_way(found):

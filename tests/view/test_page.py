@@ -5,12 +5,14 @@ These tests need Chromium and its driver, `apt-get install chromium chromium-dri
 
 import time
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 from recordings import make_frames, make_scene, record
 from same_bits import contents
+from scipy import ndimage
 from selenium import webdriver
 from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.common.by import By
@@ -19,7 +21,10 @@ from walls_seen import View
 from warpgrains import InputError, Scene, Simulation
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.drawing.colors import GrainColors, mark_color
+from warpgrains.drawing.shapes import WALL_COLOR
+from warpgrains.grade.grader import Grader
 from warpgrains.usd.recording import Recording
+from warpgrains.view.homework import Homework
 from warpgrains.view.page import Page
 from warpgrains.view.players import Replay
 
@@ -33,14 +38,14 @@ ARGUMENTS = (
     "--enable-unsafe-swiftshader",
     "--window-size=1500,1000",
 )
-PATIENCE = 120.0  # s
+PATIENCE = 60.0  # s
 
 
 class Tab:
     def __init__(self, driver, url):
         self.driver = driver
         driver.get(url)
-        self.wait_for(lambda: "steps" in self.told() or "frame" in self.told())
+        self.wait_for(lambda: "state" in self.told())
 
     def told(self):
         """Return the numbers of the page, by their names."""
@@ -117,7 +122,7 @@ def opened(driver):
 def test_keys_and_sliders_of_a_simulation(opened, tmp_path, monkeypatch):
     """And a change that is refused says why."""
     simulation = Simulation(Scene.load("annulus"))
-    tab = opened(simulation.view(port=8300))
+    tab = opened(in_bands(simulation.view(port=8300)))
     assert (tab.told()["state"], tab.told()["steps"]) == ("stopped", "0")
     tab.press("s")
     for steps in ("1", "2"):
@@ -166,33 +171,116 @@ def test_keys_and_sliders_of_a_simulation(opened, tmp_path, monkeypatch):
 def test_marks_show_how_far_grains_have_turned(opened, tmp_path):
     simulation = Simulation(make_scene(np.full(5, 0.25), friction=0.3, spin=[-6.0, -1.0, 0.0, 2.0, 7.0]))
     simulation.run(steps=39)
-    tab = opened(simulation.view(port=8330))
+    tab = opened(in_bands(simulation.view(port=8330)))
     tab.press("n")
     tab.wait_until_told(steps="40")
     for ahead, color_of in ((-0.6, lambda colors: colors), (0.6, mark_color)):
         require_colors(tab, tmp_path, simulation, ahead, color_of)
 
 
-def test_labels_and_charts_appear_when_there_is_something(opened):
+def chart_sizes(tab):
+    """Return the sizes of both charts, which are as wide as their panel."""
+    tab.wait_for(lambda: len(tab.charts()) == 2)
+    sizes = [(chart.size["width"], chart.size["height"]) for chart in tab.charts()]
+    assert min(width for width, _ in sizes) > 250
+    return sizes
+
+
+def test_charts_keep_their_size_from_step_to_step(opened):
+    """Also where a step has one iteration, and the next one many."""
+    tab = opened(Simulation(Scene.load("annulus")).view(port=8340))
+    size, seen = chart_sizes(tab), set()
+    for step in range(1, 24):
+        tab.press("n")
+        tab.wait_until_told(steps=str(step))
+        seen.add(int(tab.told()["iterations"]) > 1)
+        assert chart_sizes(tab) == size
+    assert seen == {False, True}
+
+
+def test_a_homework_has_its_curve_beside_that_of_the_reference(opened, tmp_path):
+    grader, source = Grader(tmp_path), Path(__file__).parents[1] / "grade/right/plain.c"
+    player = Homework(Scene.load("annulus"), lambda: grader.run(source), "homework")
+    tab = opened(Page(player, 8350).start())
+    while player.readout()["stage"] != "iteration 3":
+        player.advance(1)
+    tab.press("n")
+    tab.wait_until_told(stage="iteration 4")
+    tab.wait_for(lambda: len(tab.charts()) == 1)
+    for words in ("zeta of the last step [m/s]", "reference", "homework"):
+        assert words in tab.charts()[0].text
+    player.close()
+
+
+def test_sliders_reset_and_say_what_is_out_of_range(opened):
+    simulation = Simulation(Scene.load("annulus"))
+    tab = opened(simulation.view(port=8360))
+    tab.fill("friction", "7")
+    tab.wait_for(lambda: "friction is 7: it must be 0 to 1" in tab.text())
+    tab.fill("friction", "0.5")
+    tab.wait_until_told(friction="0.5")
+    tab.wait_for(lambda: "friction is 7" not in tab.text())
+    tab.fill("drag [kg/s]", "1.25")
+    tab.wait_until_told(drag="1.25 kg/s")
+    tab.click("reset the sliders")
+    tab.wait_until_told(friction="0", drag="0.5 kg/s")
+    tab.wait_for(lambda: tab.slider("friction").get_attribute("value") == "0")
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (800, 1200), (390, 844)])
+def test_windows_of_any_size_show_the_whole_circle(opened, tmp_path, width, height):
+    """Its leftmost, rightmost, highest and lowest points are not beyond the window or below the panel."""
+    tab = opened(Simulation(Scene.load("annulus")).view(port=8370))
+    metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    tab.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    tab.driver.refresh()
+    tab.wait_for(lambda: tab.told().get("steps") == "0")
+    for button in tab.driver.find_elements(By.CSS_SELECTOR, "[class*=Notification] button"):
+        button.click()
+
+    def is_whole():
+        tab.driver.save_screenshot(str(tmp_path / "page.png"))
+        pixels = imread(tmp_path / "page.png")[:, :, :3]
+        shape, count = ndimage.label(np.abs(pixels - WALL_COLOR).max(axis=2) < 0.04, np.ones((3, 3)))
+        sizes = [
+            (np.ptp(np.nonzero(shape == k)[0]), np.ptp(np.nonzero(shape == k)[1]))
+            for k in range(1, count + 1)
+        ]
+        tall, wide = max(sizes, default=(0, 0))
+        return tall > 200 and abs(tall - wide) < 0.02 * tall
+
+    try:
+        tab.wait_for(is_whole)
+    finally:
+        tab.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_labels_appear_when_there_is_something(opened):
     """And nothing that appears moves the sliders."""
     scene = Scene.load("annulus").replace(max_iterations=5, on_unconverged="raise")  # fails at step 20
     tab = opened(Simulation(scene).view(port=8320))
     sliders = ("playback speed", "drag [kg/s]", "gravity [m/s2]", "gravity direction [degrees]")
     assert tab.buttons()[:4] == ["run (R)", "stop (S)", "one step (N)", "restart (0)"]
-    assert tab.charts() == []
+    size = chart_sizes(tab)
     places = [tab.slider(label).location for label in sliders]
     tab.press("n")
     tab.wait_until_told(steps="1")
     assert tab.buttons()[0] == "resume (R)"
     tab.press("n")
     tab.wait_until_told(steps="2")
-    tab.wait_for(lambda: len(tab.charts()) == 1)  # of the energy; a step without contacts has one iteration
     tab.press("r")
     tab.wait_for(lambda: "not converged" in tab.text() and tab.told()["state"] == "stopped")
     assert [tab.slider(label).location for label in sliders] == places
     tab.click("restart")
     tab.wait_until_told(steps="0")
-    tab.wait_for(lambda: tab.buttons()[0] == "run (R)" and tab.charts() == [])
+    tab.wait_for(lambda: tab.buttons()[0] == "run (R)")
+    assert chart_sizes(tab) == size
+
+
+def in_bands(page):
+    """Return a page with colors whose hues differ."""
+    page._asked.put(lambda: page._set_style(color_by="bands"))
+    return page
 
 
 def require_colors(tab, folder, simulation, ahead=0.0, color_of=lambda colors: colors):
@@ -202,7 +290,7 @@ def require_colors(tab, folder, simulation, ahead=0.0, color_of=lambda colors: c
     """
     tab.driver.save_screenshot(str(folder / "page.png"))
     pixels = imread(folder / "page.png")[:, :, :3]
-    expected = color_of(GrainColors(simulation.scene, "speed").of(snapshot(simulation)))
+    expected = color_of(GrainColors(simulation.scene, "bands").of(snapshot(simulation)))
     turned = np.stack([np.cos(simulation.angle), np.sin(simulation.angle)], axis=1)
     places = simulation.position + ahead * simulation.scene.radius[:, np.newaxis] * turned
     shown = View(pixels, 0.04).at(pixels, places)

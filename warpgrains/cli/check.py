@@ -15,11 +15,12 @@ SECONDS, BYTES = 120.0, 8 * 2**30
 
 
 def check(arguments: Namespace) -> bool:
-    """Print each problem of a recording on one line, or its size if it has none."""
-    lines = _report_of_child(arguments.file)
-    for line in lines:
-        print(f"{arguments.file}: {line}")
-    return not lines[0].startswith("OK: ")
+    """Print each problem of recordings on one line, or the size of one that has none."""
+    reports = {path: _report_of_child(path) for path in arguments.file}
+    for path, lines in reports.items():
+        for line in lines:
+            print(f"{path}: {line}")
+    return any(not lines[0].startswith("OK: ") for lines in reports.values())
 
 
 def _report_of_child(path: str) -> list[str]:

@@ -26,6 +26,7 @@ class Command(NamedTuple):
     home: str
     help: str
     description: str
+    example: str
     options: list[Option]
 
     def add_options(self, parser: ArgumentParser) -> None:

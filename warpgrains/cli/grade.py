@@ -27,7 +27,8 @@ from warpgrains.files import (
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.page import GENERATOR, Pages
 from warpgrains.grade.sandbox import Processes
-from warpgrains.grade.verdict import Verdict
+from warpgrains.grade.verdict import Verdict, points_of
+from warpgrains.grade.words import LANGUAGES, Words, in_language
 from warpgrains.locks import lock_own
 from warpgrains.reference.reference import SOURCE
 from warpgrains.scene.checks import whole_number
@@ -43,28 +44,31 @@ _BAR = "{percentage:3.0f}%|{bar}| {n}/{total} homeworks [{elapsed}, {remaining} 
 def grade(arguments: Namespace) -> int:
     """Grade homeworks, or write an empty one; return 0 if all are right, 1 if one is wrong, else 2."""
     if arguments.template is not None:
-        others = ("homework", "output", "json", "strict", "html", "seed")
-        if any(getattr(arguments, name) not in (None, False) for name in others):
+        others = ("homework", "output", "json", "strict", "html", "seed", "points")
+        if any(getattr(arguments, name) not in (None, False, []) for name in others):
             raise InputError(
                 "--template takes no other option and no HOMEWORK: it only writes an empty homework"
             )
         print("\n".join(map(str, write_template(Path(arguments.template)))))
         return False
-    if arguments.homework is None:
+    if not arguments.homework:
         raise InputError(
             "HOMEWORK is missing: give a file or a folder, or --template to write an empty homework"
         )
     if arguments.seed is not None:
         whole_number("seed", arguments.seed, least=0)
-    path, table, site = Path(arguments.homework), arguments.output, arguments.html
-    is_class = path.is_dir()
-    paths = sorted(each for each in path.rglob("*.c") if not each.is_dir()) if is_class else [path]
+    paths, table, site = [Path(name) for name in arguments.homework], arguments.output, arguments.html
+    path, points = paths[0], None if arguments.points is None else points_of("--points", arguments.points)
+    is_folder = len(paths) == 1 and path.is_dir()
+    is_class = is_folder or len(paths) > 1
+    if is_folder:
+        paths = sorted(each for each in path.rglob("*.c") if not each.is_dir())
     if not paths:
         raise InputError(f"folder '{path}' holds no homework: no file ends in .c")
     if is_class and table is site is None and not arguments.json:
-        raise InputError("a folder of homeworks needs -o TABLE.csv, --html DIR, or --json")
+        raise InputError("several homeworks need -o TABLE.csv, --html DIR, or --json")
     if not is_class and table is not None:
-        raise InputError("-o needs a folder of homeworks: for one homework, use --json")
+        raise InputError("-o needs several homeworks: for one homework, use --json")
     with ExitStack() as held:
         if site is not None:
             make_folder(Path(site))
@@ -72,10 +76,11 @@ def grade(arguments: Namespace) -> int:
         if table is not None:
             require_writable_path("table", Path(table), ".csv")
             held.enter_context(lock_own(Path(table), _is_table, "table of grades"))
-        verdicts = _grade_all(paths, arguments.strict, arguments.seed, path if is_class else None)
+        verdicts = _grade_all(paths, arguments.strict, arguments.seed, path if is_folder else None)
         if not is_class and verdicts[0].problem:
             raise InputError(verdicts[0].problem)
-        names = [printable(str(each.relative_to(path) if is_class else each)) for each in paths]
+        verdicts = [replace(verdict, points=points) for verdict in verdicts]
+        names = [printable(str(each.relative_to(path) if is_folder else each)) for each in paths]
         named = [replace(verdict, file=name) for verdict, name in zip(verdicts, names, strict=True)]
         if table is not None:
             rows = [verdict.as_row(arguments.lang) for verdict in named]
@@ -87,7 +92,8 @@ def grade(arguments: Namespace) -> int:
         print(json.dumps(told if is_class else told[0]))
     else:
         has_color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
-        print(_lines(verdicts, table, site) if is_class else verdicts[0].text(has_color, arguments.lang))
+        language = arguments.lang
+        print(_lines(verdicts, table, site, language) if is_class else verdicts[0].text(has_color, language))
     return max(RESULTS.get(verdict.status, NOT_GRADED) for verdict in verdicts)
 
 
@@ -134,10 +140,12 @@ def _is_page(path: Path) -> bool:
 
 
 def _is_table(path: Path) -> bool:
-    return {"file", "status", "mistakes"} <= set((read_table(path) or [{}])[0])
+    found = set((read_table(path) or [{}])[0])
+    heads = [Words(name) for name in ("file", "status", "mistakes")]
+    return any({in_language(head, language) for head in heads} <= found for language in LANGUAGES)
 
 
-def _lines(verdicts: list[Verdict], table: str | None, pages: str | None) -> str:
+def _lines(verdicts: list[Verdict], table: str | None, pages: str | None, language: str) -> str:
     counts = Counter(str(verdict.status) for verdict in verdicts)
     rows = {
         "homeworks": len(verdicts),
@@ -149,7 +157,7 @@ def _lines(verdicts: list[Verdict], table: str | None, pages: str | None) -> str
         **({"table": printable(table)} if table else {}),
         **({"pages": printable(pages)} if pages else {}),
     }
-    return in_columns(rows)
+    return in_columns({in_language(Words(name), language): value for name, value in rows.items()})
 
 
 def write_template(folder: Path) -> list[Path]:
@@ -161,5 +169,7 @@ def write_template(folder: Path) -> list[Path]:
         if target.exists():
             raise OutputError(f"refusing to overwrite '{target}': nothing was written")
     for source, target in zip(sources, targets, strict=True):
-        write_atomically(target, source.read_bytes())
+        # what only the reference has is none of a student's business
+        text = re.sub(r"^#ifdef REFERENCE\n.*?^#endif\n", "", source.read_text(), flags=re.M | re.S)
+        write_atomically(target, text.encode())
     return targets

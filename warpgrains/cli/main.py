@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from warpgrains import __version__
 from warpgrains.cli.commands import COMMANDS
 from warpgrains.console import INTERRUPTED, STDOUT, open_standard_streams, printable
-from warpgrains.errors import InputError, SimulationError
+from warpgrains.errors import InputError, SimulationError, requiring
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 _FULL = (ENOSPC, EDQUOT, EFBIG, EIO)
@@ -40,13 +40,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _do(arguments: Sequence[str] | None) -> int:
+    words, parser = list(sys.argv[1:] if arguments is None else arguments), _parser()
+    if words[:1] == ["help"]:
+        words = [*words[1:], "--help"]
     try:
-        parsed = _parser().parse_args(arguments)
+        parsed = parser.parse_args(words)
     except SystemExit:  # after --help or --version
         sys.stdout.flush()
         raise
+    if parsed.completion is not None:
+        with requiring("--completion", "shell"):
+            import shtab
+        print(shtab.complete(parser, parsed.completion))
+        return DONE
     if parsed.command is None:
-        _parser().print_help()
+        parser.print_help()
         return DONE
     return parsed.command.do(parsed)
 
@@ -82,12 +90,16 @@ def _parser() -> ArgumentParser:
     parser = _Parser(
         prog="warpgrains",
         description="Rigid grains in an annulus or a box, with or without friction, on NVIDIA Warp.",
+        epilog="warpgrains help COMMAND explains a command.",
     )
+    meaning = "print what completes commands in bash, zsh or tcsh"
+    parser.add_argument("--completion", metavar="SHELL", choices=("bash", "zsh", "tcsh"), help=meaning)
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     parser.set_defaults(command=None)
     subparsers = parser.add_subparsers(metavar="COMMAND")
     for name, command in COMMANDS.items():
-        own = subparsers.add_parser(name, help=command.help, description=command.description)
+        example = f"Example: {command.example}"
+        own = subparsers.add_parser(name, help=command.help, description=command.description, epilog=example)
         own.set_defaults(command=command)
         command.add_options(own)
     return parser

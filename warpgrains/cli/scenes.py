@@ -76,10 +76,16 @@ def _explained(name: str) -> str:
     """Return the text of a scene's file and a table of all keys."""
     text, document = _read(name)
     width = max(NARROWEST, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))
-    lines = [text.rstrip(), "", f"{'key':<24}{'unit':<12}{'default':<22}meaning"]
-    for key in [*keys(document.get("grains", {}).get("layout")), *wall_keys()]:
-        head = f"{key.section}.{key.name:<{22 - len(key.section)}} {key.unit:<12}{key.shown_default:<22}"
-        lines += textwrap.wrap(key.meaning, width, initial_indent=head, subsequent_indent=" " * 58)
+    found = [*keys(document.get("grains", {}).get("layout")), *wall_keys()]
+    rows = [
+        ("key", "unit", "default"),
+        *((f"{key.section}.{key.name}", key.unit, key.shown_default) for key in found),
+    ]
+    longest = [max(map(len, column)) + 1 for column in zip(*rows, strict=True)]
+    heads = ["".join(f"{cell:<{own}}" for cell, own in zip(row, longest, strict=True)) for row in rows]
+    lines, indent = [text.rstrip(), "", f"{heads[0]}meaning"], " " * len(heads[0])
+    for key, head in zip(found, heads[1:], strict=True):
+        lines += textwrap.wrap(key.meaning, width, initial_indent=head, subsequent_indent=indent)
     return "\n".join(lines)
 
 

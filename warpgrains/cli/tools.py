@@ -116,7 +116,8 @@ def report(arguments: Namespace) -> bool:
         for library in ("matplotlib", "scipy", "clarabel"):
             import_module(library)
     scenes = [Scene.load(name) for name in arguments.scenes or shipped_scenes()]
-    with stdout_to_stderr():
+    with stdout_to_stderr(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a trajectory begins where a converged step may overlap
         start_warp()
         from warpgrains.report.report import why_not, write_report
 

@@ -41,6 +41,7 @@ class Pages:
                 for part in verdict.parts
             ]
             parts += [self._table(["", *scenes], rows), f"<p>{self._say(verdict.seeded())}</p>"]
+            parts += [f"<p>{self._say(verdict.graded())}</p>"] if verdict.points else []
         for part in verdict.reported_parts():
             parts.append(f"<h2>{self._say(Words(part.name))}</h2><p>{self._say(part.first)}</p><dl>")
             parts += [f"<dt>{self._say(a)}</dt><dd>{self._say(b)}</dd>" for a, b in part.advice()]
@@ -58,6 +59,7 @@ class Pages:
         same = defaultdict(list)
         for verdict, file in zip(verdicts, files, strict=True):
             same[verdict.values].append(file)
+        points = ["points"] if any(verdict.points for verdict in verdicts) else []
         groups = [group for values, group in same.items() if values and len(group) > 1]
         parts = [
             f"<h1>{self._say(Words('Homeworks'))}</h1>",
@@ -69,13 +71,16 @@ class Pages:
             *(f"<p>{', '.join(group)}</p>" for group in groups or [[self._say(Words("none"))]]),
             f"<h2>{self._say(Words('All homeworks'))}</h2>",
             "<table>",
-            _row("th", [self._say(Words(head)) for head in ("file", "verdict", "mistakes", "time [s]")]),
+            _row(
+                "th",
+                [self._say(Words(head)) for head in ("file", "verdict", *points, "mistakes", "time [s]")],
+            ),
         ]
         for verdict, file in zip(verdicts, files, strict=True):
-            mistakes = escape(verdict.as_row(self._language)["mistakes"])
-            parts.append(
-                _row("td", [file, self._colored(verdict.status), mistakes, f"{verdict.seconds:.2f}"])
-            )
+            row = verdict.as_row(self._language)
+            own = [row[in_language(Words(name), self._language)] for name in (*points, "mistakes")]
+            cells = [self._colored(verdict.status), *map(escape, own), f"{verdict.seconds:.2f}"]
+            parts.append(_row("td", [file, *cells]))
         total = Words("{seconds} s in all", seconds=f"{sum(verdict.seconds for verdict in verdicts):.0f}")
         return self._page(self._say(Words("Homeworks")), [*parts, f"</table><p>{self._say(total)}</p>"])
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from warpgrains.console import printable
+from warpgrains.errors import InputError
 from warpgrains.grade.diagnosis import Hint, Mistake
 from warpgrains.grade.sandbox import CONTACT, FIELDS, UPDATE, Answer, Call
-from warpgrains.grade.words import Words, in_language
+from warpgrains.grade.words import Words, in_language, joined
 
 BOTH = "both together"
 MOST_SHOWN = 3  # largest number of grains of a scene that is printed
@@ -75,6 +76,11 @@ class Part:
         return next(filter(None, self.scenes.values()), None) or self.ended
 
     @property
+    def share(self) -> float:
+        """The share of its scenes that are right."""
+        return sum(word == "right" for word in self.words) / max(len(self.words), 1)
+
+    @property
     def words(self) -> list[Words]:
         """A short word on each scene, for a table."""
         return [
@@ -114,6 +120,8 @@ class Verdict:
     """The seed of the calls that are drawn; None if the file cannot be read."""
     seconds: float = 0.0
     """Wall time [s]."""
+    points: Mapping[str, float] | None = None
+    """The points that each part is worth, if any are given."""
 
     @property
     def status(self) -> Words:
@@ -129,6 +137,12 @@ class Verdict:
         """Names of the scenes in which the homework was called."""
         return list(next((part.scenes for part in self.parts if part.scenes), {}))
 
+    @property
+    def earned(self) -> dict[str, float]:
+        """The points of each part: its share of the scenes that are right."""
+        shares = {part.name: part.share for part in self.parts}
+        return {name: most * shares.get(name, 0.0) for name, most in (self.points or {}).items()}
+
     def reported_parts(self) -> list[Part]:
         """Return the parts to report: both functions together only if each alone is right."""
         alone = [part for part in self.parts if part.name != BOTH]
@@ -138,6 +152,16 @@ class Verdict:
     def seeded(self) -> Words:
         """Return how to repeat the verdict."""
         return Words("(--seed {seed} draws the same calls again)", seed=self.seed)
+
+    def graded(self) -> Words:
+        """Return the points of each part and in all."""
+
+        def told(name: object, own: float, most: float) -> Words:
+            return Words("{name} {own} of {most}", name=name, own=f"{own:.4g}", most=f"{most:g}")
+
+        points, earned = self.points or {}, self.earned
+        parts = [told(Words(name), earned[name], most) for name, most in points.items()]
+        return joined([told(Words("points"), sum(earned.values()), sum(points.values())), *parts])
 
     def text(self, color: bool, language: str = "en") -> str:
         """Return the verdict as text for people."""
@@ -152,6 +176,7 @@ class Verdict:
         lines += [f"  {paragraph('warning', warning)}" for warning in self.warnings]
         lines += ["", *printable(self.compiler).splitlines()] if self.compiler else []
         lines += ["", *self._table(color, language), say(self.seeded())] if self.parts else []
+        lines += [say(self.graded())] if self.points else []
         for part in self.reported_parts():
             lines += ["", say(Words(part.name)), f"  {say(part.first)}"]
             lines += [f"  {paragraph(heading, said)}" for heading, said in part.advice()]
@@ -194,10 +219,11 @@ class Verdict:
             "parts": parts,
             "seed": self.seed,
             "seconds": self.seconds,
+            **({} if self.points is None else {"points": self.earned}),
         }
 
     def as_row(self, language: str = "en") -> dict[str, str]:
-        """Return the verdict as a row of a table; only sentences are translated."""
+        """Return the verdict as a row of a table."""
         status = {part.name: part.status for part in self.parts}
 
         def say(texts: Any) -> str:
@@ -205,14 +231,15 @@ class Verdict:
 
         row = {
             "file": self.file,
-            "status": self.status,
-            **{name: status.get(name, self.status) for name in _PARTS},
+            "status": say([self.status]),
+            **{name: say([Words(status.get(name, self.status))]) for name in _PARTS},
+            **({} if self.points is None else {"points": f"{sum(self.earned.values()):.4g}"}),
             "mistakes": say(mistake.name for part in self.parts for mistake in part.mistakes),
             "warnings": say(self.warnings),
             "seed": "" if self.seed is None else str(self.seed),
             "first": self.first_line(language),
         }
-        return {name: printable(cell) for name, cell in row.items()}
+        return {in_language(Words(name), language): printable(cell) for name, cell in row.items()}
 
     def first_line(self, language: str) -> str:
         """Return the first error on one line; empty if there is none."""
@@ -222,6 +249,18 @@ class Verdict:
         if self.status == "does not compile" and errors:
             return errors[0]
         return in_language(next((part.first for part in self.parts if part.first), ""), language)
+
+
+def points_of(field: str, text: str) -> dict[str, float]:
+    """Return the points of the functions, and of both together, of a text such as "10,20" or "10,20,5"."""
+    words = text.split(",")
+    try:
+        points = [float(word) for word in words]
+    except ValueError:
+        points = []
+    if not 2 <= len(points) <= 3 or not all(0.0 <= one < float("inf") for one in points):
+        raise InputError(f"{field} is {text!r}: it must be points of each function, such as 10,20")
+    return dict(zip(_PARTS, points, strict=False))
 
 
 def _colored(said: str, word: str, color: bool) -> str:

@@ -17,7 +17,7 @@ from warpgrains.grade.sandbox import Answer, Child, EndedError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.scene.state import first_state
-from warpgrains.view.players import PLACEHOLDER
+from warpgrains.view.players import LEAST, PLACEHOLDER, ZETA, Curves
 
 _EQUAL, _DIFFERENT = np.array([0.75, 0.83, 0.95]), np.array([0.85, 0.1, 0.1])
 _LEAST = 1e-9  # [m/s]: smaller differences may be rounding errors
@@ -61,7 +61,7 @@ class Homework:
         self._stage, self._zeta = "", (np.nan, np.nan)
         self._call = start_of(self._scene)
         self._states = [self._call.state, self._call.state]
-        self._history: list[float] = []
+        self._history: list[tuple[float, float]] = []
         self._stages = self._play()
 
     def close(self) -> None:
@@ -95,7 +95,7 @@ class Homework:
                 answers = self._ask(iteration)
                 self._states = [answer.state for answer in answers]
                 self._zeta = answers[0].zeta, answers[1].zeta
-                self._history += [answers[1].zeta] if iteration else []
+                self._history += [self._zeta] if iteration else []
                 yield
             self._stage = "positions"
             self._states = [end.state for end in ends]
@@ -140,7 +140,7 @@ class Homework:
         }
         return rows | ({"error": self.error} if self.error else {})
 
-    def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Return zeta of the homework over the iterations of the step."""
-        zeta = np.log10(np.maximum(np.nan_to_num(np.abs(self._history)), 1e-16))
-        return {"log10 zeta of the last step": (np.arange(1.0, len(zeta) + 1), zeta)}
+    def curves(self) -> Curves:
+        """Return zeta of the reference and of the homework over the iterations of the step."""
+        expected, found = np.clip(np.abs(np.reshape(self._history, (-1, 2))).T, LEAST, 1.0 / LEAST)
+        return {ZETA: (np.arange(1.0, len(found) + 1), {"reference": expected, "homework": found})}

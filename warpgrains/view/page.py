@@ -19,13 +19,16 @@ from warpgrains.drawing.painter import Painter
 from warpgrains.errors import InputError
 from warpgrains.view.players import AXES, Live, Pace, Player, Replay
 from warpgrains.view.server import HOST, serve_page
-from warpgrains.view.sliders import add_physics, value_of
+from warpgrains.view.sliders import Sliders, value_of
 from warpgrains.view.stage import Stage
 
 KEYS: dict[Literal["R", "S", "N", "0"], str] = {"R": "run", "S": "stop", "N": "one step", "0": "restart"}
 
 _TEXTS = 10.0  # a second, at most
 _MOST_SPEED = 10.0
+_CHART_HEIGHT = 220  # pixels
+_NO_PLACES = np.array([1.0, 2.0])
+_STROKES = ("black", "#d55e00")  # of the curves of a chart
 
 
 class Page:
@@ -46,6 +49,7 @@ class Page:
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
         self._stage = Stage(self._server, player.painter)
+        self._sliders: Sliders | None = None
         self._add_controls()
         self._texts_at = 0.0
         self._show(texts=True)
@@ -129,7 +133,7 @@ class Page:
         except InputError as error:
             self._refused = str(error)
         else:
-            self._refused = None
+            self._refused = self._sliders.clipped() if self._sliders else None
         if self._colors.options != self._player.colorings:
             self._colors.options = self._player.colorings  # a coloring that is gone becomes the first one
         self._set_style()
@@ -148,10 +152,15 @@ class Page:
         if isinstance(self._player, Replay):
             self._frame.value = self._player.steps  # type: ignore[misc]
         self._run.label = f"{'resume' if self._player.steps else KEYS['R']} (R)"
-        for title, (places, values) in self._player.curves().items():
-            self._curves[title].visible = len(places) > 1
-            if len(places) > 1:
-                self._curves[title].data = (places, values)
+        for title, (places, curves) in self._player.curves().items():
+            # a chart that is shown again, or begins empty, would have another size
+            is_empty = len(places) < 2
+            data = (
+                (_NO_PLACES, *(_NO_PLACES * np.nan for _ in curves))
+                if is_empty
+                else (places, *curves.values())
+            )
+            self._charts[title].data = data
 
     def _add_controls(self) -> None:
         gui = self._server.gui
@@ -181,25 +190,31 @@ class Page:
             chains = gui.add_checkbox("force chains", self._style["forces"])
             chains.on_update(self._ask(lambda: self._set_style(forces=bool(chains.value))))
         if isinstance(player, Live):
-            add_physics(gui, player, lambda change: self._ask(lambda: self._change(change)))
+            self._sliders = Sliders(gui, player, lambda change: self._ask(lambda: self._change(change)))
+            gui.add_button("reset the sliders").on_click(self._ask(self._sliders.reset))
         if isinstance(player, Replay):
             self._frame = gui.add_slider("frame", 0, max(player.last, 1), 1, 0)
             self._frame.on_update(self._scrub)
         self._legend = gui.add_html("")  # below the sliders, so that they do not move when it grows
-        self._curves = {title: self._add_curve(title) for title in player.curves()}
+        self._charts = {
+            title: self._add_chart(title, *curves) for title, (_, curves) in player.curves().items()
+        }
 
-    def _add_curve(self, title: str) -> viser.GuiUplotHandle:
-        """Add a chart, which is shown as soon as it has a curve."""
-        x, y = AXES[title]
-        series = (uplot.Series(label=x), uplot.Series(label=y, stroke="black", width=1))
+    def _add_chart(self, title: str, *names: str) -> viser.GuiUplotHandle:
+        """Add a chart, which is empty until there are curves of these names."""
+        place, is_log = AXES[title]
+        drawn = (
+            uplot.Series(label=name, stroke=stroke, width=1.5)
+            for name, stroke in zip(names, _STROKES, strict=False)
+        )
+        values = uplot.Scale(distr=3, log=10) if is_log else uplot.Scale(auto=True)
         return self._server.gui.add_uplot(
-            (np.zeros(0), np.zeros(0)),
-            series,
-            scales={"x": uplot.Scale(time=False)},
-            axes=(uplot.Axis(label=x), uplot.Axis(label=y)),
+            (_NO_PLACES, *(_NO_PLACES * np.nan for _ in names)),
+            (uplot.Series(label=place), *drawn),
+            scales={"x": uplot.Scale(time=False), "y": values},
+            axes=(uplot.Axis(label=place), uplot.Axis(size=60)),
             title=title,
-            aspect=1.6,
-            visible=False,
+            height=_CHART_HEIGHT,
         )
 
 

@@ -30,16 +30,16 @@ if TYPE_CHECKING:
 
 PLACEHOLDER = "\N{EN DASH}"
 """Placeholder for a number that does not exist yet, so that the table has all rows from the start."""
-AXES = {
-    "log10 zeta of the last step": ("iteration", "log10 zeta [m/s]"),
-    "energy [J]": ("time [s]", "energy [J]"),
-}
-"""Titles of the axes of each curve, by the curve's title."""
+ZETA, ENERGY = "zeta of the last step [m/s]", "kinetic energy [J]"
+AXES = {ZETA: ("iteration", True), ENERGY: ("time [s]", False)}
+"""Title of the horizontal axis of each chart, and whether the other one is logarithmic, by title."""
+Curves: TypeAlias = dict[str, tuple[FloatArray, dict[str, FloatArray]]]
+"""Places and curves by name, by the title of the chart."""
 
 FRAMES = 30.0  # a second, at most
 _ROUNDING = 1e-6  # steps
 _REMEMBERED = 500  # steps in the curve of energy
-_LEAST = 1e-16  # smallest zeta that is plotted [m/s]
+LEAST = 1e-16  # smallest zeta that is plotted [m/s]
 
 
 class Pace:
@@ -170,13 +170,12 @@ class Live:
             rows["rotation of the walls"] = f"{walls[0]:.4g}, {walls[1]:.4g} rad/s"
         return rows | ({"error": self.error} if self.error else {})
 
-    def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+    def curves(self) -> Curves:
         """Return zeta over the iterations of the last step, and the kinetic energy over time."""
         time, energy = np.array(self._past).reshape(-1, 2).T
         history = self._report.history if self._report is not None else None
-        zeta = np.zeros(0) if history is None else np.log10(np.maximum(history.zeta, _LEAST))
-        iteration = np.arange(1.0, len(zeta) + 1)
-        return {"log10 zeta of the last step": (iteration, zeta), "energy [J]": (time, energy)}
+        zeta = np.zeros(0) if history is None else np.maximum(history.zeta, LEAST)
+        return {ZETA: (np.arange(1.0, len(zeta) + 1), {"zeta": zeta}), ENERGY: (time, {"energy": energy})}
 
 
 class Replay:
@@ -212,7 +211,7 @@ class Replay:
             rows["contacts"] = f"{len(now.force) + len(now.wall_force)}"
         return rows
 
-    def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+    def curves(self) -> Curves:
         """Return no curves, because a recording stores no iterations."""
         return {}
 

@@ -13,6 +13,7 @@ from warpgrains.scene.snapshot import Snapshot
 
 _SEGMENTS = 48  # of a circle
 _FIELD_OF_VIEW = 0.5  # radians
+_SMALL_SCREEN, _SHEET = 576, 0.62  # width [pixels] below which viser has a sheet, and its share of the height
 _CHAINS, _MARKS = "/chains", "/marks"
 _MARK_HEIGHT, _CHAIN_HEIGHT = 0.005, 0.01  # above the grains, in half of the longer side of the view
 
@@ -23,22 +24,46 @@ class Stage:
     def __init__(self, server: viser.ViserServer, painter: Painter) -> None:
         self._scene = server.scene
         self._scene.set_up_direction("+y")
-        center, half = painter.view.center, painter.view.half
-        server.initial_camera.position = (*center, 1.1 * half / np.tan(_FIELD_OF_VIEW / 2.0))
-        server.initial_camera.look_at = (*center, 0.0)
+        self._view = painter.view
+        server.initial_camera.position = (*painter.view.center, self._distance(1.0))
+        server.initial_camera.look_at = (*painter.view.center, 0.0)
         server.initial_camera.up = (0.0, 1.0, 0.0)
         server.initial_camera.fov = _FIELD_OF_VIEW
+        server.on_client_connect(self._follow)
         self._scene.configure_default_lights(False)
         self._scene.configure_environment_map(None)
         self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors unchanged
         for name, wall in painter.walls.items():
             self._add_wall(name, wall)
-        self._reach = half
+        self._reach = painter.view.half
         self._slots = painter.scene.n * 2 ** int(np.count_nonzero(painter.scene.period.repeats))
         angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
         self._grains = self._add_instances("/grains", np.stack([np.cos(angle), np.sin(angle)], axis=1))
         self._marks = self._add_instances(_MARKS, mark())
         self._has_chains = False
+
+    def _distance(self, height: float) -> float:
+        """Return how far the camera is if the view has a share of the height of the window [m]."""
+        return 1.1 * self._view.half / height / float(np.tan(_FIELD_OF_VIEW / 2.0))
+
+    def _follow(self, client: viser.ClientHandle) -> None:
+        """Show the whole view in a window of any size, and again whenever its size changes."""
+        camera, shown = client.camera, [(0, 0)]
+
+        def fit(_: object) -> None:
+            width, height = size = camera.image_width, camera.image_height
+            if size == shown[0]:
+                return
+            shown[0] = size
+            # on a small screen, the panel is a sheet over the lower part of the window
+            free = 1.0 - _SHEET if width < _SMALL_SCREEN else 1.0
+            x, y = self._view.center
+            part = min(free, width / height)
+            y -= 1.1 * self._view.half * (1.0 - free) / part
+            camera.position, camera.look_at = (x, y, self._distance(part)), (x, y, 0.0)
+
+        camera.on_update(fit)
+        fit(None)
 
     def show(self, now: Snapshot, painter: Painter) -> None:
         """Draw a snapshot, replacing the last one."""
