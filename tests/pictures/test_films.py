@@ -51,7 +51,7 @@ def states():
 
 def film_frames(path):
     """Return the frames of a film, shape (f, height, width, 3), and how many it shows a second."""
-    if path.suffix == ".mp4":
+    if path.suffix in (".mp4", ".mov"):
         reader = imageio_ffmpeg.read_frames(str(path))
         meta = next(reader)
         shape = (meta["size"][1], meta["size"][0], 3)
@@ -92,7 +92,9 @@ def test_a_picture_of_a_periodic_box_is_the_same_on_both_sides(kind):
     assert shares[0] < 0.15 < 0.3 < shares[1]
 
 
-@pytest.mark.parametrize(("recorded", "drawn"), [(".mp4", None), (".webp", None), (".usdc", ".gif")])
+@pytest.mark.parametrize(
+    ("recorded", "drawn"), [(".mp4", None), (".mov", None), (".webp", None), (".usdc", ".gif")]
+)
 def test_frames_show_the_states(tmp_path, states, capsys, recorded, drawn):
     """Of a run, and of its recording."""
     path, scene = tmp_path / f"run{recorded}", Scene.load("annulus")

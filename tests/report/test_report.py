@@ -78,11 +78,11 @@ def test_warnings_of_its_own_trajectories_are_not_shown(tmp_path, monkeypatch, c
 
     def write(scenes, *_, **__):
         state = first_state(scenes[0])
-        Simulation(scenes[0].replace(position=0.999 * state.position), dt=1e-3)
+        Simulation(scenes[0].replace(position=0.9 * state.position), dt=1e-3)
         return []
 
     monkeypatch.setattr(report, "write_report", write)
-    assert main(["report", "pile", "-o", str(tmp_path)]) == 0
+    assert main(["report", "column", "-o", str(tmp_path)]) == 0
     assert "Warning" not in capfd.readouterr().err
 
 

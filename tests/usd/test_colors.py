@@ -22,7 +22,8 @@ from warpgrains.drawing.colorings import (
     speed_scale,
     spin_scale,
 )
-from warpgrains.drawing.colors import LEVELS, GrainColors, colormap
+from warpgrains.drawing.colors import CATEGORIES, LEVELS, GrainColors, colormap
+from warpgrains.drawing.looks import COLORS
 from warpgrains.drawing.shapes import disc, drawn_walls, mark, moved_walls, sphere
 
 
@@ -108,6 +109,10 @@ def test_sides_and_walls_of_a_box_are_drawn_in_it_at_all_times(kind):
             width = 2.0 * wall.circle[2] + 0.02 if np.isfinite(wall.circle[2]) else 0.03
             outside = ((points < -width) | (points > high + width)) & (period > 0.0)
             assert not outside.any(), (name, time)
+
+
+def test_the_colors_that_help_names_are_those_that_there_are():
+    assert {*COLORS} == {*CATEGORIES, *COLORINGS}
 
 
 def test_neighbours_in_the_palette_differ():

@@ -168,7 +168,7 @@ def test_an_independent_reader_reads_what_is_static(tmp_path, suffix):
     assert stage.time_codes_per_second == stage.frames_per_second == 50.0
     kept = stage.custom_layer_data["warpgrains"]
     look = {"color_by": "pressure", "forces": True}
-    scale = {"quantity": "pressure", "unit": "N/m", "colormap": "Blues", "low": 0.0}
+    scale = {"quantity": "pressure", "unit": "N/m", "colormap": "YlOrBr", "low": 0.0}
     assert kept.pop("colors") == scale | {"high": pressure_scale(scene)}
     assert kept.pop("forces") == {"unit": "N", "force": ChainScale.of(scene).force, "width": RADIUS.min()}
     assert read_parameters(kept.pop("parameters"))["dt"] == scene.dt

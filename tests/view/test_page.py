@@ -207,7 +207,7 @@ def test_a_homework_has_its_curve_beside_that_of_the_reference(opened, tmp_path)
     tab.press("n")
     tab.wait_until_told(stage="iteration 4")
     tab.wait_for(lambda: len(tab.charts()) == 1)
-    for words in ("zeta of the last step [m/s]", "reference", "homework"):
+    for words in ("zeta of the last step", "reference", "homework"):
         assert words in tab.charts()[0].text
     player.close()
 

@@ -47,7 +47,7 @@ def test_stops_steps_and_looks_change_no_bit_and_numbers_are_those_of_the_step(s
     assert live.curves()[ENERGY][1]["energy"][-1] == pytest.approx(energy)
     iteration, curves = live.curves()[ZETA]
     assert iteration.tolist() == list(range(1, report.iterations + 1))
-    assert curves["zeta"][-1] == report.zeta
+    assert curves["zeta"][-1] == np.log10(report.zeta)
     live.restart()
     assert live.readout() == before
     simulation.advance(40)

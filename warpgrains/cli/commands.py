@@ -58,11 +58,6 @@ def _outputs(names: Collection[str], shown: str | None = None) -> Iterator[Optio
     for name in names:
         default, about, flag = OPTIONS[name].default, OPTIONS[name].metadata, FLAGS[name]
         option: Option = {"dest": name, "group": groups.get(about["needs"] or name, "")}
-        if name == "draw_as":
-            option["rivals"] = name
-            for form in ("points", "spheres"):
-                same = {"name": f"{flag}-{form}", "help": f"the same as {flag} {form}"}
-                yield option | same | {"action": "store_const", "const": form}
         meaning = about["meaning"][0].lower() + about["meaning"][1:-1]
         meaning += f" (default: {shown or default})" if shown or default else ""
         if name == "every":

@@ -25,12 +25,12 @@ class Coloring(NamedTuple):
     unit: str
     """Empty for a pure number."""
     colormap: str
-    extends: str
-    """Matplotlib's name of the ends of the scale that values may exceed."""
     ends: Callable[[Scene], tuple[float, float]]
     """Function that returns the values of the first and last color in a scene."""
     values: Callable[[Any], FloatArray]
     """Function that returns the value of each grain, shape (n,), in a snapshot, or in a scene."""
+    extends: str = "neither"
+    """Matplotlib's name of the ends of the scale that values may exceed."""
     changes: bool = True
     """Whether snapshots of a scene differ in it."""
     has_root: bool = False
@@ -138,57 +138,46 @@ def _ends(of: Callable[[Scene], FloatArray], scene: Scene) -> tuple[float, float
     return float(values.min()), float(values.max())
 
 
+def _up_to(most: Callable[[Scene], float], scene: Scene) -> tuple[float, float]:
+    return 0.0, most(scene)
+
+
+def force_scale(scene: Scene) -> float:
+    """Return a large force on a mean grain [N]."""
+    return pressure_scale(scene) * 2.0 * np.pi * float(scene.radius.mean())
+
+
 _STILL: dict[str, tuple[str, str, Callable[[Scene], FloatArray]]] = {
     "radius": ("m", "plasma", lambda scene: scene.radius),
     "id": ("", "viridis", lambda scene: np.arange(scene.n, dtype=np.float64)),
-    "height": ("m", "cividis", start_height),
+    "height": ("m", "plasma_r", start_height),
 }
+_PUSHED: dict[str, Any] = {"extends": "max", "has_root": True, "needs_contacts": True}
 COLORINGS = {
-    name: Coloring(unit, colors, "neither", partial(_ends, of), of, changes=False)
-    for name, (unit, colors, of) in _STILL.items()
-} | {
+    **{
+        name: Coloring(unit, colors, partial(_ends, of), of, changes=False)
+        for name, (unit, colors, of) in _STILL.items()
+    },
     "speed": Coloring(
         "m/s",
         "YlGnBu",
-        "max",
-        lambda scene: (0.0, speed_scale(scene)),
+        partial(_up_to, speed_scale),
         lambda now: np.hypot(*now.velocity.T),
-        has_root=True,
-    ),
-    "pressure": Coloring(
-        "N/m",
-        "Blues",
         "max",
-        lambda scene: (0.0, pressure_scale(scene)),
-        pressure,
         has_root=True,
-        needs_contacts=True,
     ),
-    "force": Coloring(
-        "N",
-        "YlGn",
-        "max",
-        lambda scene: (0.0, pressure_scale(scene) * 2.0 * np.pi * float(scene.radius.mean())),
-        force,
-        has_root=True,
-        needs_contacts=True,
-    ),
+    "pressure": Coloring("N/m", "YlOrBr", partial(_up_to, pressure_scale), pressure, **_PUSHED),
+    "force": Coloring("N", "YlGn", partial(_up_to, force_scale), force, **_PUSHED),
     "spin": Coloring(
         "rad/s",
         "PuOr",
-        "both",
         lambda scene: (-spin_scale(scene), spin_scale(scene)),
         lambda now: now.spin,
+        "both",
         needs_friction=True,
     ),
     "mobilized": Coloring(
-        "",
-        "Purples",
-        "neither",
-        lambda scene: (0.0, 1.0),
-        mobilized,
-        needs_friction=True,
-        needs_contacts=True,
+        "", "Purples", lambda _: (0.0, 1.0), mobilized, needs_friction=True, needs_contacts=True
     ),
 }
 """The colorings by name, except for "palette" and "bands"."""

@@ -32,17 +32,7 @@ PALETTE: FloatArray = np.array(
 )
 
 # Okabe and Ito's colors, which color-blind readers tell apart too.
-BANDS: FloatArray = np.array(
-    [
-        (0.90, 0.62, 0.00),
-        (0.34, 0.71, 0.91),
-        (0.00, 0.62, 0.45),
-        (0.94, 0.89, 0.26),
-        (0.00, 0.45, 0.70),
-        (0.84, 0.37, 0.00),
-        (0.80, 0.47, 0.65),
-    ]
-)
+BANDS: FloatArray = np.array(colors_of("bands", "#e69f00,#56b4e9,#009e73,#f0e442,#0072b2,#d55e00,#cc79a7"))
 _BANDS = 8  # from the lowest grain to the highest one at the start
 
 # Matplotlib's colormaps, safe for color-blind readers, at points of the range between which colors are
@@ -64,7 +54,7 @@ _COLORMAPS = {
         fcd025 f9dd25 f5eb27 f0f921
     """,
     "YlGnBu": "ffffd9 edf8b1 c6e9b4 7ecdbb 40b5c4 1d90c0 225da8 243392 081d58",
-    "Blues": "f7fbff deebf7 c6dbef 9dcae1 6aaed6 4191c6 2070b4 08509b 08306b",
+    "YlOrBr": "ffffe5 fff7bc fee390 fec34f fe9829 eb6f14 cb4b02 983404 662506",
     "YlGn": "ffffe5 f7fcb9 d9f0a3 acdd8e 77c679 40aa5c 228343 006737 004529",
     "Purples": "fcfbfd efedf5 dadaeb bcbddc 9e9ac8 807cba 6950a3 53268f 3f007d",
     "PuOr": "7f3b08 b25706 e08214 fcb761 fee0b6 f6f6f7 d8daeb b1aad1 8073ac 532687 2d004b",

@@ -38,13 +38,10 @@ class FilmFormat(NamedTuple):
 
 SLOWEST = 1e-4
 """Least frame rate of a film [1/s], which ffmpeg takes as a fraction."""
+_H264 = ("libx264", "yuv420p", "-crf", "18", "-preset", "fast", "-movflags", "+faststart")
 FILMS = {
-    ".mp4": FilmFormat(
-        "mp4",
-        ("libx264", "yuv420p", "-crf", "18", "-preset", "fast", "-movflags", "+faststart"),
-        side=720,
-        fastest=1e6,
-    ),
+    ".mp4": FilmFormat("mp4", _H264, side=720, fastest=1e6),
+    ".mov": FilmFormat("mov", _H264, side=720, fastest=1e6),
     ".gif": FilmFormat("gif"),
     ".webp": FilmFormat("webp", ("libwebp_anim", "yuv420p", "-lossless", "0", "-q:v", "80", "-loop", "0")),
 }

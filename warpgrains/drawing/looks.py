@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -15,24 +16,28 @@ from warpgrains.scene import checks
 
 DEFAULT_RATE = 24.0
 """Frames per second [1/s] at which Blender plays by default."""
+COLORS = ("palette", "bands", "height", "id", "radius", "speed", "pressure", "force", "spin", "mobilized")
+"""What grains may be colored by: much alike; by their height at the start, in bands or evenly; and so on."""
 
 
-def option(meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, **more: Any) -> Any:
+def option(
+    meaning: str,
+    check: Callable[[str, Any], Any],
+    metavar: str | None = None,
+    default: Any = None,
+    **more: Any,
+) -> Any:
     """Return a field for an option of runs, a switch without metavar.
 
-    `more`: its `default`, a `flag` other than its name (None: none), and the option that it `needs` to have
-    an effect.
+    `more`: a `flag` other than its name (None: none), and the option that it `needs` to have an effect.
     """
-    return described(meaning, **({"default": None, "needs": None} | more), check=check, metavar=metavar)
+    return described(meaning, default=default, **{"needs": None} | more, check=check, metavar=metavar)
 
 
-def _look(
-    meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, default: Any = None
-) -> Any:
-    return option(meaning, check, metavar, default=default, needs="record")
+_look = partial(option, needs="record")
 
 
-def _readable_by(read: Callable[[str, Any], object]) -> Callable[[str, Any], str]:
+def _readable(read: Callable[[str, Any], object]) -> Callable[[str, Any], str]:
     """Return the check of a text that a function reads."""
 
     def check(field: str, text: Any) -> str:
@@ -62,49 +67,39 @@ class Look:
     """How grains and walls are shown. Raises InputError where a value is invalid."""
 
     color_by: str = _look(
-        "Color of the grains: palette (much alike), bands (by height at the start), height, id, speed,"
-        " pressure, force, radius, with friction spin or mobilized.",
+        f"Color of the grains: {', '.join(COLORS)}; the last two with friction.",
         checks.text,
         "WHAT",
         "palette",
     )
     colors: str | None = _look(
-        "Colors to use instead: a colormap such as viridis, or a list such as '#e8d3a8,tan'.",
-        _readable_by(colors_of),
+        "Other colors: a colormap such as viridis, or a list such as '#e8d3a8,tan'.",
+        _readable(colors_of),
         "COLORS",
     )
     range: str | None = _look(
         "Values of the first and the last color, in the unit of the quantity.",
-        _readable_by(range_of),
+        _readable(range_of),
         "LOW,HIGH",
     )
     forces: bool = _look("Draw force chains.", checks.boolean, default=False)
     size: str | None = _look(
         "Width and height of a film or a picture [pixels]; without it, they follow from the frame.",
-        _readable_by(size_of),
+        _readable(size_of),
         "WIDTHxHEIGHT",
     )
     frame: str | None = _look(
         "Rectangle to show [m], also by the camera of a USD file; without it, the grains and the walls that"
         " they can touch.",
-        _readable_by(frame_of),
+        _readable(frame_of),
         "X0,Y0,X1,Y1",
     )
-    background: str = _look(
-        "Color of the background of a film or a picture.", _readable_by(color_of), "COLOR", "#ffffff"
-    )
-    clean: bool = _look(
-        "Draw grains and walls alone: no time, color bar and legend.", checks.boolean, default=False
-    )
-    fps: float = _look(
-        "Frames per second [1/s] as played, exactly; at most one per step.",
-        checks.positive,
-        "F",
-        DEFAULT_RATE,
-    )
+    background: str = _look("Color behind a film or a picture.", _readable(color_of), "COLOR", "#ffffff")
+    clean: bool = _look("Draw grains and walls alone, without texts.", checks.boolean, default=False)
+    fps: float = _look("Frames per second [1/s] as played, exactly.", checks.positive, "F", DEFAULT_RATE)
     slow: float | None = _look(
-        "How many times slower than it happened a film or a recording plays; without it 1, or for a film of"
-        " less than a second and without fps, what makes it last about two.",
+        "How many times slower than it happened it plays; without it 1, or for a film of less than a second"
+        " and without fps, what makes it last about two.",
         checks.positive,
         "S",
     )

@@ -142,5 +142,6 @@ class Homework:
 
     def curves(self) -> Curves:
         """Return zeta of the reference and of the homework over the iterations of the step."""
-        expected, found = np.clip(np.abs(np.reshape(self._history, (-1, 2))).T, LEAST, 1.0 / LEAST)
+        history = np.abs(np.reshape(self._history, (-1, 2))).T
+        expected, found = np.log10(np.clip(np.nan_to_num(history, nan=np.inf), LEAST, 1.0 / LEAST))
         return {ZETA: (np.arange(1.0, len(found) + 1), {"reference": expected, "homework": found})}

@@ -202,17 +202,16 @@ class Page:
 
     def _add_chart(self, title: str, *names: str) -> viser.GuiUplotHandle:
         """Add a chart, which is empty until there are curves of these names."""
-        place, is_log = AXES[title]
+        place, value = AXES[title]
         drawn = (
             uplot.Series(label=name, stroke=stroke, width=1.5)
             for name, stroke in zip(names, _STROKES, strict=False)
         )
-        values = uplot.Scale(distr=3, log=10) if is_log else uplot.Scale(auto=True)
         return self._server.gui.add_uplot(
             (_NO_PLACES, *(_NO_PLACES * np.nan for _ in names)),
             (uplot.Series(label=place), *drawn),
-            scales={"x": uplot.Scale(time=False), "y": values},
-            axes=(uplot.Axis(label=place), uplot.Axis(size=60)),
+            scales={"x": uplot.Scale(time=False)},
+            axes=(uplot.Axis(label=place), uplot.Axis(label=value)),
             title=title,
             height=_CHART_HEIGHT,
         )

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 PLACEHOLDER = "\N{EN DASH}"
 """Placeholder for a number that does not exist yet, so that the table has all rows from the start."""
-ZETA, ENERGY = "zeta of the last step [m/s]", "kinetic energy [J]"
-AXES = {ZETA: ("iteration", True), ENERGY: ("time [s]", False)}
-"""Title of the horizontal axis of each chart, and whether the other one is logarithmic, by title."""
+ZETA, ENERGY = "zeta of the last step", "kinetic energy"
+AXES = {ZETA: ("iteration", "log10 of zeta [m/s]"), ENERGY: ("time [s]", "energy [J]")}
+"""Titles of the axes of each chart, by its title."""
 Curves: TypeAlias = dict[str, tuple[FloatArray, dict[str, FloatArray]]]
 """Places and curves by name, by the title of the chart."""
 
@@ -174,7 +174,7 @@ class Live:
         """Return zeta over the iterations of the last step, and the kinetic energy over time."""
         time, energy = np.array(self._past).reshape(-1, 2).T
         history = self._report.history if self._report is not None else None
-        zeta = np.zeros(0) if history is None else np.maximum(history.zeta, LEAST)
+        zeta = np.zeros(0) if history is None else np.log10(np.maximum(history.zeta, LEAST))
         return {ZETA: (np.arange(1.0, len(zeta) + 1), {"zeta": zeta}), ENERGY: (time, {"energy": energy})}
 
 
