@@ -14,7 +14,8 @@ class View:
         row, column = np.nonzero(shape == 1 + np.argmax(np.bincount(shape.ravel())[1:]))
         width = np.ptp(column) + 1
         self._corner = np.array([column.min() + width / 2.0, row.min() + (np.ptp(row) + 1) / 2.0])
-        self.scale = width / (2.0 * (2.0 + 0.014 * 1.04 * 2.0))  # its thickness follows the view
+        # of the pixels at both ends, half is not seen as the wall; its thickness follows the view
+        self.scale = (width + 1.0) / (2.0 * (2.0 + 0.014 * 1.04 * 2.0))
         """Pixels a metre."""
 
     def at(self, pixels, places):

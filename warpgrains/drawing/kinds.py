@@ -112,14 +112,29 @@ def described_kinds() -> str:
 
 def frame_of(field: str, text: Any) -> Bounds:
     """Return the rectangle of a text "X0,Y0,X1,Y1" [m]. Raises InputError unless X0 < X1 and Y0 < Y1."""
-    words = checks.text(field, text).split(",")
-    try:
-        box = Bounds(*(checks.number(field, float(word)) for word in words))
-    except (TypeError, ValueError):
-        raise InputError(f"{field} is {text!r}: it must be X0,Y0,X1,Y1 in m, such as -0.5,0,0.5,1") from None
+    box = Bounds(*_numbers(field, text, 4, "X0,Y0,X1,Y1 in m, such as -0.5,0,0.5,1"))
     if not (0.0 < box.width < float("inf") and 0.0 < box.height < float("inf")):
         raise InputError(f"{field} is {text!r}: X0 must be less than X1, and Y0 less than Y1")
     return box
+
+
+def range_of(field: str, text: Any) -> tuple[float, float]:
+    """Return the numbers of a text "LOW,HIGH". Raises InputError unless LOW < HIGH."""
+    low, high = _numbers(field, text, 2, "LOW,HIGH, such as 0,0.5")
+    if not low < high:
+        raise InputError(f"{field} is {text!r}: LOW must be less than HIGH")
+    return low, high
+
+
+def _numbers(field: str, text: Any, count: int, form: str) -> list[float]:
+    words = checks.text(field, text).split(",")
+    try:
+        found = [checks.number(field, float(word)) for word in words]
+    except ValueError:
+        found = []
+    if len(found) != count:
+        raise InputError(f"{field} is {text!r}: it must be {form}")
+    return found
 
 
 def size_of(field: str, text: Any, is_film: bool = False) -> tuple[int, int]:
@@ -133,17 +148,6 @@ def size_of(field: str, text: Any, is_film: bool = False) -> tuple[int, int]:
     if is_film and (width % 2 or height % 2):
         raise InputError(f"{field} is {text!r}: a film needs even numbers of pixels")
     return width, height
-
-
-def range_of(field: str, text: Any) -> tuple[float, float]:
-    """Return the numbers of a text "LOW,HIGH". Raises InputError unless LOW < HIGH."""
-    try:
-        low, high = (checks.number(field, float(word)) for word in text.split(","))
-    except ValueError:
-        raise InputError(f"{field} is {text!r}: it must be LOW,HIGH, such as 0,0.5") from None
-    if not low < high:
-        raise InputError(f"{field} is {text!r}: LOW must be less than HIGH")
-    return low, high
 
 
 def color_of(field: str, text: str) -> tuple[float, float, float]:

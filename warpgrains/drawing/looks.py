@@ -67,10 +67,7 @@ class Look:
     """How grains and walls are shown. Raises InputError where a value is invalid."""
 
     color_by: str = _look(
-        f"Color of the grains: {', '.join(COLORS)}; the last two with friction.",
-        checks.text,
-        "WHAT",
-        "palette",
+        f"Color of grains: {', '.join(COLORS)}; the last two with friction.", checks.text, "WHAT", "palette"
     )
     colors: str | None = _look(
         "Other colors: a colormap such as viridis, or a list such as '#e8d3a8,tan'.",

@@ -118,7 +118,8 @@ def add_color_bar(figure: Figure | SubFigure, axes: Any, painter: Painter) -> No
         return
     norm = PowerNorm(0.5 if COLORINGS[scale.quantity].has_root else 1.0, scale.low, scale.high)
     mapped = ScalarMappable(norm, ListedColormap(scale.colors()))
-    bar = figure.colorbar(mapped, ax=axes, extend=COLORINGS[scale.quantity].extends, **_BAR)
+    extends = "both" if painter.look.range else COLORINGS[scale.quantity].extends
+    bar = figure.colorbar(mapped, ax=axes, extend=extends, **_BAR)
     bar.set_label(scale.label, fontsize="small", color=painter.ink)
     bar.ax.tick_params(labelsize="small", width=0.5, colors=painter.ink)
     bar.outline.set(linewidth=0.5, edgecolor=painter.ink)

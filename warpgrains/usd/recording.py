@@ -334,14 +334,15 @@ def painter_of(recording: Recording, **looks: Unpack[Looks]) -> Painter:
 
     Raises InputError where a look needs contacts that were not recorded.
     """
-    painter = Painter(recording.recorded_scene, replace(recording.look, **looks))
-    if not looks.keys() & {"color_by", "colors", "range"}:
+    own, look = recording.look, replace(recording.look, **looks)
+    painter = Painter(recording.recorded_scene, look)
+    if (look.color_by, look.colors, look.range) == (own.color_by, own.colors, own.range):
         painter.colors.scale = recording.scale
         if painter.colors.still is not None:
             painter.colors.still = recording.levels
     elif painter.colors.needs_contacts and not recording.has_forces:
-        raise InputError(f"color_by {painter.look.color_by!r} needs contacts: record them with --forces")
-    if painter.look.forces:
+        raise InputError(f"color_by {look.color_by!r} needs contacts: record them with --forces")
+    if look.forces:
         if not recording.has_forces:
             raise InputError(f"'{recording.path}' holds no contacts: record them with --forces")
         painter.chain_scale = recording.chain_scale

@@ -183,7 +183,7 @@ class Replay:
 
     def __init__(self, recording: Recording) -> None:
         self._recording, self.name = recording, recording.path.name
-        self.dt, self.steps, self.last = 1.0 / recording.times.rate, 0, len(recording) - 1
+        self.dt, self.steps, self.last = 1.0 / recording.times.played, 0, len(recording) - 1
         self.painter, self.has_chains = painter_of(recording), recording.has_forces
         self.colorings = *CATEGORIES, *colorings_of(recording.recorded_scene, self.has_chains)
 
