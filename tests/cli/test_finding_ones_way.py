@@ -137,6 +137,11 @@ def test_many_recordings_are_checked_at_once(tmp_path, capfd):
     files = [record(tmp_path / f"{name}.usdc", make_frames(2)) for name in "ab"]
     assert exit_code("check", *files) == 0
     assert capfd.readouterr().out == "".join(f"{path}: OK: 2 frames, 5 grains\n" for path in files)
+    files[0].write_text("no recording")
+    assert exit_code("check", *files) == 1
+    first, second = capfd.readouterr().out.splitlines()
+    assert first.endswith("is not a USD file that can be read")
+    assert second == f"{files[1]}: OK: 2 frames, 5 grains"
 
 
 def test_pages_that_include_a_file_name_it():

@@ -208,7 +208,7 @@ def check_recording(example):
     with file_of(f"run{suffix}", content) as path:
         picture = path.with_suffix(".png")
         try:
-            check.check(Namespace(file=str(path)))
+            check.check(Namespace(file=[str(path)]))
         except InputError as refusal:
             if "its reader" not in str(refusal):
                 with pytest.raises(InputError):

@@ -16,11 +16,17 @@ SECONDS, BYTES = 120.0, 8 * 2**30
 
 def check(arguments: Namespace) -> bool:
     """Print each problem of recordings on one line, or the size of one that has none."""
-    reports = {path: _report_of_child(path) for path in arguments.file}
-    for path, lines in reports.items():
-        for line in lines:
-            print(f"{path}: {line}")
-    return any(not lines[0].startswith("OK: ") for lines in reports.values())
+    has_problems = False
+    for path in arguments.file:
+        try:
+            lines = _report_of_child(path)
+        except InputError as error:
+            if len(arguments.file) == 1:
+                raise
+            lines = [str(error)]
+        print("\n".join(f"{path}: {line}" for line in lines), flush=True)
+        has_problems |= not lines[0].startswith("OK: ")
+    return has_problems
 
 
 def _report_of_child(path: str) -> list[str]:
