@@ -75,12 +75,12 @@ class StepConstraints:
         between, apart = scene.pair_frames(position, pair)
         normal, gap = scene.wall_frames(position, wall, time=time)
         wall_speed = scene.wall_speeds(position, wall, time)
-        drives, own = scene.bodies.drives, scene.bodies.of(wall[:, 1].astype(np.int32))
+        drives, own = scene.bodies.drives, scene.bodies.of_walls[wall[:, 1]]
         driven = [k for k, drive in enumerate(drives) if drive.inverse_mass and drive.leader == k]
         numbers = {k: scene.n + place for place, k in enumerate(driven)}
         driver = np.array([numbers.get(drive.leader, -1) for drive in drives])[own]
         directions = np.array([drive.direction for drive in drives])[own]
-        along = np.where((own == OUTER) & (driver >= 0), 1.0, (normal * directions).sum(axis=1))
+        along = np.where((own == 0) & (driver >= 0), 1.0, (normal * directions).sum(axis=1))
         across = normal[:, 0] * directions[:, 1] - normal[:, 1] * directions[:, 0]
         body = np.append(np.arange(scene.n), np.array(driven, int) + scene.n)
         every = cls(

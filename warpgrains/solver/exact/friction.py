@@ -76,7 +76,7 @@ class PathSolver:
         spin = rolling[:, 1].copy()
         if len(pose) > 0:
             spin[1:] += pose[:, PoseOf.ANGULAR_VELOCITY]
-        body = scene.bodies.of(wall[:, 1].astype(np.int32))
+        body = scene.bodies.of_walls[wall[:, 1]]
         pairs = len(contacts.first) - len(wall)
         mu = np.append(np.full(pairs, scene.rolling_friction), rolling[body, 0])
         surface = np.append(np.zeros(pairs), scene.radius[wall[:, 0]] * spin[body])
