@@ -8,14 +8,14 @@ f64 = wp.float64
 Floats = wp.array(dtype=f64)
 Ints = wp.array(dtype=wp.int32)
 Vectors = wp.array(dtype=wp.vec2d)
-MOST_NUMBERS = 6  # of a kind of wall, as on the host (scene/wall.py)
+MOST_NUMBERS = 6  # of a kind of wall, as on the host (walls/wall.py)
 Shape = wp.types.vector(length=1 + MOST_NUMBERS + 3, dtype=f64)
 """A wall other than the annulus: the number of its kind (`kind_number` of the host), its numbers [m], and a
 circle about the places where grains touch it, center and radius [m]; that of a line or row is infinite."""
 
 
 class MotionOf(IntEnum):
-    """The numbers of a `Motion`, how a wall moves, by the names of those of scene/motion.py."""
+    """The numbers of a `Motion`, how a wall moves, by the names of those of walls/motion.py."""
 
     PIVOT_X = 0  # before it moves [m]
     PIVOT_Y = 1
@@ -44,7 +44,7 @@ class PoseOf(IntEnum):
 
 
 class DriveOf(IntEnum):
-    """The numbers of a `Drive`, what drives a wall, in the order of those of scene/wall.py."""
+    """The numbers of a `Drive`, what drives a wall, in the order of those of walls/wall.py."""
 
     INVERSE_MASS = 0  # [1/kg]; 0 where no force acts on it
     FORCE = 1  # [N]

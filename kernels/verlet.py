@@ -31,7 +31,7 @@ from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, body_count, grain_count,
 
 f64 = wp.float64
 IN_MEAN = wp.constant(1024)  # grains, at most, of the mean velocity of the frame
-MOST_RADII = wp.constant(f64(1e12))  # longest way in a step, as scene/annulus.py has it of the domain
+MOST_RADII = wp.constant(f64(1e12))  # longest way in a step, as walls/annulus.py has it of the domain
 ROUNDED = wp.constant(f64(1.0 + 1e-13))  # above the rounding of `elapsed`, a sum of at most 64 steps
 
 

@@ -17,18 +17,18 @@ from warp._src import build as warp_build
 from warp._src import context as warp_context
 
 from warpgrains import Scene, Simulation
+from warpgrains.base.warp_start import start_warp
 from warpgrains.grade.compiler import Compiler
 from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.fields import METHODS
 from warpgrains.scene.state import State
 from warpgrains.solver import tuning
 from warpgrains.solver.statistics import Summary
-from warpgrains.warp_start import start_warp
 
 HOLD = """
 import sys
 from pathlib import Path
-from warpgrains.locks import Lock
+from warpgrains.base.locks import Lock
 lock = Lock(Path(sys.argv[1]))
 print("held", flush=True)
 sys.stdin.read()

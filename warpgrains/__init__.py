@@ -18,23 +18,23 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
 
 if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
+    from warpgrains.base.errors import InputError, NoAreaError, OutputError, SimulationError
     from warpgrains.batch.batch import Batch
-    from warpgrains.errors import InputError, NoAreaError, OutputError, SimulationError
     from warpgrains.packings.compress import Packing, compress
     from warpgrains.packings.pack import Rest, pack
     from warpgrains.packings.separate import Separation, separate
-    from warpgrains.scene.arc import Arc
-    from warpgrains.scene.box import Box
-    from warpgrains.scene.disc import Disc
-    from warpgrains.scene.line import Line
-    from warpgrains.scene.polyline import Polyline
-    from warpgrains.scene.row import Row
     from warpgrains.scene.scene import Scene
-    from warpgrains.scene.segment import Segment
     from warpgrains.scene.state import State
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.statistics import StepReport, Summary
     from warpgrains.usd.recording import Recording
+    from warpgrains.walls.arc import Arc
+    from warpgrains.walls.box import Box
+    from warpgrains.walls.disc import Disc
+    from warpgrains.walls.line import Line
+    from warpgrains.walls.polyline import Polyline
+    from warpgrains.walls.row import Row
+    from warpgrains.walls.segment import Segment
 
 __all__ = [
     "Arc",
@@ -71,15 +71,15 @@ _NAMES = {
     "packings.separate": ("Separation", "separate"),
     "usd.recording": ("Recording",),
     "batch.batch": ("Batch",),
-    "errors": ("InputError", "NoAreaError", "OutputError", "SimulationError"),
-    "scene.arc": ("Arc",),
-    "scene.box": ("Box",),
-    "scene.disc": ("Disc",),
-    "scene.line": ("Line",),
-    "scene.polyline": ("Polyline",),
-    "scene.row": ("Row",),
+    "base.errors": ("InputError", "NoAreaError", "OutputError", "SimulationError"),
+    "walls.arc": ("Arc",),
+    "walls.box": ("Box",),
+    "walls.disc": ("Disc",),
+    "walls.line": ("Line",),
+    "walls.polyline": ("Polyline",),
+    "walls.row": ("Row",),
     "scene.scene": ("Scene",),
-    "scene.segment": ("Segment",),
+    "walls.segment": ("Segment",),
     "scene.state": ("State",),
     "simulation.simulation": ("Simulation",),
     "solver.statistics": ("StepReport", "Summary"),

@@ -3,7 +3,7 @@
 from typing import Any
 
 import warpgrains
-from warpgrains.described import FIELDS_IN_HELP
+from warpgrains.base.described import FIELDS_IN_HELP
 
 project = "warpgrains"
 version = release = warpgrains.__version__

@@ -11,7 +11,7 @@ from sections import Section, panels
 
 import warpgrains as wg
 from warpgrains import analysis
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 SIDE = 45  # discs along a side of the box
 DIAMETER = 0.02

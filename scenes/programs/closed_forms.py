@@ -11,7 +11,7 @@ from scipy.special import ellipj, ellipk
 from sections import Numbers, Row, Section, draw_orders, panels
 
 import warpgrains as wg
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 RADIUS = 0.5
 G = 9.81

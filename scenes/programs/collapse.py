@@ -8,7 +8,7 @@ from sections import Section, panels
 from silos import G, filled, opened, room, straight_line
 
 import warpgrains as wg
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 ASPECTS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)  # height of the column over its width
 BREAK = 2.0  # aspect ratio at which the law changes

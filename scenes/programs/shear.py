@@ -12,7 +12,7 @@ from sections import Numbers, Section, panels
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.analysis import Snapshot
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 STEP = 1.25  # of the lattice of the start [m]
 COLUMNS, ROWS = 16, 18

@@ -9,7 +9,7 @@ from sections import Numbers, Section, panels
 
 import warpgrains as wg
 from warpgrains import analysis
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.layouts import random
 
 G = 9.81

@@ -8,7 +8,7 @@ from closed_forms import FRICTIONS, G, acceleration_on_a_slope, draw_acceleratio
 from sections import Numbers, Section, draw_orders, panels
 
 import warpgrains as wg
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 RADIUS = 0.1
 TILT = 0.5  # angular velocity of gravity [rad/s]

@@ -8,10 +8,10 @@ import numpy as np
 from sections import Numbers, Section, panels
 
 import warpgrains as wg
-from warpgrains.arrays import FloatArray
-from warpgrains.scene.annulus import Annulus
+from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.layouts import random
 from warpgrains.scene.state import Corrections, State
+from warpgrains.walls.annulus import Annulus
 
 FRICTIONS = (0.1, 0.3, 0.5, 0.8, 1.2)
 RUNS, STEPS, STARTS = 4, 12, 5  # of each friction; of a run that are solved again; of each of these

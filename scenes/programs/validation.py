@@ -19,7 +19,7 @@ from sections import Numbers, Section, Sections, draw_sections, panels
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.analysis import Snapshot
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.layouts import random
 
 FRICTIONS = (0.0, 0.1, 0.3, 0.5, 1.0)  # of the packings

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from warpgrains import Box, Disc, NoAreaError, Scene, Simulation, analysis
-from warpgrains.arrays import BoolArray, FloatArray
-from warpgrains.scene.rim import Rim
+from warpgrains.base.arrays import BoolArray, FloatArray
+from warpgrains.walls.rim import Rim
 
 POINTS = 40_000
 SIGMA = 5.0  # of counting, which one in two million counts exceeds

@@ -11,8 +11,8 @@ from walled_scenes import BOXES, boxed, cloud
 from warpgrains import Disc, Simulation, analysis
 from warpgrains.analysis import height_profile, quantities, snapshot
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES, SWEEP_QUANTITIES
-from warpgrains.scene.geometry import area_below
 from warpgrains.scene.snapshot import Snapshots
+from warpgrains.space.geometry import area_below
 
 G = 9.81
 

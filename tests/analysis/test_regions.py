@@ -11,9 +11,9 @@ from moments import EPS, moment_of
 from walled_scenes import chained, on_circle
 
 from warpgrains import Disc, analysis
-from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
-from warpgrains.scene.outline import Part
+from warpgrains.space.outline import Part
+from warpgrains.walls.annulus import Annulus
 
 INSIDE = [Disc((0.0, -0.6), 0.15), Disc((0.1, 0.1), 0.9, inside=True)]
 KITE = [(-0.9, -0.8), (0.9, -0.7), (0.8, 0.9), (-0.7, 0.6)]

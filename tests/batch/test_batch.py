@@ -12,11 +12,11 @@ from same_bits import contents
 from sample_scenes import random_scene
 
 from warpgrains import Batch, Disc, InputError, Scene, Simulation, SimulationError
+from warpgrains.base.warp_start import find_device
 from warpgrains.batch import loaded_scenes
 from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.scene.fields import METHODS
 from warpgrains.solver import engine, sizes, threads
-from warpgrains.warp_start import find_device
 
 WAYS: dict[str, dict[str, Any]] = {
     "one thread": {"threads": 1},

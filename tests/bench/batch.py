@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from warpgrains import Batch, Scene, Simulation
+from warpgrains.base.warp_start import find_device
 from warpgrains.solver.threads import cores
-from warpgrains.warp_start import find_device
 
 from .against_c import COMPILER, CReference
 from .flow import pile

@@ -17,7 +17,7 @@ import numpy as np
 
 from warpgrains import Scene, Simulation, State
 from warpgrains.accuracy.exact_step import StepProblem
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.toml import shipped_scenes
 
 from .flow import continued, flowing, kept_state

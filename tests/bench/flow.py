@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains import Scene, Simulation, State
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 from .rows import say
 

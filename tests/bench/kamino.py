@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from warpgrains import Scene
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 from .debian import FRAME
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains import Scene, Simulation
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 from .against_c import compiled
 from .debian import FRAME, OfLammps, springs

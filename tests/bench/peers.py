@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from warpgrains import Scene
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 from .flow import flowing, splashing
 from .kamino import Kamino

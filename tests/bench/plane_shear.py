@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from warpgrains import Box, Scene, Simulation, analysis
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.layouts import random
 
 from .debian import ShearedOfLammps, contact

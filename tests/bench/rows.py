@@ -16,7 +16,7 @@ from time import perf_counter
 from typing import NamedTuple
 
 from warpgrains import __version__
-from warpgrains.warp_start import start_warp
+from warpgrains.base.warp_start import start_warp
 
 Row = dict[str, str]
 STAMP = ("version", "commit", "date", "processor")

@@ -141,7 +141,7 @@ def test_first_run_says_that_it_compiles_and_stdout_stays_clean(scene, tmp_path)
 
 def test_what_a_library_prints_from_c_goes_to_stderr():
     script = (
-        "import ctypes\nfrom warpgrains.console import stdout_to_stderr\n"
+        "import ctypes\nfrom warpgrains.base.console import stdout_to_stderr\n"
         "with stdout_to_stderr():\n"
         "    print('python'); ctypes.CDLL(None).printf(b'c\\n')\n"
         "print('result')"

@@ -11,7 +11,7 @@ from recordings import GRAINS
 from same_bits import contents
 
 from warpgrains import Simulation
-from warpgrains.frame_log import FrameLog
+from warpgrains.base.frame_log import FrameLog
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import log_of

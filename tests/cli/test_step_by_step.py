@@ -11,8 +11,8 @@ import pytest
 from command import exit_code
 
 from warpgrains import Scene, Simulation
+from warpgrains.base.files import read_table
 from warpgrains.cli import step_by_step
-from warpgrains.files import read_table
 
 UNKNOWN = "unknown key; N: next step   R: run   S: stop   Q: quit\n"
 

@@ -16,7 +16,7 @@ from command import exit_code, require_refusal
 from homeworks import PLAIN, PLAIN_WRONG, contact_that
 from pages import PAGES, blocks, commands_in_words
 
-from warpgrains.files import read_table
+from warpgrains.base.files import read_table
 from warpgrains.grade.diagnosis import read_mistakes
 from warpgrains.grade.sandbox import CONTACT, UPDATE
 from warpgrains.reference.reference import DEFINES, SOURCE

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from stages import OneRecord, Values, grains_apart
 
-from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.base.arrays import FloatArray, IntArray
 from warpgrains.kernels import attempt, momentum, stopping, working_set
 from warpgrains.kernels.contacts import chunk_count
 from warpgrains.kernels.record import CANCELLED, NOT_FINITE, SOLVED, Asking, Phase, grain_count

@@ -11,7 +11,7 @@ from walled_scenes import alone, chained
 
 from warpgrains import Arc, Disc, Line, Scene, Segment, Simulation
 from warpgrains.scene.fields import METHODS
-from warpgrains.scene.wall import Wall
+from warpgrains.walls.wall import Wall
 
 EPS, G = np.finfo(float).eps, 9.81
 FREE: dict[str, Any] = {"gravity": (0.0, 0.0)}

@@ -9,7 +9,7 @@ from stages import OneRecord, grain_total, listed, path, random_graph, record_of
 from swept_order import swept_pairs
 
 from warpgrains import Scene, Simulation
-from warpgrains.arrays import IntArray
+from warpgrains.base.arrays import IntArray
 from warpgrains.kernels.access import at, put
 from warpgrains.kernels.coloring import choose_sets, place_contacts
 from warpgrains.kernels.contacts import contacts_of, set_count

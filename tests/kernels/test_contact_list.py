@@ -6,7 +6,7 @@ import warp as wp
 from stages import OneRecord, listed, record_of_graph
 
 from warpgrains import Scene
-from warpgrains.arrays import IntArray
+from warpgrains.base.arrays import IntArray
 from warpgrains.kernels import contact_list, neighbors
 from warpgrains.kernels.access import put
 from warpgrains.kernels.record import WITHOUT_ROOM, Phase, grain_count

@@ -6,7 +6,7 @@ import pytest
 from walled_scenes import cloud, on_circle
 
 from warpgrains import Scene, Simulation
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 from walled_scenes import BOUNCY, BUMPS, ROLLING, ROUGH, chained, on_circle
 
 from warpgrains import Arc, Box, Disc, Line, Scene, Segment, Simulation
-from warpgrains.scene.wall import Wall
+from warpgrains.walls.wall import Wall
 
 EPS = np.finfo(float).eps
 DT, STEPS = 2.0**-8, 24

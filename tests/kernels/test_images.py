@@ -10,8 +10,8 @@ import pytest
 from walled_scenes import chained
 
 from warpgrains import Arc, Box, Disc, Scene, Segment, Simulation, SimulationError, analysis
-from warpgrains.arrays import FloatArray
-from warpgrains.scene.wall import Wall
+from warpgrains.base.arrays import FloatArray
+from warpgrains.walls.wall import Wall
 
 AT_REST: dict[str, Any] = {"gravity": (0.0, 0.0), "drag": 0.0, "dt": 0.01}
 

@@ -12,11 +12,11 @@ from walled_scenes import CORNERS, alone, chained, cornered, on_circle
 
 from warpgrains import Disc, Scene, Segment, Simulation
 from warpgrains.analysis import kinetic_energy
-from warpgrains.scene.bodies import Joints
-from warpgrains.scene.geometry import NOWHERE
-from warpgrains.scene.wall import Wall
 from warpgrains.solver import tuning
 from warpgrains.solver.exact.listed import listed_walls
+from warpgrains.space.geometry import NOWHERE
+from warpgrains.walls.bodies import Joints
+from warpgrains.walls.wall import Wall
 
 
 def test_a_change_of_walls_changes_their_joints() -> None:

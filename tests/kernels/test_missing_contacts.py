@@ -12,7 +12,7 @@ import pytest
 from same_bits import assert_same_bits
 
 from warpgrains import Scene, Simulation, StepReport
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.reference.reference import Reference
 from warpgrains.solver import tuning
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from stages import OneRecord, grain_total, path, random_graph, record_of_graph
 
-from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.base.arrays import FloatArray, IntArray
 from warpgrains.kernels.stages import Sets
 from warpgrains.kernels.sweep import sweeping
 

@@ -13,7 +13,7 @@ from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulat
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.gravity import TurningGravity
 from warpgrains.scene.toml import parameters_text, read_parameters
-from warpgrains.scene.wall import Wall
+from warpgrains.walls.wall import Wall
 
 EPS = np.finfo(float).eps
 

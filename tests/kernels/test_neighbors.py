@@ -7,7 +7,7 @@ import pytest
 from stages import OneRecord, grains_apart
 
 from warpgrains import Scene, SimulationError
-from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.base.arrays import FloatArray, IntArray
 from warpgrains.kernels.neighbors import MOST_CONTACTS
 from warpgrains.kernels.record import Phase
 from warpgrains.kernels.step import SEARCH

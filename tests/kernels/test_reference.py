@@ -16,8 +16,8 @@ from walled_scenes import BOUNCY, DRIVEN, ROLLING, ROUGH, WALLED, cloud, pressed
 
 from warpgrains import Scene, Simulation, State
 from warpgrains.reference.reference import Grains, Reference
-from warpgrains.scene.rim import Rim
 from warpgrains.solver import tuning
+from warpgrains.walls.rim import Rim
 
 COLOR, ROUND, LEAPFROG = {"order": "color"}, {"wall": "round"}, {"scheme": "leapfrog"}
 

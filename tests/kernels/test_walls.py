@@ -34,9 +34,9 @@ from warpgrains.kernels.shapes import shape_gap, shape_normal
 from warpgrains.kernels.walls import is_near_circle
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.fields import METHODS
-from warpgrains.scene.wall import MOST_NUMBERS, Wall
-from warpgrains.scene.wall_kinds import WALL_KINDS
 from warpgrains.usd.check import report_on_recording
+from warpgrains.walls.kinds import WALL_KINDS
+from warpgrains.walls.wall import MOST_NUMBERS, Wall
 
 EPS = np.finfo(float).eps
 

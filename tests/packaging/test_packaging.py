@@ -17,7 +17,7 @@ from pages import PAGES, ROOT, program
 
 import warpgrains
 from warpgrains import Simulation
-from warpgrains.errors import MissingExtraError, requiring
+from warpgrains.base.errors import MissingExtraError, requiring
 
 SHIPPED = (".py", ".toml", ".c", ".h", ".typed", "MODEL.md", "template/README.md", "LISEZMOI.md")
 SCRIPT = """

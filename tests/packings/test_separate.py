@@ -11,7 +11,7 @@ from walled_scenes import DRIVEN, OF_ALL_LAWS, ROUGH, STILL, boxed, pressed, sti
 import warpgrains as wg
 from warpgrains import Scene, SimulationError, analysis
 from warpgrains.scene.fields import FIELDS
-from warpgrains.scene.geometry import overlapping_pairs
+from warpgrains.space.geometry import overlapping_pairs
 
 NEAR = 0.05  # gap of neighbors, in sums of their radii
 

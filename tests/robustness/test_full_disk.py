@@ -13,8 +13,8 @@ import warp as wp
 from command import exit_code, small_disk
 
 from warpgrains import Scene, Simulation, kernel_cache
+from warpgrains.base.warp_start import start_warp
 from warpgrains.pictures.film import encoding_of_frames
-from warpgrains.warp_start import start_warp
 
 COMMAND = [sys.executable, "-m", "warpgrains"]
 COMPILING = "compiling kernels for this kind of scene, the first time only ..."

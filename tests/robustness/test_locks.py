@@ -12,9 +12,9 @@ from command import exit_code
 from recordings import make_frames, moment, record, recorder_of
 
 from warpgrains import Simulation, locks
+from warpgrains.base.errors import OutputError
+from warpgrains.base.locks import Lock, RunLocks
 from warpgrains.cli import run as command
-from warpgrains.errors import OutputError
-from warpgrains.locks import Lock, RunLocks
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.recorder import recover
 
@@ -48,8 +48,8 @@ class TestLock:
     def test_many_at_once_have_it_one_after_the_other(self, tmp_path):
         """Taken and given back a thousand times by four processes: never by two at once."""
         script = (
-            "import os, sys\nfrom pathlib import Path\nfrom warpgrains.errors import OutputError\n"
-            "from warpgrains.locks import Lock\ntaken = 0\nwhile taken < 250:\n"
+            "import os, sys\nfrom pathlib import Path\nfrom warpgrains.base.errors import OutputError\n"
+            "from warpgrains.base.locks import Lock\ntaken = 0\nwhile taken < 250:\n"
             "    try: lock = Lock(Path(sys.argv[1]))\n"
             "    except OutputError: continue\n"
             "    os.close(os.open(sys.argv[1], os.O_CREAT | os.O_EXCL))\n"
@@ -106,7 +106,7 @@ def test_recorder(tmp_path):
 CLAIM = """
 import sys
 from pathlib import Path
-from warpgrains.locks import RunLocks
+from warpgrains.base.locks import RunLocks
 claims = RunLocks(Path(sys.argv[1]))
 print(claims.acquire(range(2, 6)), flush=True)
 claims.release([5])

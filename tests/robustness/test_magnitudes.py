@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from trimmed import few_or_many
 
 from warpgrains import Arc, Box, Disc, InputError, Line, Polyline, Scene, Segment, Simulation
-from warpgrains.errors import SimulationError
+from warpgrains.base.errors import SimulationError
 from warpgrains.scene.toml import shipped_text, toml_value
 
 USUAL = {

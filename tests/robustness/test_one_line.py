@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from sweeps import batch
 
 from warpgrains import Scene
-from warpgrains.files import csv_line, read_table
+from warpgrains.base.files import csv_line, read_table
 from warpgrains.scene.toml import toml_value
 
 SCENE = """

@@ -27,20 +27,20 @@ import warpgrains
 from warpgrains import Batch, Box, InputError, Polyline, Scene, Segment, Simulation, analysis
 from warpgrains.accuracy import certify
 from warpgrains.analysis.plots import plot_history
+from warpgrains.base.locks import Lock
 from warpgrains.cli import main as command_line
-from warpgrains.locks import Lock
-from warpgrains.scene.annulus import Annulus
-from warpgrains.scene.bodies import Joints
-from warpgrains.scene.geometry import NOWHERE
 from warpgrains.scene.layouts import LAYOUTS
-from warpgrains.scene.region import Region
 from warpgrains.scene.state import first_state
 from warpgrains.scene.toml import toml_value
 from warpgrains.simulation.options import RunOptions
+from warpgrains.space.geometry import NOWHERE
+from warpgrains.space.region import Region
 from warpgrains.sweep.axes import axis_values
 from warpgrains.sweep.plot import SweepPlot
 from warpgrains.sweep.sweep import Sweep
 from warpgrains.usd.recorder import recover
+from warpgrains.walls.annulus import Annulus
+from warpgrains.walls.bodies import Joints
 
 TABLE = tomllib.loads(Path(__file__).with_name("refusals.toml").read_text())
 MOST_CHARACTERS = 220

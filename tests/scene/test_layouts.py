@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from warpgrains import Box, Disc, Scene
-from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import column, lattice, random, rows
 from warpgrains.scene.placing import place_at_random
+from warpgrains.walls.annulus import Annulus
 
 
 def space(radius_in, radius_out):

@@ -7,11 +7,11 @@ import pytest
 from scipy import stats
 
 from warpgrains import InputError, Scene
-from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
 from warpgrains.scene.radii import drawn_radii
-from warpgrains.scene.region import region_of
+from warpgrains.space.region import region_of
 from warpgrains.sweep.sweep import Sweep
+from warpgrains.walls.annulus import Annulus
 
 WALLS = Annulus(0.2, 1.0)
 SPACE = WALLS.space

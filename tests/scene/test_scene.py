@@ -10,8 +10,8 @@ from same_bits import contents
 from walled_scenes import LID, filled
 
 from warpgrains import Box, Scene, Simulation
-from warpgrains.scene.geometry import overlapping_pairs
 from warpgrains.scene.toml import parameters_text, read_parameters
+from warpgrains.space.geometry import overlapping_pairs
 
 ARRAYS = ("position", "velocity", "radius", "mass")
 

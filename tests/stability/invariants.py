@@ -33,7 +33,7 @@ from same_bits import at_annulus
 from schemes import contact_mass, without_contacts
 
 from warpgrains import Scene, Simulation
-from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.base.arrays import FloatArray, IntArray
 from warpgrains.solver.statistics import StepReport
 
 EPS = np.finfo(float).eps

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from warpgrains import files
+from warpgrains.base import files
 from warpgrains.cli.main import main
 
 

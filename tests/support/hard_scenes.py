@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from warpgrains import Scene
-from warpgrains.arrays import FloatArray
-from warpgrains.scene.annulus import Annulus
+from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.layouts import column, lattice
+from warpgrains.walls.annulus import Annulus
 
 RADIUS_OUT = 1.0  # m
 ROUGH: dict[str, Any] = {"method": "exact", "tolerance": 1e-9, "max_iterations": 320}

@@ -8,9 +8,9 @@ from walled_scenes import cloud
 
 from warpgrains import Scene
 from warpgrains.analysis import Snapshot, snapshot
-from warpgrains.scene.annulus import Annulus
 from warpgrains.scene.layouts import random
 from warpgrains.scene.state import first_state
+from warpgrains.walls.annulus import Annulus
 
 EPS = float(np.finfo(np.float64).eps)
 

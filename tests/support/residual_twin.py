@@ -5,7 +5,7 @@ from same_bits import at_annulus, dense_pair_correction
 from schemes import contact_mass, without_contacts
 
 from warpgrains import Simulation
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 
 def free_velocity(simulation: Simulation) -> FloatArray:

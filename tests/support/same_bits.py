@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpgrains import Scene, Simulation
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.reference.reference import Reference, pair_index
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains import Scene
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 SCENE_FILE = """
 [domain]

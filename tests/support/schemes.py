@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 TEXTS = {"scheme": "text", "wall": "tangent"}
 SECOND_ORDER = {"scheme": "leapfrog", "wall": "round"}

@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpgrains import Scene
-from warpgrains.arrays import IntArray
+from warpgrains.base.arrays import IntArray
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import OPTIONS, Stage, fuse
 from warpgrains.kernels.threads import TeamRecord, team_records

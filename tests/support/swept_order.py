@@ -9,7 +9,7 @@ import numpy as np
 from same_bits import assert_same_bits
 
 from warpgrains import Scene, Simulation, State, StepReport
-from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.base.arrays import FloatArray, IntArray
 from warpgrains.reference.reference import Reference, pair_index
 
 LAWS = {

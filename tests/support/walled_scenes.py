@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from warpgrains import Arc, Box, Disc, Line, Row, Scene, Segment, Simulation
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.layouts import random
-from warpgrains.scene.wall import Wall
+from warpgrains.walls.wall import Wall
 
 
 def on_circle(angle: Any) -> FloatArray:

@@ -13,7 +13,7 @@ import pytest
 from command import require_refusal
 from sweeps import SMALL, batch, begin, results, write
 
-from warpgrains.errors import OutputError
+from warpgrains.base.errors import OutputError
 from warpgrains.sweep import sweep_folder
 from warpgrains.sweep.execution import ExecutionOptions, RunSettings
 from warpgrains.sweep.runner import finish_runs

@@ -7,8 +7,8 @@ import sys
 import pytest
 from sweeps import LONG, SMALL, Interrupted, Slices, batch, results, rows, steps_kept, write
 
-from warpgrains.frame_log import FrameLog, LogReader
-from warpgrains.locks import Lock
+from warpgrains.base.frame_log import FrameLog, LogReader
+from warpgrains.base.locks import Lock
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import group
 from warpgrains.sweep.group import Group

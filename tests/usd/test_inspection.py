@@ -9,7 +9,7 @@ from recordings import GRAINS, grains_of, make_frames, make_scene, record
 from walled_scenes import BOXES, DRIVEN, PISTON, STILL, boxed, pressed
 
 from warpgrains import Simulation
-from warpgrains.errors import InputError
+from warpgrains.base.errors import InputError
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recording import Recording
 

@@ -14,10 +14,10 @@ from pxr import Sdf, Usd
 from recordings import FORMS, RADIUS, grains_of, make_frames, make_scene, moment, moments, record, recorder_of
 
 import warpgrains
-from warpgrains import files
+from warpgrains.base import files
+from warpgrains.base.errors import InputError
+from warpgrains.base.frame_log import _MAGIC, FrameLog, LogReader, _record
 from warpgrains.drawing.kinds import RECORDINGS
-from warpgrains.errors import InputError
-from warpgrains.frame_log import _MAGIC, FrameLog, LogReader, _record
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import log_of, recover
 from warpgrains.usd.writer import reopen_log

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpgrains.described import fields_in_help
-from warpgrains.errors import InputError, requiring
+from warpgrains.base.described import fields_in_help
+from warpgrains.base.errors import InputError, requiring
 
 if TYPE_CHECKING:
     from warpgrains.simulation.simulation import Simulation

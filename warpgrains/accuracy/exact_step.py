@@ -37,13 +37,13 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import SimulationError
-from warpgrains.scene.geometry import left_of
+from warpgrains.base.arrays import FloatArray, IndexArray
+from warpgrains.base.errors import SimulationError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.solver.exact.constraints import StepConstraints, every_wall
 from warpgrains.solver.exact.projection import Projection, projection_of
+from warpgrains.space.geometry import left_of
 
 TOLERANCE = 1e-14  # requested from the library, which stops earlier if rounding prevents it
 REGULARIZATION = 1e-12  # of the library's matrix; with the default, 1e-8, it stops at a gap of about 1e-6

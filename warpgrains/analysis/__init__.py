@@ -54,8 +54,8 @@ from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.analysis.structure import structure_factor
 from warpgrains.analysis.walls import WallForce, wall_forces, wall_places
-from warpgrains.scene.region import Region
 from warpgrains.scene.snapshot import Snapshot
+from warpgrains.space.region import Region
 
 # fmt: off
 __all__ = [

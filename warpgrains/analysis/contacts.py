@@ -26,10 +26,10 @@ import numpy as np
 from warpgrains.analysis.packing import cell_areas
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.arrays import FloatArray
-from warpgrains.scene import checks
-from warpgrains.scene.geometry import left_of
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.snapshot import Snapshot
+from warpgrains.space.geometry import left_of
 
 
 def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> FloatArray:

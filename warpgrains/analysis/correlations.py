@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike
 from warpgrains.analysis.packing import mean_heights
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.arrays import BoolArray, FloatArray, IndexArray
-from warpgrains.errors import InputError, NoAreaError, requiring
-from warpgrains.scene import checks
-from warpgrains.scene.geometry import distance
-from warpgrains.scene.region import Region
+from warpgrains.base import checks
+from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray
+from warpgrains.base.errors import InputError, NoAreaError, requiring
 from warpgrains.scene.snapshot import Snapshot
+from warpgrains.space.geometry import distance
+from warpgrains.space.region import Region
 
 
 class RadialDistribution(NamedTuple):

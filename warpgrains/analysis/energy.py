@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.arrays import FloatArray
-from warpgrains.described import fields_in_help
-from warpgrains.errors import InputError
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.described import fields_in_help
+from warpgrains.base.errors import InputError
 from warpgrains.scene import energy
-from warpgrains.scene.geometry import left_of
 from warpgrains.scene.scheme import kick_of, spin_kick_of
 from warpgrains.scene.snapshot import Snapshot, Snapshots
+from warpgrains.space.geometry import left_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

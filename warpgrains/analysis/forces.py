@@ -7,8 +7,8 @@ import numpy as np
 
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.arrays import BoolArray, FloatArray
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.arrays import BoolArray, FloatArray
 from warpgrains.scene.snapshot import Snapshot
 
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from warpgrains.analysis.region_table import Where, grains_in
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from warpgrains.errors import InputError, requiring
-from warpgrains.scene.geometry import left_of
+from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from warpgrains.base.errors import InputError, requiring
 from warpgrains.scene.snapshot import Snapshot
+from warpgrains.space.geometry import left_of
 
 MOST_FREEDOMS = 3000  # of `rigidity`: a singular value decomposition of a matrix of this size takes some 20 s
 

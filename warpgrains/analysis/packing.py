@@ -12,12 +12,12 @@ import numpy as np
 
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import NoAreaError, requiring
-from warpgrains.scene import checks
-from warpgrains.scene.geometry import area_below, area_in_disc, distance
-from warpgrains.scene.region import Region, sides_of
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray, IndexArray
+from warpgrains.base.errors import NoAreaError, requiring
 from warpgrains.scene.snapshot import Snapshot, Snapshots
+from warpgrains.space.geometry import area_below, area_in_disc, distance
+from warpgrains.space.region import Region, sides_of
 
 BEYOND = 10.0  # in sizes of the region: three auxiliary points there close the outermost cells
 

@@ -12,16 +12,16 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
 
 from warpgrains.analysis.energy import kinetic_energy
-from warpgrains.arrays import FloatArray
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import read_table, require_writable_path
+from warpgrains.base.locks import Lock
+from warpgrains.base.shown import number_of
 from warpgrains.drawing.kinds import STILLS
 from warpgrains.drawing.looks import Looks
 from warpgrains.drawing.painter import Painter
-from warpgrains.errors import InputError
-from warpgrains.files import read_table, require_writable_path
-from warpgrains.locks import Lock
 from warpgrains.pictures.still import DOTS_PER_INCH, FrameArtists, add_color_bar, save_figure, shares
-from warpgrains.scene import checks
-from warpgrains.shown import number_of
 from warpgrains.usd.recording import Recording, painter_of
 
 _FRAMES_IN_A_ROW = 5

@@ -8,12 +8,12 @@ import numpy as np
 from warpgrains.analysis.contacts import force_moments, momentum_flow
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.arrays import FloatArray
-from warpgrains.described import fields_in_help
-from warpgrains.scene import checks
-from warpgrains.scene.geometry import directions, left_of
-from warpgrains.scene.region import Region
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.described import fields_in_help
 from warpgrains.scene.snapshot import Snapshot
+from warpgrains.space.geometry import directions, left_of
+from warpgrains.space.region import Region
 
 
 @fields_in_help

@@ -13,13 +13,13 @@ from warpgrains.analysis.energy import EnergyBalance, require_energy_balance, st
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.analysis.walls import circle_forces, require_wall, wall_forces, wall_places
-from warpgrains.arrays import FloatArray
-from warpgrains.errors import InputError, NoAreaError
-from warpgrains.scene import checks
-from warpgrains.scene.container import container_of
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import InputError, NoAreaError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import Snapshot, Snapshots
 from warpgrains.scene.state import first_state
+from warpgrains.walls.container import container_of
 
 
 class Quantity(NamedTuple):

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.arrays import BoolArray
-from warpgrains.errors import InputError, NoAreaError
-from warpgrains.scene import checks
-from warpgrains.scene import region as ranges
-from warpgrains.scene.region import Region, Side, sides_of
+from warpgrains.base import checks
+from warpgrains.base.arrays import BoolArray
+from warpgrains.base.errors import InputError, NoAreaError
 from warpgrains.scene.snapshot import Snapshot
+from warpgrains.space import region as ranges
+from warpgrains.space.region import Region, Side, sides_of
 
 KEYS = (*ranges.RANGES, "angle", "polygon", "below")
 MOST_COLUMNS = 64  # into which the space above a pile is divided

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.analysis.quantities import find, names_of, quantities, takes_region
-from warpgrains.errors import InputError, OutputError
-from warpgrains.files import read_table, require_writable_path, table_text, write_atomically
-from warpgrains.locks import Lock
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.errors import InputError, OutputError
+from warpgrains.base.files import read_table, require_writable_path, table_text, write_atomically
+from warpgrains.base.locks import Lock
+from warpgrains.base.tables import dataset, library
 from warpgrains.scene.snapshot import Snapshot
-from warpgrains.tables import dataset, library
 
 if TYPE_CHECKING:
     import pandas

@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from warpgrains.analysis.correlations import counted_region
 from warpgrains.analysis.region_table import Where
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.arrays import FloatArray
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import InputError
 from warpgrains.scene.snapshot import Snapshot
 
 CHUNK = 2048  # grains whose waves fit into the cache

@@ -10,12 +10,12 @@ from zlib import compress
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import draft_of, make_folder, require_writable_path, resolve_link, write_atomically
+from warpgrains.base.locks import Lock
 from warpgrains.drawing.chains import all_contacts, contact_lines, cut
 from warpgrains.drawing.shapes import wall_mesh
-from warpgrains.errors import InputError
-from warpgrains.files import draft_of, make_folder, require_writable_path, resolve_link, write_atomically
-from warpgrains.locks import Lock
 from warpgrains.usd.recording import Recording, painter_of
 
 Arrays = dict[str, np.ndarray]

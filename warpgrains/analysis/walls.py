@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.arrays import FloatArray
-from warpgrains.described import fields_in_help
-from warpgrains.errors import InputError
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.described import fields_in_help
+from warpgrains.base.errors import InputError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import Snapshot, Snapshots
-from warpgrains.scene.wall import Wall
+from warpgrains.walls.wall import Wall
 
 
 @fields_in_help

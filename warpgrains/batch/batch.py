@@ -8,22 +8,22 @@ from typing import Any, TypeVar, cast, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpgrains.arrays import FloatArray
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.console import progress_bar
+from warpgrains.base.errors import InputError, SimulationError
+from warpgrains.base.shown import Shown, number_of
+from warpgrains.base.turns import NOTHING, READ, ExclusiveUse
+from warpgrains.base.warp_start import find_device
 from warpgrains.batch.loaded_scenes import LoadedScenes, StepsTaken
-from warpgrains.console import progress_bar
-from warpgrains.errors import InputError, SimulationError
-from warpgrains.scene import checks
 from warpgrains.scene.compatibility import warn_of_overlaps
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
-from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.options import steps_of
 from warpgrains.simulation.until import CountedRun, Question, criterion
 from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.threads import cores
-from warpgrains.turns import NOTHING, READ, ExclusiveUse
-from warpgrains.warp_start import find_device
 
 T = TypeVar("T")
 SHOWN = 10  # results

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
-from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import SimulationError
+from warpgrains.base.arrays import FloatArray, IndexArray
+from warpgrains.base.errors import SimulationError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
 from warpgrains.simulation.until import CountedRun

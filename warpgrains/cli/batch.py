@@ -8,18 +8,18 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from warpgrains.console import in_columns, progress_bar, stdout_to_stderr
+from warpgrains.base import checks
+from warpgrains.base.console import in_columns, progress_bar, stdout_to_stderr
+from warpgrains.base.errors import InputError, OutputError, requiring
+from warpgrains.base.shown import number_of
+from warpgrains.base.warp_start import find_device
 from warpgrains.drawing.looks import DEFAULT_RATE
-from warpgrains.errors import InputError, OutputError, requiring
-from warpgrains.scene import checks
-from warpgrains.scene.region import table_of
-from warpgrains.shown import number_of
 from warpgrains.simulation.until import bounds_of
+from warpgrains.space.region import table_of
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, RunSettings
 from warpgrains.sweep.results import MET
 from warpgrains.sweep.sweep import Run, Sweep
 from warpgrains.sweep.sweep_folder import AREA, RESULTS, UNCONVERGED, SweepFolder
-from warpgrains.warp_start import find_device
 
 if TYPE_CHECKING:
     from warpgrains.sweep.plot import SweepPlot

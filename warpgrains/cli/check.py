@@ -8,7 +8,7 @@ import sys
 from argparse import Namespace
 from pathlib import Path
 
-from warpgrains.errors import InputError
+from warpgrains.base.errors import InputError
 
 SECONDS, BYTES = 120.0, 8 * 2**30
 """Limits of the child, to which each byte of the file adds 1e-6 s and 32 bytes."""

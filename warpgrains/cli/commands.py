@@ -9,7 +9,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, NamedTuple, get_args, get_type_hints
 
-from warpgrains.console import exit_on_interrupt
+from warpgrains.base.console import exit_on_interrupt
 from warpgrains.drawing.kinds import FILM, STILL
 from warpgrains.drawing.looks import DEFAULT_RATE, Looks
 from warpgrains.simulation.options import FLAGS, OPTIONS, RunOptions

@@ -14,9 +14,10 @@ from tempfile import TemporaryDirectory
 
 from tqdm import tqdm
 
-from warpgrains.console import in_columns, printable, stop_on_signals
-from warpgrains.errors import InputError, OutputError
-from warpgrains.files import (
+from warpgrains.base.checks import whole_number
+from warpgrains.base.console import in_columns, printable, stop_on_signals
+from warpgrains.base.errors import InputError, OutputError
+from warpgrains.base.files import (
     make_folder,
     read_regular,
     read_table,
@@ -24,14 +25,13 @@ from warpgrains.files import (
     table_text,
     write_atomically,
 )
+from warpgrains.base.locks import lock_own
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.page import GENERATOR, Pages
 from warpgrains.grade.sandbox import Processes
 from warpgrains.grade.verdict import Verdict, points_of
 from warpgrains.grade.words import LANGUAGES, Words, in_language
-from warpgrains.locks import lock_own
 from warpgrains.reference.reference import SOURCE
-from warpgrains.scene.checks import whole_number
 
 RESULTS = {"right": 0, "wrong": 1}
 NOT_GRADED = 2

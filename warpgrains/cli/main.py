@@ -9,9 +9,9 @@ from errno import EDQUOT, EFBIG, EIO, ENOSPC
 from typing import Any, NoReturn
 
 from warpgrains import __version__
+from warpgrains.base.console import INTERRUPTED, STDOUT, open_standard_streams, printable
+from warpgrains.base.errors import InputError, SimulationError, requiring
 from warpgrains.cli.commands import COMMANDS
-from warpgrains.console import INTERRUPTED, STDOUT, open_standard_streams, printable
-from warpgrains.errors import InputError, SimulationError, requiring
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 _FULL = (ENOSPC, EDQUOT, EFBIG, EIO)

@@ -16,21 +16,21 @@ from typing import Any
 
 from tqdm import tqdm
 
+from warpgrains.base import checks
+from warpgrains.base.console import exit_on_interrupt, in_columns, stdout_to_stderr
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import require_writable_path
+from warpgrains.base.frame_log import log_of
+from warpgrains.base.shown import number_of
+from warpgrains.base.warp_start import start_warp
 from warpgrains.cli.step_by_step import step_by_step
-from warpgrains.console import exit_on_interrupt, in_columns, stdout_to_stderr
 from warpgrains.drawing.kinds import FILM, RECORDING
 from warpgrains.drawing.looks import with_style
-from warpgrains.errors import InputError
-from warpgrains.files import require_writable_path
-from warpgrains.frame_log import log_of
-from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
-from warpgrains.shown import number_of
 from warpgrains.simulation.checkpoint import lock_checkpoint, read_checkpoint
 from warpgrains.simulation.options import FLAGS, RunOptions, require_needed
 from warpgrains.simulation.run import OpenRun, carry_out
-from warpgrains.warp_start import start_warp
 
 # Options that a resumed run reads from its checkpoint.
 KEPT = {"scene": "SCENE", "overrides": "--set", "style": "--style"} | FLAGS

@@ -10,12 +10,11 @@ from dataclasses import MISSING
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from warpgrains.console import in_columns
-from warpgrains.described import described_fields
-from warpgrains.errors import InputError, OutputError
-from warpgrains.files import require_writable_path, write_atomically
-from warpgrains.scene import checks
-from warpgrains.scene.box import Box
+from warpgrains.base import checks
+from warpgrains.base.console import in_columns
+from warpgrains.base.described import described_fields
+from warpgrains.base.errors import InputError, OutputError
+from warpgrains.base.files import require_writable_path, write_atomically
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
 from warpgrains.scene.reader import (
@@ -27,7 +26,8 @@ from warpgrains.scene.reader import (
     section_fields,
 )
 from warpgrains.scene.toml import Table, parse_toml, read_text, shipped, toml_value
-from warpgrains.scene.wall_kinds import WRITTEN_KINDS
+from warpgrains.walls.box import Box
+from warpgrains.walls.kinds import WRITTEN_KINDS
 
 REQUIRED = object()
 """Marker for keys without a default."""

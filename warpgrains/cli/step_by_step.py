@@ -12,14 +12,14 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from warpgrains.console import STDIN
-from warpgrains.errors import InputError
-from warpgrains.files import require_writable_path, table_text, write_atomically
-from warpgrains.locks import lock_own
+from warpgrains.base.console import STDIN
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import require_writable_path, table_text, write_atomically
+from warpgrains.base.locks import lock_own
+from warpgrains.base.shown import number_of
+from warpgrains.base.warp_start import start_warp
 from warpgrains.scene.scene import Scene
-from warpgrains.shown import number_of
 from warpgrains.solver.statistics import StepReport
-from warpgrains.warp_start import start_warp
 
 _KEYS = "N: next step   R: run   S: stop   Q: quit"
 _COLUMNS = ("step", "time [s]", "iterations", "zeta [m/s]", "residual [m/s]", "contacts", "overlap [m]")

@@ -7,15 +7,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warpgrains.console import in_columns, stdout_to_stderr
+from warpgrains.base.console import in_columns, stdout_to_stderr
+from warpgrains.base.errors import InputError, requiring
+from warpgrains.base.files import require_writable_path, suffix_of
+from warpgrains.base.shown import number_of
+from warpgrains.base.warp_start import start_warp
 from warpgrains.drawing.kinds import FILMS, require_drawing
 from warpgrains.drawing.looks import Looks, with_style
-from warpgrains.errors import InputError, requiring
-from warpgrains.files import require_writable_path, suffix_of
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.toml import shipped_scenes
-from warpgrains.shown import number_of
-from warpgrains.warp_start import start_warp
 
 if TYPE_CHECKING:
     from warpgrains.packings.compress import Packing

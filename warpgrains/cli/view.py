@@ -7,18 +7,18 @@ from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from warpgrains.base import checks
+from warpgrains.base.errors import InputError, requiring
+from warpgrains.base.files import suffix_of
+from warpgrains.base.warp_start import start_warp
 from warpgrains.drawing.kinds import RECORDINGS
-from warpgrains.errors import InputError, requiring
-from warpgrains.files import suffix_of
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.sandbox import Processes
 from warpgrains.reference.reference import MOST_GRAINS
-from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.recording import Recording
 from warpgrains.view.homework import Homework
 from warpgrains.view.players import Live, Player, Replay
-from warpgrains.warp_start import start_warp
 
 
 def view(arguments: Namespace) -> bool:

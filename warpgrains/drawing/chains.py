@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from warpgrains.base import checks
+from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from warpgrains.drawing.colorings import pressure_scale
-from warpgrains.scene import checks
-from warpgrains.scene.geometry import Period, left_of
+from warpgrains.space.geometry import Period, left_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

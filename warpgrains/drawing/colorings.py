@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
-from warpgrains.scene.line import Line
-from warpgrains.scene.rim import Rim
+from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.snapshot import Snapshot
-from warpgrains.scene.wall import Wall
+from warpgrains.walls.line import Line
+from warpgrains.walls.rim import Rim
+from warpgrains.walls.wall import Wall
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

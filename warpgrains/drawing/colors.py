@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.arrays import BoolArray, FloatArray, IndexArray
+from warpgrains.base import checks
+from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray
+from warpgrains.base.errors import InputError, requiring
 from warpgrains.drawing.colorings import COLORINGS, colorings_of, start_height
 from warpgrains.drawing.kinds import colors_of, range_of
-from warpgrains.errors import InputError, requiring
-from warpgrains.scene import checks
 from warpgrains.scene.snapshot import Snapshot
 
 if TYPE_CHECKING:

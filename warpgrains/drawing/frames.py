@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import cached_property
 from math import ceil, floor
 
-from warpgrains.errors import InputError
+from warpgrains.base.errors import InputError
 
 _TOLERANCE = Fraction(1, 10**9)  # tolerance, in steps
 

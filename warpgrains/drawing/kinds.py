@@ -7,9 +7,9 @@ from contextlib import AbstractContextManager, nullcontext
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from warpgrains.errors import InputError, requiring
-from warpgrains.scene import checks
-from warpgrains.scene.bounds import Bounds
+from warpgrains.base import checks
+from warpgrains.base.errors import InputError, requiring
+from warpgrains.space.bounds import Bounds
 
 if TYPE_CHECKING:
     from warpgrains.drawing.frames import FrameTimes

@@ -9,10 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict
 
-from warpgrains.described import described, described_fields
+from warpgrains.base import checks
+from warpgrains.base.described import described, described_fields
+from warpgrains.base.errors import InputError
 from warpgrains.drawing.kinds import color_of, colors_of, frame_of, range_of, size_of
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
 
 DEFAULT_RATE = 24.0
 """Frames per second [1/s] at which Blender plays by default."""

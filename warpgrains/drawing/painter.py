@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
 from warpgrains.drawing.colors import GrainColors, is_dark
 from warpgrains.drawing.kinds import color_of, frame_of
 from warpgrains.drawing.looks import Look
 from warpgrains.drawing.shapes import drawn_walls, moved_walls
-from warpgrains.scene.band import Band
-from warpgrains.scene.bounds import Bounds
 from warpgrains.scene.extent import box_of_discs
+from warpgrains.space.bounds import Bounds
+from warpgrains.walls.band import Band
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

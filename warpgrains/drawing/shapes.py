@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.arrays import BoolArray, FloatArray
-from warpgrains.scene.band import Band
-from warpgrains.scene.row import Row
+from warpgrains.base.arrays import BoolArray, FloatArray
+from warpgrains.walls.band import Band
+from warpgrains.walls.row import Row
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
-    from warpgrains.scene.wall import Wall
+    from warpgrains.walls.wall import Wall
 
 WALL_COLOR = (0.35, 0.35, 0.35)
 """Color of walls (sRGB)."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from time import monotonic
 
-from warpgrains.errors import InputError
+from warpgrains.base.errors import InputError
 from warpgrains.grade.sandbox import CONTACT, UPDATE, Processes
 from warpgrains.reference.reference import DEFINES, SOURCE
 

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.errors import InputError
-from warpgrains.files import read_regular
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import read_regular
 from warpgrains.grade.compare import DOUBLE, FLOAT, Difference, difference
 from warpgrains.grade.compiler import LONGEST, WITHOUT, CompileError, Compiler
 from warpgrains.grade.diagnosis import Explanation, Model, hint_of

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.grade.sandbox import CONTACT, UPDATE, Call, Child
 from warpgrains.grade.words import Words, joined
 from warpgrains.scene.scene import Scene

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.grade.words import Words
 
 UPDATE, CONTACT = "femGrainsUpdate", "femGrainsContactIterate"

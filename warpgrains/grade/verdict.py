@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from warpgrains.console import printable
-from warpgrains.errors import InputError
+from warpgrains.base.console import printable
+from warpgrains.base.errors import InputError
 from warpgrains.grade.diagnosis import Hint, Mistake
 from warpgrains.grade.sandbox import CONTACT, FIELDS, UPDATE, Answer, Call
 from warpgrains.grade.words import Words, in_language, joined

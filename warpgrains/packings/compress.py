@@ -9,20 +9,20 @@ from warpgrains.analysis.network import rattlers
 from warpgrains.analysis.packing import global_packing_fraction, packing_fraction
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.analysis.walls import wall_forces
-from warpgrains.described import fields_in_help
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
-from warpgrains.scene.box import Box
-from warpgrains.scene.container import container_of
+from warpgrains.base import checks
+from warpgrains.base.described import fields_in_help
+from warpgrains.base.errors import InputError
+from warpgrains.base.shown import Shown, number_of
 from warpgrains.scene.energy import TOLERANCES, kinetic_energy
-from warpgrains.scene.line import Line
-from warpgrains.scene.rim import Rim
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.snapshot import Snapshot
-from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.simulation.until import TEST_INTERVAL, EndCriterion
 from warpgrains.solver.statistics import Summary
+from warpgrains.walls.box import Box
+from warpgrains.walls.container import container_of
+from warpgrains.walls.line import Line
+from warpgrains.walls.rim import Rim
 
 ENERGY = 1e-8  # largest kinetic energy at rest, in pressure times area, or that at `TOLERANCES` if larger
 BALANCE = 1e-3  # largest relative difference of the forces of a wall from its pressure times length at rest

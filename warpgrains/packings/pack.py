@@ -10,20 +10,20 @@ import numpy as np
 
 from warpgrains.analysis.energy import contact_forces
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.console import progress_bar
-from warpgrains.described import fields_in_help
-from warpgrains.errors import InputError, SimulationError
-from warpgrains.files import require_writable_path, suffix_of, table_text, write_atomically
+from warpgrains.base import checks
+from warpgrains.base.console import progress_bar
+from warpgrains.base.described import fields_in_help
+from warpgrains.base.errors import InputError, SimulationError
+from warpgrains.base.files import require_writable_path, suffix_of, table_text, write_atomically
+from warpgrains.base.shown import Shown, number_of
 from warpgrains.packings.compress import carrying_contacts
 from warpgrains.packings.settling import TESTED, Settling
-from warpgrains.scene import checks
 from warpgrains.scene.energy import kinetic_energy
-from warpgrains.scene.geometry import distance
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State
-from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.service import exact_solver
+from warpgrains.space.geometry import distance
 
 MOST_TESTS = 3  # of settled grains; those that do not rest fall again
 

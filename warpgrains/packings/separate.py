@@ -3,17 +3,17 @@
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-from warpgrains.described import fields_in_help
-from warpgrains.errors import SimulationError
-from warpgrains.scene import checks
-from warpgrains.scene.box import Box
-from warpgrains.scene.geometry import distance
+from warpgrains.base import checks
+from warpgrains.base.described import fields_in_help
+from warpgrains.base.errors import SimulationError
+from warpgrains.base.shown import Shown, number_of
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import first_state
-from warpgrains.scene.wall import StraightWall, Wall
-from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.statistics import named
+from warpgrains.space.geometry import distance
+from warpgrains.walls.box import Box
+from warpgrains.walls.wall import StraightWall, Wall
 
 LEAST = 1e-9  # bound of the overlaps, in smallest radii, where steps of the scene leave less
 MOST_STEPS = 50  # where one or two are usual: what it leaves at a concave wall is of second order

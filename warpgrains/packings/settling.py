@@ -17,14 +17,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
-from warpgrains.console import Progress
-from warpgrains.errors import SimulationError
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.console import Progress
+from warpgrains.base.errors import SimulationError
 from warpgrains.scene.energy import TOLERANCES
-from warpgrains.scene.geometry import distance
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.simulation.simulation import Simulation
+from warpgrains.space.geometry import distance
 
 ITERATIONS = 3000  # of a step in which grains fall, at most
 DAMPING = 9.0  # time in which damping divides a speed by e, in sqrt(d / g)

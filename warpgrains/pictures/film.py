@@ -17,14 +17,14 @@ import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.console import progress_bar
+from warpgrains.base.console import progress_bar
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import draft_folder, draft_of, draft_path, require_writable_path, suffix_of
+from warpgrains.base.locks import Lock
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import FILMS, SLOWEST, FilmFormat, size_of
 from warpgrains.drawing.looks import Looks
 from warpgrains.drawing.painter import Painter
-from warpgrains.errors import InputError
-from warpgrains.files import draft_folder, draft_of, draft_path, require_writable_path, suffix_of
-from warpgrains.locks import Lock
 from warpgrains.pictures.still import Canvas, DrawnOutput
 from warpgrains.scene.snapshot import Snapshot
 

@@ -18,17 +18,17 @@ from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
+from warpgrains.base.files import draft_of, require_writable_path
+from warpgrains.base.locks import Lock
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colorings import COLORINGS
 from warpgrains.drawing.colors import mark_color
 from warpgrains.drawing.kinds import STILLS
 from warpgrains.drawing.painter import Painter
 from warpgrains.drawing.shapes import WALL_COLOR, marks
-from warpgrains.files import draft_of, require_writable_path
-from warpgrains.locks import Lock
-from warpgrains.scene.band import Band
-from warpgrains.scene.bounds import Bounds
 from warpgrains.scene.snapshot import Snapshot
+from warpgrains.space.bounds import Bounds
+from warpgrains.walls.band import Band
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IndexArray, IntArray
-from warpgrains.scene.motion import MOTION_NUMBERS
+from warpgrains.base.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.scene.state import State, first_state
+from warpgrains.walls.motion import MOTION_NUMBERS
 
 SOURCE = Path(__file__).parent / "grains.c"
 DEFINES = [f"-D{name.upper()}={k}" for k, name in enumerate((*MOTION_NUMBERS, "motion_numbers"))]

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from warpgrains import __version__
-from warpgrains.console import progress_bar
-from warpgrains.errors import InputError
-from warpgrains.files import make_folder, table_text, write_atomically
-from warpgrains.locks import Lock
+from warpgrains.base.console import progress_bar
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import make_folder, table_text, write_atomically
+from warpgrains.base.locks import Lock
 from warpgrains.pictures.still import save_figure
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report.figures import draw_paths, draw_steps

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from warpgrains.accuracy.exact_step import StepProblem, solve_exactly
-from warpgrains.arrays import FloatArray
-from warpgrains.errors import InputError
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import InputError
 from warpgrains.reference.reference import MOST_GRAINS, find_c_reference
 from warpgrains.report.rows import ACCURATE, SWEEPING, Budget, Configuration, StepRow
 from warpgrains.scene.fields import ORDERS

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
-from warpgrains.errors import SimulationError
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import SimulationError
 from warpgrains.report.rows import ACCURATE, COSTS, SCHEMES, SECOND_ORDER, SWEEPING, FrontierRow, PathRow
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State

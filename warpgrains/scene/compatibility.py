@@ -9,14 +9,14 @@ from warnings import warn
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import InputError
 from warpgrains.scene.energy import TOLERANCES
-from warpgrains.scene.geometry import LARGEST, MOST_RADII, SMALLEST, require_distinct
-from warpgrains.scene.line import Line
-from warpgrains.scene.rim import Rim
-from warpgrains.scene.row import Row
+from warpgrains.space.geometry import LARGEST, MOST_RADII, SMALLEST, require_distinct
+from warpgrains.walls.line import Line
+from warpgrains.walls.rim import Rim
+from warpgrains.walls.row import Row
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -1,6 +1,6 @@
 """Kinetic energy of grains."""
 
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 TOLERANCES = 30.0  # speed of grains at rest, in tolerances: soft packings move on at such speeds
 

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray
-from warpgrains.scene.bounds import Bounds
+from warpgrains.base.arrays import BoolArray, FloatArray
 from warpgrains.scene.gravity import upwards
-from warpgrains.scene.line import Line
-from warpgrains.scene.rim import Rim
+from warpgrains.space.bounds import Bounds
+from warpgrains.walls.line import Line
+from warpgrains.walls.rim import Rim
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
-    from warpgrains.scene.wall import Wall
+    from warpgrains.walls.wall import Wall
 
 _CELLS = 16384  # of the grid on which the space of the grains is explored
 

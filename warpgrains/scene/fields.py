@@ -12,18 +12,18 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpgrains.arrays import FloatArray
-from warpgrains.described import checked, described, described_fields
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
-from warpgrains.scene.annulus import KEYS as OF_ANNULUS
-from warpgrains.scene.annulus import Annulus
-from warpgrains.scene.boundary import Boundary
-from warpgrains.scene.box import Box, checked_domain
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.described import checked, described, described_fields
+from warpgrains.base.errors import InputError
 from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
 from warpgrains.scene.scheme import SCHEMES
-from warpgrains.scene.wall import Wall
-from warpgrains.scene.wall_kinds import WRITTEN_KINDS, checked_walls
+from warpgrains.walls.annulus import KEYS as OF_ANNULUS
+from warpgrains.walls.annulus import Annulus
+from warpgrains.walls.boundary import Boundary
+from warpgrains.walls.box import Box, checked_domain
+from warpgrains.walls.kinds import WRITTEN_KINDS, checked_walls
+from warpgrains.walls.wall import Wall
 
 ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated", "exact")

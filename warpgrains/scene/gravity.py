@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpgrains.arrays import FloatArray
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import InputError
 
 Vector = tuple[float, float]
 

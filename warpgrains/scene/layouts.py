@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
-from warpgrains.scene.bodies import with_images
-from warpgrains.scene.geometry import MOST_RADII, ROUNDING, distance
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray, IndexArray
+from warpgrains.base.errors import InputError
 from warpgrains.scene.placing import grow, place_at_random
 from warpgrains.scene.radii import drawn_radii, listed_radii
-from warpgrains.scene.region import Region, region_of
-from warpgrains.scene.wall import Wall
+from warpgrains.space.geometry import MOST_RADII, ROUNDING, distance
+from warpgrains.space.region import Region, region_of
+from warpgrains.walls.bodies import with_images
+from warpgrains.walls.wall import Wall
 
 MOST_GRAINS = 10_000_000
 LEAST_SPACING, LARGEST_SPACING = 0.1, 1e12  # in radii; closer grains almost coincide, farther ones leave

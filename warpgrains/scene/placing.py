@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
-from warpgrains.scene.bodies import image_ways
-from warpgrains.scene.geometry import distance, overlapping_pairs
-from warpgrains.scene.wall import SHAPE, Wall
-from warpgrains.turns import BUILDING
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.turns import BUILDING
+from warpgrains.space.geometry import distance, overlapping_pairs
+from warpgrains.walls.bodies import image_ways
+from warpgrains.walls.wall import SHAPE, Wall
 
 if TYPE_CHECKING:
-    from warpgrains.scene.region import Region
-from warpgrains.warp_start import start_warp
+    from warpgrains.space.region import Region
+from warpgrains.base.warp_start import start_warp
 
 MOST_TRIES = 1_000_000  # for one disc; after that hardly any free space is left
 FIRST_TRIES = 8  # per disc in the first batch; the next batches double
@@ -104,7 +104,7 @@ class _Discs:
         """Try positions [m], shape (m, 2), one after the other."""
         import warp as wp
 
-        from warpgrains.host_kernels import launch
+        from warpgrains.base.host_kernels import launch
 
         self._set("places", positions)
         record = wp.array(ptr=self._record.ctypes.data, shape=1, dtype=_kernels().DiscsRecord, device="cpu")
@@ -166,7 +166,7 @@ def _push(
     import warp as wp
 
     with BUILDING:
-        from warpgrains.host_kernels import launch, shared
+        from warpgrains.base.host_kernels import launch, shared
         from warpgrains.kernels import pushing
 
     limits, bounds = _limits(region, walls)
@@ -193,7 +193,7 @@ def _near(region: Region, position: FloatArray, radius: FloatArray) -> np.ndarra
 
 def _limits(region: Region, walls: Sequence[Wall]) -> tuple[Any, Any]:
     """Return the walls and bounds of a region as kernel arguments."""
-    from warpgrains.host_kernels import shared
+    from warpgrains.base.host_kernels import shared
     from warpgrains.kernels.types import Shape, Vectors
     from warpgrains.kernels.walls import Walls
 

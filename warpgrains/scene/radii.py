@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import InputError
 
 Draw = Callable[[int], FloatArray]
 """A function that draws the given number of radii [m]."""

@@ -16,21 +16,21 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
-from warpgrains.described import described_fields
-from warpgrains.errors import InputError
-from warpgrains.files import open_regular, suffix_of
-from warpgrains.scene import checks
-from warpgrains.scene.annulus import Annulus
-from warpgrains.scene.boundary import Boundary
-from warpgrains.scene.box import OF_SIDES, SIDES, Box, checked_domain
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.described import described_fields
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import open_regular, suffix_of
 from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.layouts import LAYOUTS, Placement
-from warpgrains.scene.region import Region
-from warpgrains.scene.rim import Rim
 from warpgrains.scene.toml import Table, fields_of_sections, overridden, parse_toml, wall_key
-from warpgrains.scene.wall import Wall
-from warpgrains.scene.wall_kinds import WRITTEN_KINDS, checked_walls
+from warpgrains.space.region import Region
+from warpgrains.walls.annulus import Annulus
+from warpgrains.walls.boundary import Boundary
+from warpgrains.walls.box import OF_SIDES, SIDES, Box, checked_domain
+from warpgrains.walls.kinds import WRITTEN_KINDS, checked_walls
+from warpgrains.walls.rim import Rim
+from warpgrains.walls.wall import Wall
 
 SOURCES = {
     "layout": f"Where grains start: the name of a layout, one of {', '.join(LAYOUTS)}. Or:",

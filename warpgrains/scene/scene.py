@@ -11,14 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpgrains.arrays import FloatArray, Indices
-from warpgrains.described import documented, fields_in_help
-from warpgrains.errors import InputError
-from warpgrains.scene import checks, container
-from warpgrains.scene.bodies import Bodies, Joints, joints_of, leaders_of, with_images
-from warpgrains.scene.boundary import Boundary
-from warpgrains.scene.bounds import Bounds
-from warpgrains.scene.box import checked_domain
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray, Indices
+from warpgrains.base.described import documented, fields_in_help
+from warpgrains.base.errors import InputError
+from warpgrains.base.shown import Shown, number_of
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import (
@@ -29,15 +26,19 @@ from warpgrains.scene.fields import (
     boundary_of,
     checked_fields,
 )
-from warpgrains.scene.geometry import ROUNDING, Period, Side, distance, overlapping_pairs
 from warpgrains.scene.gravity import TurningGravity, upwards
 from warpgrains.scene.reader import scene_fields
-from warpgrains.scene.region import Region
-from warpgrains.scene.rim import Rim
 from warpgrains.scene.toml import read_text
-from warpgrains.scene.wall import Drive, Wall
-from warpgrains.scene.wall_kinds import checked_walls
-from warpgrains.shown import Shown, number_of
+from warpgrains.space.bounds import Bounds
+from warpgrains.space.geometry import ROUNDING, Period, Side, distance, overlapping_pairs
+from warpgrains.space.region import Region
+from warpgrains.walls import container
+from warpgrains.walls.bodies import Bodies, Joints, joints_of, leaders_of, with_images
+from warpgrains.walls.boundary import Boundary
+from warpgrains.walls.box import checked_domain
+from warpgrains.walls.kinds import checked_walls
+from warpgrains.walls.rim import Rim
+from warpgrains.walls.wall import Drive, Wall
 
 
 @fields_in_help

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IndexArray, IntArray
-from warpgrains.scene import checks
-from warpgrains.scene.container import Container, container_of
-from warpgrains.scene.geometry import cross, left_of
-from warpgrains.scene.rim import Rim
-from warpgrains.tables import dataset, library
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray, IndexArray, IntArray
+from warpgrains.base.tables import dataset, library
+from warpgrains.space.geometry import cross, left_of
+from warpgrains.walls.container import Container, container_of
+from warpgrains.walls.rim import Rim
 
 if TYPE_CHECKING:
     import pandas

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
-from warpgrains.scene.geometry import require_distinct
-from warpgrains.scene.rim import Rim
+from warpgrains.base import checks
+from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from warpgrains.base.errors import InputError
+from warpgrains.space.geometry import require_distinct
+from warpgrains.walls.rim import Rim
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -11,9 +11,9 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warpgrains.errors import InputError
-from warpgrains.files import read_regular
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import read_regular
 from warpgrains.scene.fields import SECTIONS
 
 if TYPE_CHECKING:

@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import InputError
 from warpgrains.scene.compatibility import require_clear, require_size
 from warpgrains.scene.fields import FIELDS, SceneChanges
-from warpgrains.scene.rim import Rim
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state
-from warpgrains.scene.wall import Wall
+from warpgrains.walls.rim import Rim
+from warpgrains.walls.wall import Wall
 
 OF_START = {"position", "velocity", "radius", "mass", "spin", "time"}
 OF_LISTS = {"dt", "scheme", "order", "method", "wall", "drag", "spin_drag"}

@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 
 from warpgrains import __version__
-from warpgrains.errors import InputError
-from warpgrains.files import require_writable_path, resolve_link, write_atomically
-from warpgrains.locks import Lock, lock_own
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import require_writable_path, resolve_link, write_atomically
+from warpgrains.base.locks import Lock, lock_own
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, VerletList, require_state
 from warpgrains.simulation.options import RunOptions

@@ -11,13 +11,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from warpgrains.described import described_fields
+from warpgrains.base import checks
+from warpgrains.base.described import described_fields
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import resolve_link, suffix_of
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import FILM, FILMS, KINDS, Kind, described_kinds, size_of
 from warpgrains.drawing.looks import Look, Looks, option
-from warpgrains.errors import InputError
-from warpgrains.files import resolve_link, suffix_of
-from warpgrains.scene import checks
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -51,7 +51,7 @@ def _output(field: str, name: Any) -> str:
 
 def _region(field: str, text: Any) -> str:
     """Return the text of a region, which is a table."""
-    from warpgrains.scene.region import table_of  # NumPy, which --help does not need
+    from warpgrains.space.region import table_of  # NumPy, which --help does not need
 
     table_of(field, text)
     return str(text)

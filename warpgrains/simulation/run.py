@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Any, Protocol
 from warnings import warn
 
 from warpgrains.analysis.snapshot import snapshot_of
-from warpgrains.console import progress_bar
+from warpgrains.base import checks
+from warpgrains.base.console import progress_bar
+from warpgrains.base.errors import InputError
+from warpgrains.base.frame_log import is_complete
 from warpgrains.drawing.kinds import Output
-from warpgrains.errors import InputError
-from warpgrains.frame_log import is_complete
-from warpgrains.scene import checks
-from warpgrains.scene.region import table_of
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.until import CountedRun, criterion, steps_to
 from warpgrains.solver.statistics import Summary, named
+from warpgrains.space.region import table_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

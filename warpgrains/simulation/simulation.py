@@ -8,18 +8,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack, cast
 
 from warpgrains.analysis.snapshot import snapshot_of
-from warpgrains.arrays import FloatArray
-from warpgrains.described import documented, fields_in_help
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.described import documented, fields_in_help
+from warpgrains.base.errors import InputError, SimulationError, requiring
+from warpgrains.base.shown import Shown, number_of
+from warpgrains.base.turns import NOTHING, READ, ExclusiveUse
+from warpgrains.base.warp_start import find_device
 from warpgrains.drawing.kinds import STILL, require_drawing
 from warpgrains.drawing.looks import LOOKS, Look, Looks, with_style
 from warpgrains.drawing.painter import Painter
-from warpgrains.errors import InputError, SimulationError, requiring
-from warpgrains.scene import checks
 from warpgrains.scene.compatibility import warn_of_overlaps
 from warpgrains.scene.fields import SceneChanges
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, first_state, require_state
-from warpgrains.shown import Shown, number_of
 from warpgrains.simulation.changes import change_of
 from warpgrains.simulation.checkpoint import (
     Checkpoint,
@@ -39,8 +41,6 @@ from warpgrains.solver.service import infeasible_grains
 from warpgrains.solver.sizes import Sizes
 from warpgrains.solver.statistics import StepHistory, StepReport, Summary
 from warpgrains.solver.tuning import threads_for
-from warpgrains.turns import NOTHING, READ, ExclusiveUse
-from warpgrains.warp_start import find_device
 
 if TYPE_CHECKING:
     from warpgrains.pictures.still import Picture

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.errors import InputError
 from warpgrains.scene.energy import kinetic_energy
 from warpgrains.scene.gravity import TurningGravity
 

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpgrains.arrays import IndexArray
+from warpgrains.base.arrays import IndexArray
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.solver.sizes import Sizes, lengths
 

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warpgrains import kernel_cache
-from warpgrains.arrays import IndexArray
-from warpgrains.errors import SimulationError
+from warpgrains.base import kernel_cache
+from warpgrains.base.arrays import IndexArray
+from warpgrains.base.checks import LARGEST_WHOLE_NUMBER
+from warpgrains.base.errors import SimulationError
+from warpgrains.base.turns import BUILDING
 from warpgrains.kernels import advance as advance_kernel
 from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import (
@@ -26,7 +28,6 @@ from warpgrains.kernels.record import (
 )
 from warpgrains.kernels.step import fused_step
 from warpgrains.kernels.threads import TeamRecord, team_records
-from warpgrains.scene.checks import LARGEST_WHOLE_NUMBER
 from warpgrains.scene.snapshot import Snapshots
 from warpgrains.solver import tuning
 from warpgrains.solver.forces import force_of
@@ -38,7 +39,6 @@ from warpgrains.solver.service import exact_solver, failure
 from warpgrains.solver.sizes import Sizes, kind_of
 from warpgrains.solver.statistics import FinalStates, Summary, stacked
 from warpgrains.solver.threads import run_threads
-from warpgrains.turns import BUILDING
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

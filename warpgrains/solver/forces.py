@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray, IntArray
-from warpgrains.described import fields_in_help
-from warpgrains.tables import Tabular
+from warpgrains.base.arrays import BoolArray, FloatArray, IntArray
+from warpgrains.base.described import fields_in_help
+from warpgrains.base.tables import Tabular
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

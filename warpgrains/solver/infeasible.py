@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray, Indices
+from warpgrains.base.arrays import FloatArray, Indices
 from warpgrains.solver.exact.constraints import Start, StepConstraints, every_wall
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import SimulationError
+from warpgrains.base.arrays import FloatArray, IndexArray
+from warpgrains.base.errors import SimulationError
 from warpgrains.kernels.record import StepState, StepSums
 from warpgrains.solver.statistics import StepReport, Summary
 

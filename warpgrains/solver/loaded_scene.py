@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import at_positions
 from warpgrains.scene.state import State

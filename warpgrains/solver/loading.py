@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IndexArray, IntArray
+from warpgrains.base.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.kernels.record import Phase
-from warpgrains.scene.bodies import NONE
 from warpgrains.scene.state import VERLET_NUMBERS, Corrections, State, VerletList
 from warpgrains.solver import tuning
 from warpgrains.solver.exact.listed import listed_pairs, listed_walls
+from warpgrains.walls.bodies import NONE
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

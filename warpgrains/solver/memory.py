@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-from warpgrains.arrays import IndexArray
-from warpgrains.errors import SimulationError
+from warpgrains.base.arrays import IndexArray
+from warpgrains.base.errors import SimulationError
 
 PROC, CGROUPS = Path("/proc"), Path("/sys/fs/cgroup")
 VERSION_1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")

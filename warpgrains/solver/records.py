@@ -10,8 +10,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import SimulationError
+from warpgrains.base.arrays import FloatArray, IndexArray
+from warpgrains.base.errors import SimulationError
 from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.neighbors import MOST_CONTACTS
 from warpgrains.kernels.record import SceneRecord

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.errors import SimulationError, requiring
+from warpgrains.base.errors import SimulationError, requiring
 from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE, TOO_FAR
 from warpgrains.solver.infeasible import InfeasibilityProof, find_infeasibility_proof
 from warpgrains.solver.loading import corrections_of

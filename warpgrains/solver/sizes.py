@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from warpgrains.arrays import IndexArray
+from warpgrains.base.arrays import IndexArray
 from warpgrains.kernels.cells import AT_ONCE
 from warpgrains.kernels.contacts import CHUNK
 from warpgrains.kernels.neighbors import TAKEN
 from warpgrains.kernels.pair_sweep import KEPT
 from warpgrains.kernels.record import Kind
 from warpgrains.kernels.threads import GPU_PARTIALS
-from warpgrains.scene.rim import Rim
+from warpgrains.walls.rim import Rim
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray
-from warpgrains.described import fields_in_help
-from warpgrains.shown import Shown, number_of
-from warpgrains.tables import Tabular, library
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.described import fields_in_help
+from warpgrains.base.shown import Shown, number_of
+from warpgrains.base.tables import Tabular, library
 
 if TYPE_CHECKING:
     import pandas

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from queue import Empty, SimpleQueue
 
-from warpgrains.scene.checks import MOST_THREADS
+from warpgrains.base.checks import MOST_THREADS
 
 GLANCE = 0.1  # seconds between two polls
 GRACE = 0.5  # seconds that tasks have to end after an interrupt, before they are abandoned

@@ -17,8 +17,8 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.errors import InputError
 
 MOST_VALUES = 1_000_000
 

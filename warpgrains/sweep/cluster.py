@@ -16,12 +16,12 @@ from threading import Lock
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from warpgrains.console import exit_on_interrupt
-from warpgrains.errors import InputError, requiring
+from warpgrains.base.console import exit_on_interrupt
+from warpgrains.base.errors import InputError, requiring
+from warpgrains.base.warp_start import start_warp
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
 from warpgrains.sweep.sweep import Run
 from warpgrains.sweep.sweep_folder import SweepFolder
-from warpgrains.warp_start import start_warp
 
 if TYPE_CHECKING:
     from distributed import Client, Future

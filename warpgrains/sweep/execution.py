@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from warpgrains.scene.region import table_of
+from warpgrains.space.region import table_of
 
 GROWTH = 8  # largest ratio of the size of a group or bundle to the previous one
 

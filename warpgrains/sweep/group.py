@@ -10,9 +10,9 @@ from time import perf_counter
 import warp as wp
 
 from warpgrains.analysis.snapshot import snapshot
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import Row
 from warpgrains.batch.loaded_scenes import LoadedScenes, StepsTaken
-from warpgrains.errors import InputError
-from warpgrains.files import Row
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.simulation.until import CountedRun

@@ -12,10 +12,10 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
 from warpgrains.analysis.plots import save_figure
-from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import InputError
-from warpgrains.files import read_columns
-from warpgrains.scene import checks
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray, IndexArray
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import read_columns
 from warpgrains.sweep.results import unit_of
 from warpgrains.sweep.shards import writer
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.analysis.quantities import SWEEP_QUANTITIES, find, quantities, takes_region
-from warpgrains.arrays import FloatArray
-from warpgrains.errors import InputError
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import InputError
 from warpgrains.scene.snapshot import Snapshot, Snapshots
 from warpgrains.solver.statistics import FinalStates
 from warpgrains.sweep.execution import RunSettings

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any, Self
 
 from warpgrains.analysis.quantities import takes_region
-from warpgrains.errors import InputError, LockedError, MissingExtraError, SimulationError
-from warpgrains.files import write_atomically
-from warpgrains.frame_log import is_complete, log_of
-from warpgrains.locks import Lock
+from warpgrains.base.errors import InputError, LockedError, MissingExtraError, SimulationError
+from warpgrains.base.files import write_atomically
+from warpgrains.base.frame_log import is_complete, log_of
+from warpgrains.base.locks import Lock
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions

@@ -15,9 +15,10 @@ from time import perf_counter
 from typing import Any
 
 from warpgrains.analysis.quantities import require_quantities
+from warpgrains.base.errors import InputError, LockedError, MissingExtraError
+from warpgrains.base.locks import RunLocks
+from warpgrains.base.warp_start import find_device
 from warpgrains.batch.loaded_scenes import team_size
-from warpgrains.errors import InputError, LockedError, MissingExtraError
-from warpgrains.locks import RunLocks
 from warpgrains.scene.reader import document_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
@@ -33,7 +34,6 @@ from warpgrains.sweep.results import failure
 from warpgrains.sweep.run_folder import FolderRun, run_options
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder
-from warpgrains.warp_start import find_device
 
 LIMIT = 20.0  # largest duration of a group [s]
 GROUP = 1.0  # intended duration [s]

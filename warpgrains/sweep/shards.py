@@ -18,8 +18,8 @@ from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
-from warpgrains.errors import OutputError
-from warpgrains.files import Row, csv_line, write_atomically
+from warpgrains.base.errors import OutputError
+from warpgrains.base.files import Row, csv_line, write_atomically
 from warpgrains.sweep.results import RunResult
 
 DIGITS = 16  # hexadecimal digits of a shard's hash

@@ -29,10 +29,9 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from warpgrains.analysis.quantities import QUANTITIES
-from warpgrains.errors import InputError
-from warpgrains.files import Row, read_regular
-from warpgrains.scene import checks
-from warpgrains.scene.box import SIDES
+from warpgrains.base import checks
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import Row, read_regular
 from warpgrains.scene.reader import is_file_of_radii, read_radii, require_key
 from warpgrains.scene.toml import (
     Table,
@@ -48,6 +47,7 @@ from warpgrains.scene.toml import (
 from warpgrains.sweep.axes import KINDS as AXIS_KINDS
 from warpgrains.sweep.axes import MOST_VALUES, axis_values
 from warpgrains.sweep.results import COLUMNS
+from warpgrains.walls.box import SIDES
 
 KEYS = ("scene", "folder", "combine", "set", "axes")
 COMBINATIONS = ("grid", "zip")

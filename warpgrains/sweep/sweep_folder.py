@@ -16,8 +16,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from warpgrains.errors import InputError, OutputError
-from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_atomically
+from warpgrains.base.errors import InputError, OutputError
+from warpgrains.base.files import columns_of, csv_line, make_folder, read_regular, write_atomically
 from warpgrains.sweep.execution import RunSettings
 from warpgrains.sweep.results import MET, SECONDS, value_columns
 from warpgrains.sweep.shards import ResultShards, has_failed, writer

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
+from warpgrains.base import checks
+from warpgrains.base.errors import InputError
+from warpgrains.base.shown import number_of
 from warpgrains.drawing.chains import ChainScale
 from warpgrains.drawing.colors import ColorScale
 from warpgrains.drawing.shapes import drawn_walls, moved_walls, wall_mesh
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
-from warpgrains.shown import number_of
 from warpgrains.usd.grains import (
     ANGLE,
     COLOR_INDICES,

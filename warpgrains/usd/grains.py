@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.base.arrays import FloatArray, IndexArray
+from warpgrains.base.frame_log import Arrays
 from warpgrains.drawing.colorings import colorings_of
 from warpgrains.drawing.colors import linear
 from warpgrains.drawing.painter import Painter
 from warpgrains.drawing.shapes import Shape
-from warpgrains.frame_log import Arrays
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.usd.stage import as_float32, bind_material, covering_extent, define_mesh, set_kind, triples
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 
+from warpgrains.base.frame_log import Arrays
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, all_contacts, chains_of
 from warpgrains.drawing.painter import Painter
 from warpgrains.drawing.shapes import WALL_COLOR, wall_mesh
-from warpgrains.frame_log import Arrays
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.usd.stage import as_float32, bind_material, covering_extent, define_mesh, set_kind, triples
 

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from pxr import Sdf, Tf
 
 import warpgrains
+from warpgrains.base import checks
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import require_writable_path, suffix_of
+from warpgrains.base.frame_log import LOG_SUFFIX, FrameLog, is_complete, log_of
+from warpgrains.base.locks import Lock, lock_own
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.drawing.painter import Painter
 from warpgrains.drawing.shapes import SHAPES
-from warpgrains.errors import InputError
-from warpgrains.files import require_writable_path, suffix_of
-from warpgrains.frame_log import LOG_SUFFIX, FrameLog, is_complete, log_of
-from warpgrains.locks import Lock, lock_own
-from warpgrains.scene import checks
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.scene.toml import parameters_text
 from warpgrains.usd.grains import Grains

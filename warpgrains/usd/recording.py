@@ -10,23 +10,22 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from pxr import UsdGeom
 
-from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray, IndexArray
+from warpgrains.base.errors import InputError
+from warpgrains.base.shown import Shown, number_of
+from warpgrains.base.tables import dataset, library
 from warpgrains.drawing.chains import ChainScale, pairs_and_walls
 from warpgrains.drawing.colorings import COLORINGS
 from warpgrains.drawing.colors import ColorScale
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.looks import Look, Looks
 from warpgrains.drawing.painter import Painter
-from warpgrains.errors import InputError
-from warpgrains.scene import checks
-from warpgrains.scene.box import checked_domain
 from warpgrains.scene.compatibility import require_valid_positions
-from warpgrains.scene.geometry import Period
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import TABLES, UNITS, Snapshot
 from warpgrains.scene.toml import read_parameters
-from warpgrains.shown import Shown, number_of
-from warpgrains.tables import dataset, library
+from warpgrains.space.geometry import Period
 from warpgrains.usd.grains import (
     COLOR_INDICES,
     GRAINS,
@@ -38,6 +37,7 @@ from warpgrains.usd.grains import (
 )
 from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, WALLS
 from warpgrains.usd.stage import RECORDED_BY, numbers, open_recording, refusing_untrusted_content
+from warpgrains.walls.box import checked_domain
 
 if TYPE_CHECKING:
     import pandas

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, UsdUtils, Vt
 
 import warpgrains
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import InputError
+from warpgrains.base.frame_log import Arrays
 from warpgrains.drawing.colors import linear, mark_color
 from warpgrains.drawing.shapes import Shape
-from warpgrains.errors import InputError
-from warpgrains.frame_log import Arrays
-from warpgrains.scene.bounds import Bounds
+from warpgrains.space.bounds import Bounds
 
 if TYPE_CHECKING:
     from warpgrains.scene.snapshot import Snapshot

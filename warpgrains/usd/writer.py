@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Tf, UsdUtils
 
-from warpgrains.errors import InputError
-from warpgrains.files import draft_folder, draft_of, publish, resolve_link, suffix_of
-from warpgrains.frame_log import FrameLog, LogReader, kind_of
+from warpgrains.base.errors import InputError
+from warpgrains.base.files import draft_folder, draft_of, publish, resolve_link, suffix_of
+from warpgrains.base.frame_log import FrameLog, LogReader, kind_of
 from warpgrains.usd.grains import GRAINS
 from warpgrains.usd.stage import RECORDED_BY, refusing_untrusted_content
 

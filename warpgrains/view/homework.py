@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.drawing.looks import Look
 from warpgrains.drawing.painter import Painter
 from warpgrains.grade.probes import start_of

@@ -15,8 +15,8 @@ import numpy as np
 import viser
 from viser import uplot
 
+from warpgrains.base.errors import InputError
 from warpgrains.drawing.painter import Painter
-from warpgrains.errors import InputError
 from warpgrains.view.players import AXES, Live, Pace, Player, Replay
 from warpgrains.view.server import HOST, serve_page
 from warpgrains.view.sliders import Sliders, value_of

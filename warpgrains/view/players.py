@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, TypeAlias, Unpack
 import numpy as np
 
 from warpgrains.analysis.snapshot import snapshot_of
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.errors import SimulationError
 from warpgrains.drawing.colorings import colorings_of
 from warpgrains.drawing.colors import CATEGORIES
 from warpgrains.drawing.looks import Look
 from warpgrains.drawing.painter import Painter
-from warpgrains.errors import SimulationError
 from warpgrains.scene.energy import kinetic_energy
 from warpgrains.scene.fields import SceneChanges
 from warpgrains.scene.scene import Scene

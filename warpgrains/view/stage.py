@@ -3,13 +3,13 @@
 import numpy as np
 import viser
 
-from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.base.arrays import FloatArray, IndexArray
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import linear, mark_color
 from warpgrains.drawing.painter import Painter
 from warpgrains.drawing.shapes import WALL_COLOR, mark, wall_mesh
-from warpgrains.scene.band import Band
 from warpgrains.scene.snapshot import Snapshot
+from warpgrains.walls.band import Band
 
 _SEGMENTS = 48  # of a circle
 _FIELD_OF_VIEW = 0.5  # radians

@@ -19,8 +19,8 @@ from math import sqrt
 import numpy as np
 from scipy import sparse
 
-from warpgrains.arrays import BoolArray, FloatArray
-from warpgrains.host_kernels import launch, share
+from warpgrains.base.arrays import BoolArray, FloatArray
+from warpgrains.base.host_kernels import launch, share
 from warpgrains.kernels import dual as kernels
 from warpgrains.solver.exact.bordered import BorderedMatrix
 from warpgrains.solver.exact.projection import PROXIMITY, Projection, Solution

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from warpgrains.arrays import BoolArray, FloatArray, IndexArray
-from warpgrains.host_kernels import Array, launch, share, shared
+from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray
+from warpgrains.base.host_kernels import Array, launch, share, shared
 from warpgrains.kernels import bordered as kernels
 from warpgrains.solver.exact.projection import PROXIMITY, NormalMatrix
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray, Indices
-from warpgrains.scene.rim import Rim
+from warpgrains.base.arrays import BoolArray, FloatArray, Indices
+from warpgrains.walls.rim import Rim
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

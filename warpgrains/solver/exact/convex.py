@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.kernels.record import Asking, Phase
 from warpgrains.solver.exact import active_set, interior_point
 from warpgrains.solver.exact.bordered import BorderedMatrix

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpgrains.arrays import Indices
+from warpgrains.base.arrays import Indices
 from warpgrains.kernels.record import Asking, Phase
 from warpgrains.kernels.types import PoseOf
 from warpgrains.solver.exact.listed import ListedContacts

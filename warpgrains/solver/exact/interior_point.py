@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray
 from warpgrains.solver.exact.projection import PROXIMITY, NormalMatrix, Projection, Solution
 
 FIRST = 30.0  # initial sqrt(mu), in natural residuals

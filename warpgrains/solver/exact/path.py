@@ -13,8 +13,8 @@ import numpy as np
 import qdldl
 from scipy import sparse
 
-from warpgrains.arrays import BoolArray, FloatArray, Indices
-from warpgrains.host_kernels import Array, launch, shared
+from warpgrains.base.arrays import BoolArray, FloatArray, Indices
+from warpgrains.base.host_kernels import Array, launch, shared
 from warpgrains.kernels import path as kernels
 from warpgrains.kernels.block_lu import Factors
 from warpgrains.solver.exact.constraints import StepConstraints

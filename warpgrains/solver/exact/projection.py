@@ -14,7 +14,7 @@ import numpy as np
 import qdldl
 from scipy import sparse
 
-from warpgrains.arrays import FloatArray, Indices
+from warpgrains.base.arrays import FloatArray, Indices
 from warpgrains.solver.exact.constraints import StepConstraints
 
 PROXIMITY = 1e9  # rho; without it matrix entries reach 1e13, and residuals stall at 1e-5 to 1e-7

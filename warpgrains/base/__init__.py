@@ -1,0 +1,1 @@
+"""What all rooms need: checks, errors, files, locks, tables, and the start of Warp."""

@@ -1,0 +1,34 @@
+"""Kernels that one thread of the host runs on NumPy arrays."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpgrains.base import kernel_cache
+
+Array = np.ndarray[Any, Any]
+
+
+def shared(array: Array, dtype: Any = None) -> Any:
+    """Return a Warp array that shares the memory of a NumPy array, whose type is the default."""
+    dtype = dtype or wp.dtype_from_numpy(array.dtype)
+    return wp.array(array, dtype=dtype, device="cpu", copy=False)
+
+
+def share(record: Any, arrays: dict[str, Array]) -> None:
+    """Make NumPy arrays the arrays of a Warp struct, by name."""
+    for name, array in arrays.items():
+        setattr(record, name, shared(array))
+
+
+@cache
+def _load(module: Any) -> None:
+    kernel_cache.load(module, wp.get_device("cpu"), 1)
+
+
+def launch(kernel: Any, inputs: list[Any]) -> None:
+    """Launch a kernel with one thread on the CPU. Other Python threads may launch it at the same time."""
+    _load(kernel.module)
+    wp.launch(kernel, dim=1, inputs=inputs, device="cpu")

@@ -1,0 +1,1 @@
+"""Geometry of discs and regions in the plane."""

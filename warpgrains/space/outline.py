@@ -1,0 +1,217 @@
+"""Parts of convex polygons between circles, and the areas of discs in them, cut exactly at the border.
+
+The area that a disc shares with a part is the integral (x dy - y dx) / 2 along the border of what they share
+(Green), with the center of the disc as the origin. The border consists of pieces of the disc's circle, of the
+edges of the polygon, and of the circles. Each of these is cut where it meets the others; a piece between two
+cuts belongs to the border if its middle lies in all others.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray
+from warpgrains.space.geometry import Circle, cross
+
+TOUCH = 1e-5  # half of a chord, in radii, below which lines and circles only touch a disc: 1e-15 of its area
+ONE_CORNER = 1e-12  # distance of corners that count as one, in their distance from the origin
+FIXED = np.array([0.0, 1.0, 2.5, 4.1])  # cuts, so that no arc is halved where a disc touches a wall
+
+
+class Part(NamedTuple):
+    """The part of a convex polygon that lies inside of some circles and outside of others."""
+
+    corner: FloatArray
+    """Corners of the polygon [m], counter-clockwise, shape (k, 2)."""
+    circles: tuple[Circle, ...]
+
+    @classmethod
+    def of(cls, corner: FloatArray, circles: Iterable[Circle]) -> Self:
+        """Return a part, without the circles of discs that do not touch the polygon."""
+        low, high = corner.min(axis=0), corner.max(axis=0)
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        near = (c for c in circles if c.keeps_inside or (np.abs(middle - c[:2]) <= half + c.radius).all())
+        return cls(corner, tuple(near))
+
+    @property
+    def along(self) -> FloatArray:
+        """Edges from corner to corner [m], shape (k, 2)."""
+        return np.roll(self.corner, -1, axis=0) - self.corner
+
+    def contains(self, points: FloatArray, margin: float = 0.0) -> BoolArray:
+        """Return which points [m], shape (..., 2), lie at most a margin [m] outside, shape (...,)."""
+        found = np.ones(points.shape[:-1], bool)
+        for start, along in zip(self.corner, self.along, strict=True):
+            found &= cross(along, points - start) >= -margin * np.hypot(*along)
+        for circle in self.circles:
+            grown = circle.radius + (margin if circle.keeps_inside else -margin)
+            found &= circle._replace(radius=grown).contains(points)
+        return found
+
+    @property
+    def edges(self) -> FloatArray:
+        """Ends of the edges [m], shape (k, 2, 2)."""
+        return np.stack([self.corner, np.roll(self.corner, -1, axis=0)], axis=1)
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """Return a lower bound of the distance of points from the border [m], < 0 outside, shape (n,)."""
+        nearest = np.full(len(points), np.inf)
+        for start, along in zip(self.corner, self.along, strict=True):
+            to, size = points - start, along @ along
+            share = np.clip(to @ along / size, 0.0, 1.0) if size > 0.0 else np.zeros(len(points))
+            nearest = np.minimum(nearest, np.hypot(*(to - share[:, np.newaxis] * along).T))
+        for x, y, radius, _ in self.circles:
+            nearest = np.minimum(nearest, np.abs(np.hypot(*(points - (x, y)).T) - radius))
+        nearest = np.maximum(nearest * (1.0 - 1e-9) - 1e-12 * np.abs(self.corner).max(), 0.0)
+        return np.where(self.contains(points), nearest, -nearest)
+
+    def outermost(self, direction: FloatArray) -> FloatArray:
+        """Return points, those farthest along and against a direction among them [m], shape (m, 2)."""
+        outline = self._replace(circles=tuple(circle for circle in self.circles if circle.keeps_inside))
+        points = [self.corner]
+        for circle in outline.circles:
+            middle, radius = np.array(circle[:2]), circle.radius
+            angle = np.concatenate(
+                [_angles_at(middle, radius, np.array(one[:2]), one.radius) for one in outline.circles]
+            )
+            met = middle + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)[np.isfinite(angle)]
+            ends = middle + radius * np.array([-direction, direction])
+            points += [outline.crossings(circle), met, ends]
+        found = np.concatenate(points)
+        return found[outline.contains(found, margin=1e-9 * np.abs(self.corner).max())]
+
+    def areas(self, center: FloatArray, radius: FloatArray) -> FloatArray:
+        """Return the areas of discs inside the part [m2], shape (n,)."""
+        area, (within, cut) = np.zeros(len(radius)), self._within_and_cut(center, radius)
+        area[within] = np.pi * radius[within] ** 2
+        area[cut] = self.cut_areas(center[cut], radius[cut])
+        return area
+
+    def _within_and_cut(self, center: FloatArray, radius: FloatArray) -> tuple[IndexArray, IndexArray]:
+        """Return the discs with their centers inside, and those that the border may cut."""
+        low, high, reach = self.corner.min(axis=0), self.corner.max(axis=0), radius[:, np.newaxis]
+        near = np.flatnonzero(((center + reach > low) & (center - reach < high)).all(axis=1))
+        apart = self.clearance(center[near])
+        return near[apart > 0.0], near[np.abs(apart) <= radius[near]]
+
+    def cut_areas(self, center: FloatArray, radius: FloatArray) -> FloatArray:
+        """Return the areas of discs inside the part [m2], whether or not its border cuts them, shape (n,)."""
+        area = 0.5 * radius**2 * self._cut_angles(center, radius)
+        start = self.corner - center[:, np.newaxis]
+        inside = [_roots(start, self.along, radius[:, np.newaxis])]
+        inside += [np.broadcast_to(self._fractions(circle), start.shape) for circle in self.circles]
+        cuts = np.concatenate([np.broadcast_to([0.0, 1.0], start.shape), *inside], axis=2)
+        cut = np.sort(np.nan_to_num(cuts).clip(0.0, 1.0), axis=2)
+        middle, kept = 0.5 * (cut[:, :, 1:] + cut[:, :, :-1]), True
+        for between, is_kept in zip(inside, [True, *(one.keeps_inside for one in self.circles)], strict=True):
+            kept &= ((middle > between[..., :1]) & (middle < between[..., 1:])) == is_kept
+        point = start[:, :, np.newaxis] + cut[..., np.newaxis] * self.along[:, np.newaxis]
+        area += 0.5 * (cross(point[:, :, :-1], point[:, :, 1:]) * kept).sum(axis=(1, 2))
+        for circle in self.circles:
+            away = np.abs(np.hypot(*(center - circle[:2]).T) - circle.radius)
+            near = np.flatnonzero(away < radius)
+            area[near] += self._along_circle(circle, center[near], radius[near])
+        return area
+
+    def angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
+        """Return the angle of the circle of each disc that lies in the part [rad], shape (n,)."""
+        angle, (within, cut) = np.zeros(len(radius)), self._within_and_cut(center, radius)
+        angle[within] = 2.0 * np.pi
+        angle[cut] = self._cut_angles(center[cut], radius[cut])
+        return angle
+
+    def _cut_angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
+        start = self.corner - center[:, np.newaxis]
+        t = _roots(start, self.along, radius[:, np.newaxis])
+        met = start[:, :, np.newaxis] + t[..., np.newaxis] * self.along[:, np.newaxis]
+        angle = np.arctan2(met[..., 1], met[..., 0])  # also beyond the ends of edges: more cuts are no fault
+        cuts = [
+            np.broadcast_to(FIXED, (len(center), len(FIXED))),
+            angle.reshape(len(center), 2 * len(self.corner)),
+        ]
+        cuts += [_angles_at(center, radius, np.array(circle[:2]), circle.radius) for circle in self.circles]
+        begin, end, middle = _arcs(np.concatenate(cuts, axis=1))
+        points = center[:, np.newaxis] + radius[:, np.newaxis, np.newaxis] * middle
+        return np.asarray(((end - begin) * self.contains(points)).sum(axis=1))
+
+    def _along_circle(self, circle: Circle, center: FloatArray, radius: FloatArray) -> FloatArray:
+        """Return the integrals along the pieces of a circle inside the polygon and the discs [m2], (n,)."""
+        middle_of, rho = np.array(circle[:2]), circle.radius
+        others = tuple(other for other in self.circles if other != circle and other.meets(circle))
+        met = self.crossings(circle) - middle_of
+        cuts = [FIXED, np.arctan2(met[:, 1], met[:, 0])]
+        cuts += [_angles_at(middle_of, rho, np.array(other[:2]), other.radius) for other in others]
+        common = np.concatenate(cuts)
+        common = np.broadcast_to(common, (len(center), len(common)))
+        # from the cuts of the discs, so that both agree where a disc just touches the circle
+        of_disc = _angles_at(center, radius, middle_of, rho)
+        to_cut = np.stack([np.cos(of_disc), np.sin(of_disc)], axis=-1) * radius[:, np.newaxis, np.newaxis]
+        own = np.arctan2(*np.moveaxis(to_cut + (center - middle_of)[:, np.newaxis], -1, 0)[::-1])
+        begin, end, middle = _arcs(np.concatenate([common, own], axis=1))
+        points = middle_of + rho * middle
+        away = np.hypot(*np.moveaxis(points - center[:, np.newaxis], -1, 0))
+        kept = self._replace(circles=others).contains(points) & (away <= radius[:, np.newaxis])
+        to = middle_of - center
+        turned = to[:, :1] * (np.sin(end) - np.sin(begin)) - to[:, 1:] * (np.cos(end) - np.cos(begin))
+        area: FloatArray = 0.5 * ((rho**2 * (end - begin) + rho * turned) * kept).sum(axis=1)
+        return area if circle.keeps_inside else -area
+
+    def crossings(self, circle: Circle) -> FloatArray:
+        """Return the points at which the lines of edges meet a circle [m], shape (m, 2)."""
+        t = self._fractions(circle)
+        edge, which = np.nonzero(np.isfinite(t))
+        return self.corner[edge] + t[edge, which, np.newaxis] * self.along[edge]
+
+    def _fractions(self, circle: Circle) -> FloatArray:
+        """Return where lines along edges meet a circle, as fractions of the edges, (k, 2); NaN if nowhere."""
+        return _roots(self.corner - circle[:2], self.along, np.array(circle.radius))
+
+
+def distinct(corner: FloatArray) -> FloatArray:
+    """Return the corners of a polygon that are not the same as the next one, but for rounding, (k, 2)."""
+    apart = np.hypot(*(np.roll(corner, -1, axis=0) - corner).T)
+    return corner[apart > ONE_CORNER * np.abs(corner).max(initial=0.0)]
+
+
+def clip(corner: FloatArray, normal: FloatArray, level: float) -> FloatArray:
+    """Return the part of a convex polygon with normal . x <= level, shape (k, 2), for a unit vector."""
+    beyond = corner @ normal - level
+    onward, beyond_onward = np.roll(corner, -1, axis=0), np.roll(beyond, -1)
+    found = []
+    for p, q, a, b in zip(corner, onward, beyond, beyond_onward, strict=True):
+        if a <= 0.0:
+            found.append(p)
+        if (a <= 0.0) != (b <= 0.0):
+            cut = p + a / (a - b) * (q - p)
+            found.append(cut + (level - cut @ normal) * normal)  # exact if the normal is along an axis
+    return np.array(found).reshape(-1, 2)
+
+
+def _arcs(cut: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return begin and end of the arcs between cuts [rad], (n, k), and directions to their middles."""
+    begin = np.sort(np.nan_to_num(cut) % (2.0 * np.pi), axis=1)
+    end = np.append(begin[:, 1:], np.full((len(begin), 1), 2.0 * np.pi), axis=1)
+    middle = 0.5 * (begin + end)
+    return begin, end, np.stack([np.cos(middle), np.sin(middle)], axis=-1)
+
+
+def _angles_at(
+    center: FloatArray, radius: FloatArray | float, other: FloatArray, other_radius: FloatArray | float
+) -> FloatArray:
+    """Return the angles at which circles meet others, shape (..., 2); NaN if they do not."""
+    to = center - other
+    rho, towards = np.hypot(to[..., 0], to[..., 1]), np.arctan2(to[..., 1], to[..., 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half = np.arccos((other_radius**2 - rho**2 - radius**2) / (2.0 * rho * radius))
+        half = np.where(np.sin(half) > TOUCH, half, np.nan)
+    return np.stack([towards - half, towards + half], axis=-1)
+
+
+def _roots(start: FloatArray, along: FloatArray, radius: FloatArray) -> FloatArray:
+    """Return both t with |start + t along| = radius, shape (..., 2); NaN if there are none."""
+    a, b = (along**2).sum(axis=-1), (start * along).sum(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half = np.sqrt(b**2 - a * ((start**2).sum(axis=-1) - radius**2))
+        half = np.where(half > TOUCH * radius * np.sqrt(a), half, np.nan)
+        return np.stack([(-b - half) / a, (-b + half) / a], axis=-1)

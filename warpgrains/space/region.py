@@ -1,0 +1,257 @@
+"""Regions: parts of the space between the walls, in which grains are placed, counted and cut.
+
+A region is convex polygons without discs and inside rings. A grain belongs to it if its center lies in it, a
+contact if its contact point does. Areas, also those of grains that the border cuts, are exact (outline.py).
+In periodic directions, points and discs count where their images are.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from warpgrains.base import checks
+from warpgrains.base.arrays import BoolArray, FloatArray
+from warpgrains.base.described import fields_in_help
+from warpgrains.base.errors import InputError, NoAreaError
+from warpgrains.space.geometry import Circle, Ends, Period, area_below
+from warpgrains.space.outline import TOUCH, Part, clip, distinct
+
+RANGES = ("x", "y", "distance")
+ROUNDING = 1e-13  # of areas, sums of dozens of parts, in squares of the region's diameter
+
+Corners = tuple[Ends, ...]
+Side = tuple[FloatArray, float]
+"""Half plane, normal . x <= level [m]."""
+Measure = Callable[[Part, FloatArray, FloatArray], FloatArray]
+
+
+@fields_in_help
+@dataclass(frozen=True)
+class Region:
+    """A part of the space between the walls, as returned by `region_of`.
+
+    Examples
+    --------
+    >>> lower = analysis.region_of(simulation, {"y": (-2.0, 0.0)})
+    >>> int(lower.contains(simulation.position).sum()), f"{lower.area:.3f} m2"
+    (15, '5.890 m2')
+    """
+
+    cells: tuple[Corners, ...]
+    """Convex polygons without overlap: the corners of each [m], counter-clockwise."""
+    discs: tuple[Circle, ...] = ()
+    """Discs outside of which, and rings inside of which the region lies."""
+    period: Period = field(default_factory=Period)
+    """The cell by whose images it continues."""
+
+    @cached_property
+    def ring(self) -> Ends:
+        """Radii of the circles about the origin between which the region lies [m]: 0 and inf without one."""
+        near, far = 0.0, inf
+        for x, y, radius, keeps_inside in self.discs:
+            if x == y == 0.0:
+                near, far = (near, min(far, radius)) if keeps_inside else (max(near, radius), far)
+        return near, far
+
+    @cached_property
+    def parts(self) -> list[Part]:
+        """The parts of the region, one for each polygon."""
+        corners = [distinct(corner) for corner in self._corners]
+        return [Part.of(corner, dict.fromkeys(self.discs)) for corner in corners if len(corner) > 2]
+
+    @property
+    def _corners(self) -> list[FloatArray]:
+        return [np.array(corner) for corner in self.cells]
+
+    @property
+    def outer_box(self) -> FloatArray:
+        """Box about the polygons: its lower left and upper right corner [m], shape (2, 2)."""
+        corners = np.concatenate(self._corners) if self.cells else np.zeros((1, 2))
+        return np.array([corners.min(axis=0), corners.max(axis=0)])
+
+    @property
+    def box(self) -> FloatArray:
+        """The part of it that lies in the box about a circle that bounds the region [m], shape (2, 2)."""
+        return np.clip(self.outer_box, -self.ring[1], self.ring[1])
+
+    def contains(self, position: FloatArray) -> BoolArray:
+        """Return which points [m], shape (..., 2), lie in the region or on its border, shape (...,)."""
+        position = self.period.wrapped(position)
+        found = [part.contains(position) for part in self.parts]
+        return np.any([np.zeros(position.shape[:-1], bool), *found], axis=0)
+
+    @property
+    def area(self) -> float:
+        """Area of the region without the discs inside [m2]."""
+        return _area(self)
+
+    def areas(self, position: FloatArray, radius: FloatArray) -> FloatArray:
+        """Return the areas of discs inside the region [m2], of centers (n, 2) and radii (n,), shape (n,)."""
+        return self._sums(Part.areas, position, radius)
+
+    def slice_areas(
+        self, direction: FloatArray, edges: FloatArray, center: FloatArray, radius: FloatArray
+    ) -> FloatArray:
+        """Return the areas of discs in slices between edges along a direction [m2], shape (slices, n).
+
+        Only those near the border are cut by it. Others are cut by the edges alone.
+        """
+        slices = [self.between(direction, low, high) for low, high in pairwise(edges)]
+        inner = self._are_clear(center, radius)
+        inner &= not (direction[self.period.repeats] != 0.0).any()  # which end of a cell is meant is unknown
+        level = self.period.wrapped(center[inner]) @ direction
+        found = np.empty((len(slices), len(radius)))
+        found[:, inner] = np.diff(area_below(radius[inner], edges[:, np.newaxis] - level), axis=0)
+        found[:, ~inner] = [one.areas(center[~inner], radius[~inner]) for one in slices]
+        return found
+
+    def _are_clear(self, center: FloatArray, radius: FloatArray) -> BoolArray:
+        """Return which discs are wholly inside, in all of their images, but for rounding, shape (n,)."""
+        places, disc = self.period.images(center, radius)
+        low, high = self.outer_box
+        beyond = self.period.repeats & (high - low >= self.period.lengths)  # sides that are no border
+        cells = self.cells
+        if beyond.any() and cells == (rectangle((low[0], high[0]), (low[1], high[1])),):
+            low, high = low - beyond * self.period.lengths, high + beyond * self.period.lengths
+            cells = (rectangle((low[0], high[0]), (low[1], high[1])),)
+        parts = replace(self, cells=cells).parts
+        apart = np.max([np.full(len(disc), -np.inf), *(part.clearance(places) for part in parts)], axis=0)
+        return np.bincount(disc, apart < (1.0 - TOUCH**2) * radius[disc], len(radius)) == 0.0
+
+    def angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
+        """Return the angle of the circle of each disc that lies in the region [rad], shape (n,)."""
+        return self._sums(Part.angles, center, radius)
+
+    def _sums(self, measure: Measure, center: FloatArray, radius: FloatArray) -> FloatArray:
+        """Return the sums of a measure of discs over the parts and the images, shape (n,)."""
+        places, disc = self.period.images(center, radius)
+        found = sum((measure(part, places, radius[disc]) for part in self.parts), start=np.zeros(len(disc)))
+        return found if len(disc) == len(radius) else np.bincount(disc, found).astype(np.float64)
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """Return a lower bound of the distance of points from the border [m], < 0 outside, shape (n,)."""
+        points = self.period.wrapped(points)
+        return np.max([part.clearance(points) for part in self.parts], axis=0)
+
+    def cut(self, *sides: Side) -> Region:
+        """Return the part in half planes."""
+        if not sides:
+            return self
+        cells = self._corners
+        for side in sides:
+            cells = [clip(corner, *side) for corner in cells]
+        kept = (tuple(map(tuple, corner.tolist())) for corner in cells if len(corner))
+        return replace(self, cells=tuple(kept))
+
+    def between(self, direction: FloatArray, low: float, high: float) -> Region:
+        """Return the part with low <= direction . x <= high [m]."""
+        return self.cut((-direction, -low), (direction, high))
+
+    def distances(self, near: float, far: float) -> Region:
+        """Return the part at distances between near and far from the origin [m]."""
+        inner = (Circle(0.0, 0.0, near, False),) if near > self.ring[0] else ()
+        outer = (Circle(0.0, 0.0, far, True),) if far < self.ring[1] else ()
+        return replace(self, discs=outer + inner + self.discs)
+
+    def split(self, cells: Iterable[Iterable[Side]]) -> Region:
+        """Return the parts in convex cells without overlap, each the intersection of half planes."""
+        parts = [self.cut(*sides).cells for sides in cells]
+        return replace(self, cells=tuple(corner for part in parts for corner in part))
+
+    def within(self, other: Region) -> Region:
+        """Return the part that lies in another region as well."""
+        both = self.split(sides_of(np.array(cell)) for cell in other.cells)
+        return replace(both, discs=tuple(dict.fromkeys(self.discs + other.discs)))
+
+    def without_layer(self, depth: float) -> Region:
+        """Return the part at a depth [m] from the border of a region of one polygon."""
+        grown = [disc.radius + (-depth if disc.keeps_inside else depth) for disc in self.discs]
+        discs = tuple(disc._replace(radius=radius) for disc, radius in zip(self.discs, grown, strict=True))
+        if any(disc.radius <= 0.0 for disc in discs):
+            return replace(self, cells=(), discs=())
+        kept = replace(self, discs=discs)
+        sides = (side for cell in self.cells for side in sides_of(np.array(cell)))
+        return kept.cut(*((way, level - depth) for way, level in sides if not self._is_periodic(way, level)))
+
+    def _is_periodic(self, normal: FloatArray, level: float) -> bool:
+        """Return whether a side is one of the periodic sides of the box."""
+        return any(
+            ends is not None and level == (ends[1] if along > 0.0 else -ends[0])
+            for along, ends in zip(normal.tolist(), (self.period.x, self.period.y), strict=True)
+            if abs(along) == 1.0
+        )
+
+    def span(self, direction: FloatArray) -> tuple[float, float]:
+        """Return the smallest and the largest direction . x of the region, discs inside included [m]."""
+        found = np.concatenate([part.outermost(direction) for part in self.parts]) @ direction
+        return float(found.min()), float(found.max())
+
+
+@lru_cache(256)  # the scenes of a sweep mostly share a region
+def _area(region: Region) -> float:
+    if not region.parts:
+        return 0.0
+    low, high = region.outer_box
+    size = float(np.hypot(*(high - low)))
+    about_all = 0.5 * (low + high)[np.newaxis], np.array([2.0 * size])
+    area = sum(part.cut_areas(*about_all).item() for part in region.parts)
+    return area if area > ROUNDING * size**2 else 0.0
+
+
+def rectangle(x: Ends, y: Ends) -> Corners:
+    """Return the corners of a rectangle [m]."""
+    (left, right), (bottom, top) = x, y
+    return (left, bottom), (right, bottom), (right, top), (left, top)
+
+
+def sides_of(corner: FloatArray) -> Iterable[Side]:
+    """Yield the half planes whose intersection is a convex polygon."""
+    for start, along in zip(corner, Part(corner, ()).along, strict=True):
+        if size := np.hypot(*along):
+            normal = np.array([along[1], -along[0]]) / size
+            yield normal, float(start @ normal)
+
+
+def region_of(space: Region, given: Any, field: str = "grains.region") -> Region:
+    """Return the part of a domain in a table of ranges [m], all optional; NoAreaError if it is empty."""
+    if given is None:
+        return space
+    if not isinstance(given, Mapping):
+        raise InputError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
+    for key in given:
+        checks.one_of(f"key of {field}", key, RANGES)
+    ranges = {key: checks.interval(f"{field}.{key}", value) for key, value in given.items()}
+    near, far = ranges.pop("distance", space.ring)
+    if near < space.ring[0] or far > space.ring[1]:
+        raise NoAreaError(
+            f"{field}.distance is ({near}, {far}) m: it must be between the walls, {space.ring} m"
+        )
+    region, (least, most) = space.distances(near, far), space.box
+    for axis, (low, high) in ((np.eye(2)["xy".index(name)], own) for name, own in ranges.items()):
+        lowest, highest = least @ axis, most @ axis  # no side beyond the box, which may touch a circle
+        if low > lowest:
+            region = region.cut((-axis, -low))
+        if high < highest:
+            region = region.cut((axis, high))
+    if region.area <= 0.0:
+        raise NoAreaError(f"{field} is {given!r}: no point between the walls lies in it")
+    return region
+
+
+def table_of(field: str, text: Any) -> dict[str, Any]:
+    """Return the table that a text of an option describes, such as "x = [-1.0, 0.0], below = 0.5"."""
+    line = checks.text(field, text).strip()
+    try:
+        return dict(tomllib.loads(f"region = {line if line.startswith('{') else f'{{{line}}}'}")["region"])
+    except (tomllib.TOMLDecodeError, TypeError, ValueError):
+        raise InputError(
+            f"{field} is {text!r}: it must be ranges such as 'x = [-1.0, 0.0], y = [-1.0, 0.5]'"
+        ) from None

@@ -1,0 +1,297 @@
+"""The walls of a scene as bodies of the device (kernels/walls.py).
+
+Body 0 is the annulus, whose circles are its two sides; it is out of reach if there is none. The other walls
+follow. With friction or a driven wall the inner circle is body 1 instead, a disc at the origin, because each
+circle then needs its own friction and speed.
+
+At a joint, an end of a wall lies on another wall (MODEL.md, eq. 8c).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpgrains.base.arrays import FloatArray, IntArray
+from warpgrains.space.geometry import Period, Side, distance, left_of
+from warpgrains.walls.line import Line
+from warpgrains.walls.rim import Rim
+from warpgrains.walls.row import Row
+from warpgrains.walls.wall import Drive, Wall
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+
+
+NO_CIRCLE = 1e100  # m, radius of the outer circle of the device where there is none
+NONE = -1  # the number of a wall that is not there
+CLOSE = 1e-9  # how far an end may be off the other wall, as a part of the size of the larger one
+ACROSS = np.array([np.cos(1.0), np.sin(1.0)])  # direction in which ends are sorted, along no usual wall
+FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as in kernels/walls.py
+
+
+Shift = tuple[float, float]
+Joined = tuple[int, Shift]
+"""A wall and how far it has to be moved [m] to be the image at a joint."""
+HERE = (0.0, 0.0)
+
+
+def with_images(walls: Sequence[Wall], period: Period, radius: float) -> tuple[Wall, ...]:
+    """Return walls, followed by the images that grains up to a radius [m] can touch beside them."""
+    every = enumerate(walls if period else ())
+    return *walls, *(image for k, wall in every for image in wall.images(k, period, radius))
+
+
+def image_ways(walls: Sequence[Wall], period: Period) -> FloatArray:
+    """Return the ways of walls from their nearest images [m], shape (walls, 2), or (0, 2) if all are 0."""
+    steps = [wall.image.steps if wall.image else (0, 0) for wall in walls]
+    return period.lengths * np.array(steps if any(wall.image for wall in walls) else np.zeros((0, 2)))
+
+
+class Joints:
+    """The joints of walls that move alike. Walls that a force drives have none."""
+
+    def __init__(self, walls: tuple[Wall, ...], period: Period):
+        self._every, self._period = walls, period
+        self._walls = walls = tuple(wall for wall in walls if wall.image is None)
+        found: list[list[Joined]] = [[] for _ in range(2 * len(walls))]
+        of_walls = np.concatenate([np.zeros((0, 2)), *(wall.ends for wall in walls)])
+        shifts = period.shifts if len(of_walls) else np.zeros((1, 2))
+        ends = np.concatenate([of_walls - shift for shift in shifts])
+        owner = np.tile(np.repeat(np.arange(len(walls)), [len(wall.ends) for wall in walls]), len(shifts))
+        size = np.array([wall.circle[2] if len(wall.ends) > 0 else 0.0 for wall in walls])
+        order = np.argsort(ends @ ACROSS)
+        place = ends[order] @ ACROSS
+        for other, wall in enumerate(walls if len(ends) > 0 else ()):
+            x, y, reach = wall.circle
+            reach += 2.0 * CLOSE * (size.max() + abs(x) + abs(y))
+            first, last = np.searchsorted(place, (x, y) @ ACROSS + np.array([-reach, reach]))
+            near = np.sort(order[first:last])
+            off = np.abs(wall.side(ends[near], np.zeros(len(near))).gap)
+            for end in near[off <= CLOSE * np.maximum(size[owner[near]], size[other])].tolist():
+                own = walls[k := owner[end]]
+                x, y = shift = tuple(shifts[end // len(of_walls)].tolist())
+                if (
+                    (k != other or shift != HERE)
+                    and wall.takes_joints
+                    and own.motion_numbers == wall.motion_numbers
+                    and not (own.drive or wall.drive)
+                ):
+                    first = end % len(of_walls)
+                    found[2 * k + (first > 0 and k == owner[first - 1])].append((other, (x, y)))
+        self._others = [sorted(own) for own in found] if any(found) else []
+
+    def __bool__(self) -> bool:
+        return bool(self._others)
+
+    def of(self, number: int) -> list[list[Joined]]:
+        """Return the walls that are joined at the ends of a wall, in order; [] if none are."""
+        image = self._every[number].image
+        first = 2 * (image.of if image else number)
+        own = self._others[first : first + 2]
+        return own if any(own) else []
+
+    def side(self, number: int, time: float, position: FloatArray, radius: FloatArray, free: float) -> Side:
+        """Return normals and gaps at a wall at a time [s]; `free` [m] is added where no contact exists."""
+        wall, pose = self._every[number], self._every[number].pose(time)
+        here = wall.image.of if wall.image else number, HERE
+        x = wall.places(position, self._period, time)
+        normal, gap = wall.side(x, radius)
+        end = np.where(gap <= radius, wall.end_of(x), -1)
+        for which, others in enumerate(self.of(number)):
+            grain, known = np.flatnonzero(end == which), sorted([*others, here])
+            if len(grain) == 0:
+                continue
+            places = [self._places(joined, here, position[grain], x[grain], time) for joined in known]
+            each = zip(known, places, strict=True)
+            gaps = np.array([self._walls[k].side(at, radius[grain]).gap for (k, _), at in each])
+            nearest, least = gaps.argmin(axis=0), gaps.min(axis=0)
+            for place, (other, way) in enumerate(known):
+                own, k, y = grain[nearest == place], self._walls[other], places[place][nearest == place]
+                if (other, way) != here and len(own) > 0:
+                    along, p, at_end = wall.inwards[which], wall.ends[which], k.end_of(y)
+                    sizes = wall.circle[2], k.circle[2]
+                    rises = k.face_normals(p - way, y) @ along < -FLUSH
+                    rises &= 2.0 * min(sizes) >= radius[own]
+                    to_ends = np.append([np.inf] * (len(k.ends) == 0), distance(k.ends - (p - way)))
+                    is_apart = to_ends[at_end] > 2.0 * FLUSH * max(sizes)
+                    left = left_of(along[np.newaxis])
+                    height = (left * (x[own] - p)).sum(axis=1)
+                    line = np.where(height > 0.0, -1.0, 1.0)[:, np.newaxis] * left
+                    tangent = np.maximum(np.abs(height) - radius[own], least[nearest == place])
+                    takes_tangent = rises & (at_end < 0)
+                    normal[own] = np.where(takes_tangent[:, np.newaxis], line, normal[own])
+                    gap[own] += np.where(rises & is_apart, 0.0, free)
+                    gap[own] = np.where(takes_tangent, tangent, gap[own])
+        return Side(pose.turn(normal) if wall.moves else normal, gap)
+
+    def _places(
+        self, joined: Joined, here: Joined, position: FloatArray, x: FloatArray, time: float
+    ) -> FloatArray:
+        """Return grains at positions in the frame of a wall, from their places x in the frame of another.
+
+        The image is the one at the joint, and has the same bits as seen from the other wall, so that of two
+        walls one is nearer for both.
+        """
+        (other, way), period = joined, self._period
+        if joined == here or not period:
+            return x
+        near, wanted = self._walls[other].places(position, period, time), x - way
+        images = np.rint(np.divide(wanted - near, period.lengths, np.zeros_like(x), where=period.repeats))
+        return near + period.lengths * images
+
+
+@lru_cache(64)
+def joints_of(walls: tuple[Wall, ...], period: Period) -> Joints:
+    """Return the joints of walls."""
+    return Joints(walls, period)
+
+
+def leaders_of(walls: Sequence[Wall]) -> list[int]:
+    """Return the wall with which each moves: itself, that of which it is an image, or the line of a row.
+
+    That is the line of its name that a force drives.
+    """
+    lines = {wall.name: k for k, wall in enumerate(walls) if isinstance(wall, Line) and wall.drive}
+    own = [wall.image.of if wall.image else k for k, wall in enumerate(walls)]
+    return [
+        lines.get(wall.name, k) if isinstance(wall, Row) and wall.name else k
+        for k, wall in zip(own, walls, strict=True)
+    ]
+
+
+class Bodies:
+    """The bodies that the walls of a scene are on the device."""
+
+    def __init__(self, scene: Scene):
+        self._scene, walls = scene, scene.walls
+        rims = {wall.inside: k for k, wall in enumerate(walls) if isinstance(wall, Rim)}
+        outer, inner = rims.get(True, NONE), rims.get(False, NONE)
+        self.two_circles = (scene.has_friction or scene.has_driven_walls) and inner != NONE
+        self.circle_walls = inner, outer
+        """Numbers of the inner and the outer circle."""
+        self._inner = NONE if self.two_circles else inner
+        others = [k for k in range(len(walls)) if k not in rims.values()]
+        self.walls = [outer, *([inner] if self.two_circles else []), *others]
+        """Number of the wall that each body is; that of the annulus is its outer circle."""
+
+    def __len__(self) -> int:
+        return len(self.walls)
+
+    @property
+    def circles(self) -> tuple[float, float]:
+        """Radii of the inner and the outer circle of body 0 [m]: 0 and very large without these."""
+        inner = self._scene.walls[self._inner] if self._inner != NONE else None
+        near = inner.radius if isinstance(inner, Rim) else 0.0
+        return near, NO_CIRCLE if self.outer is None else self.outer.radius
+
+    @property
+    def outer(self) -> Rim | None:
+        """The outer circle, if there is one."""
+        wall = self._scene.walls[self.walls[0]] if self.walls[0] != NONE else None
+        return wall if isinstance(wall, Rim) else None
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the outer circle is round within a step."""
+        return self.outer is not None and self.outer.is_round
+
+    @property
+    def inside(self) -> tuple[Wall, ...]:
+        """The bodies 1, 2, ..."""
+        return tuple(self._scene.walls[k] for k in self.walls[1:])
+
+    @property
+    def joints(self) -> list[list[tuple[int, bool, Shift]]]:
+        """What is joined at both ends of each body inside; [] if nothing is.
+
+        Each is a body inside, from 0 on, whether it comes first of those equally near, and how far it has to
+        be moved [m].
+        """
+        joints = self._scene.joints
+        if not joints:
+            return []
+        place, found = {wall: k for k, wall in enumerate(self.walls[1:])}, []
+        for number in self.walls[1:]:
+            image = self._scene.walls[number].image
+            here = image.of if image else number, HERE
+            for joined in joints.of(number) or ([], []):
+                found.append([(place[other], (other, way) < here, way) for other, way in joined])
+        return found
+
+    @property
+    def image_ways(self) -> FloatArray:
+        """`image_ways` of the bodies inside."""
+        return image_ways(self.inside, self._scene.period)
+
+    def _of_bodies(self, values: Sequence[float]) -> list[float]:
+        """Return values of walls by body; 0 for an annulus that is not there."""
+        return [values[k] if k != NONE else 0.0 for k in self.walls]
+
+    @property
+    def surfaces(self) -> FloatArray:
+        """Friction of each body, and the speed of its surface [m/s], shape (bodies, 2)."""
+        speeds = [wall.surface_speed for wall in self._scene.walls]
+        return np.transpose([*map(self._of_bodies, (self._scene.wall_frictions, speeds))])
+
+    @property
+    def rolling(self) -> FloatArray:
+        """Rolling friction of each body, and the spin of a circle that rotates [rad/s], shape (bodies, 2)."""
+        spins = [wall.rotation for wall in self._scene.walls]
+        return np.transpose([*map(self._of_bodies, (self._scene.wall_rolling_frictions, spins))])
+
+    @property
+    def restitutions(self) -> FloatArray:
+        """Restitution of each body, shape (bodies,)."""
+        return np.array(self._of_bodies(self._scene.wall_restitutions))
+
+    @property
+    def drives(self) -> list[Drive]:
+        """The drive of each body; that of one that no force acts on is all 0."""
+        walls, leaders, bodies = self._scene.walls, self._scene.leaders, self.of_walls.tolist()
+        drives = [(self.outer.drive if self.outer else None) or Drive()]
+        for body, wall in enumerate(self.walls[1:], 1):
+            drive = walls[leaders[wall]].drive or Drive()
+            if leaders[wall] != wall:
+                drive = drive._replace(force=0.0, pressure=0.0)
+            elif drive.pressure:
+                drive = drive._replace(between=self._between(body - 1))
+            drives.append(drive._replace(leader=bodies[leaders[wall]]))
+        return drives
+
+    def _between(self, k: int) -> tuple[int, int]:
+        """Return the bodies of the two opposite lines that bound a line, body 1 + k, or (0, 0)."""
+        lines = {b: wall for b, wall in enumerate(self.inside, 1) if isinstance(wall, Line)}
+        found = [b for b, other in lines.items() if other.bounds(lines[1 + k])]
+        pairs = [(a, b) for a, b in pairwise(found) if np.dot(lines[a].normal, lines[b].normal) < 0.0]
+        return pairs[0] if pairs else (0, 0)
+
+    def pressed_length(self, line: Line) -> float:
+        """Return the length of a wall of the scene on which a pressure acts, as walls are placed [m]."""
+        between = self._between(self.inside.index(line))
+        if not any(between):
+            return line.length
+        walls = (self.inside[b - 1] for b in between)
+        return -sum(float(np.dot(wall.point, wall.normal)) for wall in walls if isinstance(wall, Line))
+
+    @property
+    def of_walls(self) -> IntArray:
+        """Body of each wall, shape (walls,)."""
+        found = np.zeros(len(self._scene.walls), np.int32)  # 0 remains for an inner side of body 0
+        for body, wall in enumerate(self.walls):
+            if wall != NONE:
+                found[wall] = body
+        return found
+
+    def sign(self, wall: IntArray) -> FloatArray:
+        """Return the sign of the device's corrections at each wall: -1 at the inner side of body 0."""
+        return np.where(wall == self._inner, -1.0, 1.0)
+
+    def carried(self, body: IntArray, correction: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the walls that carry corrections of bodies [m/s], by sign on body 0, and these, >= 0."""
+        wall = np.array(self.walls, np.int32)[body]
+        return np.where((body == 0) & (correction < 0.0), self._inner, wall), np.abs(correction)

@@ -1,0 +1,249 @@
+"""A box as the domain of a scene: its sides are walls, or periodic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from math import hypot
+from typing import Any, ClassVar
+
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.described import checked, described, described_fields, documented
+from warpgrains.base.errors import InputError
+from warpgrains.space.geometry import Ends, Period
+from warpgrains.walls.boundary import Boundary
+from warpgrains.walls.line import Line
+from warpgrains.walls.motion import AT_REST
+from warpgrains.walls.row import MOST_SHOWN, Row
+from warpgrains.walls.wall import Wall
+
+PERIODIC = ("", "x", "y", "xy")
+SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1.0)}
+"""The sides, and the component and sign of the direction from each to the grains."""
+_OF_LINES = [name for name in described_fields(Wall) if name not in ("angular_velocity", "pivot", "name")]
+"""The keys of a side that are those of a line."""
+
+
+def _roughness(field: str, value: Any) -> dict[str, float]:
+    if not isinstance(value, Mapping) or set(value) != {"radius", "spacing"}:
+        raise InputError(f"{field} is {checks.shown(value)}: it must be {{radius = ..., spacing = ...}}")
+    return {key: checks.positive(f"{field}.{key}", given) for key, given in value.items()}
+
+
+OF_SIDES = {key: Line.keys()[key].metadata["check"] for key in (*_OF_LINES, "mass")}
+OF_SIDES |= {"pressure": checks.number, "roughness": _roughness}
+"""The keys of a side, with their checks."""
+
+
+def _side(field: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a table such as {{friction = 0.3}}")
+    for key in value:
+        checks.one_of(f"key of {field}", key, OF_SIDES)
+    given = {key: own for key, own in value.items() if own is not None}
+    if len(given.keys() & {"pressure", "mass"}) == 1:
+        missing = "pressure" if "mass" in given else "mass"
+        raise InputError(f"{field}.{missing} is missing: a side that a pressure drives needs both")
+    return {key: OF_SIDES[key](f"{field}.{key}", own) for key, own in given.items()}
+
+
+def _quoted(names: Sequence[str]) -> str:
+    """Return names as a list in a text."""
+    *most, last = [f"``{name}``" for name in names]
+    return f"{', '.join(most)} and {last}"
+
+
+def _side_field(meaning: str) -> Any:
+    return described(meaning, check=_side, default=None)
+
+
+@dataclass(frozen=True)
+class Box(Boundary):
+    """A rectangle with sides along the axes, of which two opposite ones, or all, may be periodic.
+
+    What leaves the box through a periodic side comes in through the opposite one. Positions in states are
+    continuous: they continue beyond such a side.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    InputError
+        A value is invalid.
+
+    Examples
+    --------
+    >>> shear = wg.Box((0.0, 1.0), (0.0, 0.5), periodic="x", top={"velocity": (0.2, 0.0)})
+    >>> scene = wg.Scene(position=[[0.1, 0.2]], radius=0.1, mass=0.1, domain=shear, friction=0.5)
+    >>> scene.wall_names
+    ('bottom', 'top')
+    """
+
+    kind: ClassVar[str] = "box"
+    x: Ends = described("Where a box begins and ends along x [m].", check=checks.interval)  # noqa: RUF009
+    y: Ends = described("The same along y [m].", check=checks.interval)  # noqa: RUF009
+    periodic: str = described(
+        'Directions in which a box is periodic: "x", "y" or "xy"; by default none.',
+        check=lambda field, value: checks.one_of(field, value, PERIODIC),
+        default="",
+    )
+    left: Mapping[str, Any] | None = _side_field(
+        f"Left side of a box, unless it is periodic: a table of keys of a wall, {_quoted(_OF_LINES)};"
+        " ``pressure``, in N/m, and ``mass``, in kg, of a side that moves under it; and ``roughness``, half"
+        " discs on it, with ``radius`` and ``spacing``, in m."
+    )
+    right: Mapping[str, Any] | None = _side_field("Right side, as ``left``.")
+    bottom: Mapping[str, Any] | None = _side_field("Lower side, as ``left``.")
+    top: Mapping[str, Any] | None = _side_field("Upper side, as ``left``.")
+
+    def __post_init__(self) -> None:
+        for name, own in described_fields(type(self)).items():
+            vars(self)[name] = checked(f"domain.{name}", own, getattr(self, name))
+        for name, (component, _) in SIDES.items():
+            if getattr(self, name) is not None and "xy"[component] in self.periodic:
+                raise InputError(
+                    f"domain.{name} is given, and domain.periodic is {self.periodic!r}: give one"
+                )
+
+    def __hash__(self) -> int:
+        return hash((self.x, self.y, self.periodic))
+
+    def __str__(self) -> str:
+        beyond = f", periodic in {' and '.join(self.periodic)}" if self.periodic else ""
+        return f"box of {self.lengths[0]:g} m by {self.lengths[1]:g} m{beyond}"
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Keys and values of the box in a `[domain]` section, without defaults."""
+        own = {name: getattr(self, name) for name in described_fields(type(self))}
+        return {"kind": self.kind} | {name: value for name, value in own.items() if value not in ("", None)}
+
+    @property
+    def lengths(self) -> Ends:
+        """Lengths of the sides along x and y [m]."""
+        return self.x[1] - self.x[0], self.y[1] - self.y[0]
+
+    @property
+    def period(self) -> Period:
+        return Period(self.x if "x" in self.periodic else None, self.y if "y" in self.periodic else None)
+
+    @property
+    def size(self) -> str:
+        return f"domain is up to {self.reach / 2.0:g} m from the origin"
+
+    @property
+    def reach(self) -> float:
+        # twice the farthest corner, for sides that move outwards
+        return 2.0 * hypot(*(max(map(abs, ends)) for ends in (self.x, self.y)))
+
+    @property
+    def widest(self) -> float:
+        return max(self.lengths)
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        return tuple(wall for own in self.sides.values() for wall in own)
+
+    def require_fits(self, radius: FloatArray) -> None:
+        largest = int(radius.argmax())
+        width = 2.0 * float(radius[largest])
+        for name, length in zip("xy", self.lengths, strict=True):
+            least = 2.0 * width if name in self.periodic else width
+            if not length > least:
+                raise InputError(
+                    f"domain.{name} is {getattr(self, name)} m: it must be longer than {least} m for grain"
+                    f" {largest} of radius {radius[largest]} m{', because it is periodic' * (least > width)}"
+                )
+
+    @cached_property
+    def sides(self) -> dict[str, tuple[Wall, ...]]:
+        """The walls of each side that is not periodic."""
+        open_sides = [name for name, (component, _) in SIDES.items() if "xy"[component] not in self.periodic]
+        return {name: self._walls_of(name, dict(getattr(self, name) or {})) for name in open_sides}
+
+    def among(self, walls: Sequence[Wall]) -> tuple[Wall, ...]:
+        found = [*walls]
+        for name in SIDES:
+            own = self.sides.get(name, ())
+            given = tuple(wall for wall in walls if wall.name == name)
+            if given and given != own and [*map(_at_start, given)] != [*map(_at_start, own)]:
+                raise InputError(
+                    f"walls[{walls.index(given[0])}] has the name {name}, that of a side of the box: choose"
+                    f" another name, or give domain.{name} to change the side"
+                )
+            found += () if given else own
+        return tuple(found)
+
+    def owns(self, wall: Wall) -> bool:
+        return wall.name in self.sides
+
+    def continuing(self, before: Boundary, walls: Sequence[Wall], time: float) -> Iterator[Wall]:
+        """Yield the sides, of which those as before, and discs, are where the walls were at a time [s]."""
+        for name, own in self.sides.items():
+            was = before.sides.get(name, ()) if isinstance(before, Box) else ()
+            now = [wall for wall in walls if wall.name == name]
+            for k, wall in enumerate(own):
+                old = now[k] if k < len(was) else None
+                if old is not None and wall == was[k]:
+                    yield old
+                elif isinstance(wall, Row) and isinstance(old, Row) and wall.numbers == was[k].numbers:
+                    yield replace(wall, point=old.at(time).point)
+                else:
+                    yield wall
+
+    def _walls_of(self, name: str, given: dict[str, Any]) -> tuple[Wall, ...]:
+        component, sign = SIDES[name]
+        length = self.lengths[1 - component]
+        x, y = 0.5 * sum(self.x), 0.5 * sum(self.y)
+        at = self.x if component == 0 else self.y
+        own_place = at[0 if sign > 0.0 else 1]
+        point = (own_place, y) if component == 0 else (x, own_place)
+        normal = (sign, 0.0) if component == 0 else (0.0, sign)
+        own = {key: given[key] for key in (*_OF_LINES, "mass") if key in given}
+        try:
+            line = Line(point, normal, length, name=name, pressure=given.get("pressure"), **own)
+            return line, *(self._rows(line, **given["roughness"]) if "roughness" in given else ())
+        except InputError as error:
+            raise InputError(f"domain.{name}: {error}") from None
+
+    def _rows(self, line: Line, radius: float, spacing: float) -> Iterator[Wall]:
+        """Yield the discs on a side, in two rows: a disc of each is between two of the other."""
+        largest = max(line.length, *map(abs, line.point))
+        if spacing < (least := 2.0 * largest / MOST_SHOWN):
+            raise InputError(f"roughness.spacing is {spacing} m: it must be at least {least:.3g} m")
+        # a whole number of steps, so that the discs continue beyond periodic sides
+        fewest = max(1, int(line.length / (2.0 * spacing)))
+        steps = (line.length / count for count in (fewest, fewest + 1))
+        step = min(steps, key=lambda step: abs(0.5 * step - spacing))
+        common: dict[str, Any] = {own.name: getattr(line, own.name) for own in fields(Wall)}
+        (x, y), (tx, ty) = line.point, line.along
+        for way in (-0.25 * step, 0.25 * step):
+            yield Row((x + way * tx, y + way * ty), (step * tx, step * ty), radius, line.length, **common)
+
+
+documented(described_fields(Box).values())(Box)
+
+
+def _at_start(wall: Wall) -> Wall:
+    """Return a wall of a side without what changes in time: its place, and motion, which may have ended."""
+    return replace(wall, **AT_REST | {"point": (0.0, 0.0)}) if hasattr(wall, "point") else wall
+
+
+def checked_domain(field: str, value: Any) -> Box | None:
+    """Return a box, given as an object or by the keys of a `[domain]` section."""
+    if value is None or isinstance(value, Box):
+        return value
+    if not isinstance(value, Mapping):
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a Box, or a table of its keys")
+    own = {key: given for key, given in value.items() if key != "kind"}
+    known = described_fields(Box)
+    for key in own:
+        checks.one_of(f"key of {field}", key, ("kind", *known))
+    for key in ("x", "y"):
+        if key not in own:
+            raise InputError(f"{field}.{key} is missing: a box needs it")
+    return Box(**own)

@@ -1,0 +1,114 @@
+"""Equal discs in an infinite row. This is the host's side; kernels/row.py is the device's."""
+
+from math import hypot
+from typing import ClassVar
+
+import numpy as np
+
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
+from warpgrains.base.described import described
+from warpgrains.base.errors import InputError
+from warpgrains.space.geometry import Side, left_of
+from warpgrains.walls.band import Band
+from warpgrains.walls.wall import InfiniteWall, Wall, kind_of_wall
+
+_POINTS = 16  # of the drawing of a disc
+MOST_SHOWN = 1e5  # discs of a row in pictures
+_ROUNDED = 1e-9  # of places, in steps
+
+Vector = tuple[float, float]
+
+
+@kind_of_wall
+class Row(InfiniteWall):
+    """Equal discs in an infinite row, at equal spacing, of which a grain touches the nearest one.
+
+    Another row must have its discs in the middle between these, so that no grain touches two discs of a row
+    at a time. A row that has the name of a line that a force drives moves with it. The key `roughness` of a
+    side of a box makes such rows.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    InputError
+        A value is invalid, or discs overlap.
+
+    Examples
+    --------
+    >>> walls = [wg.Row(point=(x, -1.0), step=(0.2, 0.0), radius=0.05, length=4.0) for x in (0.0, 0.1)]
+    >>> grain = {"position": [[0.0, 0.5]], "radius": 0.1, "mass": 0.1}
+    >>> wg.Scene(**grain, radius_out=2.0, walls=walls).walls[1]
+    Row(point=(0.1, -1.0), step=(0.2, 0.0), radius=0.05, length=4.0)
+    """
+
+    kind: ClassVar[str] = "row"
+    kind_number: ClassVar[int] = 5
+    takes_joints: ClassVar[bool] = False
+    point: Vector = described("Center of one of the discs [m], two components.", check=checks.vector)
+    step: Vector = described(
+        "Way from a center to the next [m], two components, at least a diameter long.", check=checks.vector
+    )
+    radius: float = described("Radius of the discs [m].", check=checks.positive)
+    length: float = described(
+        "Length of the part about the point that pictures show [m].", check=checks.positive
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not hypot(*self.step) >= 2.0 * self.radius:
+            raise InputError(f"step of a row is {self.step}: discs of radius {self.radius} m would overlap")
+        if self.length > MOST_SHOWN * hypot(*self.step):
+            raise InputError(
+                f"length of a row is {self.length} m: it must be at most {MOST_SHOWN:g} steps of"
+                f" {hypot(*self.step)} m"
+            )
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        return (*self.point, *self.step, self.radius)
+
+    def side(self, position: FloatArray, radius: FloatArray) -> Side:
+        (x, y), (dx, dy) = (position - self.point).T, self.step
+        discs = np.rint((x * dx + y * dy) / (dx * dx + dy * dy))[:, np.newaxis]
+        return Side.at(self.point + discs * self.step, position, radius + self.radius)
+
+    def discs_at(self, time: float, middle: Vector) -> FloatArray:
+        """Return the centers of the discs that reach into the part about a point, at a time [m], (k, 2)."""
+        point = np.add(self.point, self.pose(time).shift)
+        step, half = np.array(self.step), 0.5 * self.length + self.radius
+        way = float((point - middle) @ step) / hypot(*step)
+        first, last = np.ceil((-half - way) / hypot(*step)), np.floor((half - way) / hypot(*step))
+        return np.asarray(point + np.arange(first, last + 1.0)[:, np.newaxis] * step)
+
+    def fills_gaps_of(self, other: Wall) -> bool:
+        """Return whether the discs are in the middle between those of another row."""
+        if not isinstance(other, Row) or (self.step, self.radius, self.motion_numbers) != (
+            other.step,
+            other.radius,
+            other.motion_numbers,
+        ):
+            return False
+        way = np.subtract(self.point, other.point) / hypot(*self.step)
+        along = np.array(self.step) / hypot(*self.step)
+        steps = float(way @ along) - 0.5
+        return (
+            abs(steps - round(steps)) < _ROUNDED
+            and abs(float(way @ left_of(along[np.newaxis])[0])) < _ROUNDED
+        )
+
+    def drawn_at(self, time: float, thickness: float) -> Band:
+        return self.drawn_about(self.point, time)
+
+    def drawn_about(self, middle: Vector, time: float) -> Band:
+        """Return the drawing of the discs that reach into the part about a point, at a time [s]."""
+        angle = np.linspace(np.pi, 0.0, _POINTS)
+        along = self.radius * np.outer(np.cos(angle), self.step) / hypot(*self.step)
+        across = self.radius * np.outer(np.sin(angle), left_of(np.array([self.step]))) / hypot(*self.step)
+        disc = Band(along + across, along - across, is_closed=False)
+        centers = self.discs_at(time, middle)
+        most = int((self.length + 2.0 * self.radius) / hypot(*self.step)) + 1
+        return disc.copied(np.concatenate([centers, np.tile(centers[-1:], (most - len(centers), 1))]))

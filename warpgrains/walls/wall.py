@@ -1,0 +1,395 @@
+"""Walls inside the domain: what all kinds have in common. A kind is a file such as disc.py."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import Field, dataclass, replace
+from functools import cache
+from itertools import product
+from math import dist, inf
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
+
+import numpy as np
+
+from warpgrains.base import checks
+from warpgrains.base.arrays import BoolArray, FloatArray, Indices
+from warpgrains.base.described import checked, described, described_fields, documented
+from warpgrains.base.errors import InputError
+from warpgrains.space.geometry import NOWHERE, Circle, Period, Side, left_of
+from warpgrains.walls.band import Band
+from warpgrains.walls.motion import Motion
+
+Vector = tuple[float, float]
+
+MOST_NUMBERS = 6  # of a kind of wall, as on the device (kernels/types.py)
+SHAPE = 1 + MOST_NUMBERS + 3  # numbers of a shape: its kind, its numbers and a circle
+
+_NAME = re.compile(r"[a-z][A-Za-z0-9_]*")  # as in USD, and unlike the names that walls have by default
+
+Kind = TypeVar("Kind")
+
+
+class Image(NamedTuple):
+    """The image of a wall in a periodic scene that grains can touch beside another one of it."""
+
+    of: int
+    """Number of the wall."""
+    steps: tuple[int, int]
+    """Periods along x and y from the image that is nearest to a grain's center."""
+
+
+class Drive(NamedTuple):
+    """The mass and force that drive a wall (kernels/types.py, `Drive`)."""
+
+    inverse_mass: float = 0.0
+    """1 / mass [1/kg]; 0 if no force acts on the wall."""
+    force: float = 0.0
+    """[N]."""
+    pressure: float = 0.0
+    """On the outer circle, or on the length of a line [N/m]."""
+    length: float = 0.0
+    """Length of a line on which the pressure acts [m], if no lines bound it."""
+    between: tuple[int, int] = (0, 0)
+    """The bodies of the two lines that bound it; 0 if none do."""
+    direction: tuple[float, float] = (0.0, 0.0)
+    """Unit vector along which the wall moves; 0 for the outer circle."""
+    leader: int = 0
+    """The body whose speed and coordinate the wall has: itself, or the line of a row."""
+
+    @property
+    def given_force(self) -> float:
+        """Force on a wall inside that is as long as it is given [N]."""
+        return self.force + self.pressure * self.length
+
+
+def _checked_name(field: str, name: Any) -> str:
+    if not _NAME.fullmatch(checks.text(field, name)):
+        raise InputError(
+            f"{field} is {checks.shown(name)}: it must be letters, digits and _, with a small letter first"
+        )
+    return str(name)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Wall(Motion):
+    """A wall inside the domain, with the keys of its `[[walls]]` table as fields.
+
+    A kind is a class with the decorator `kind_of_wall` that defines `kind`, `kind_number` and the methods
+    below that raise NotImplementedError, for the wall before it moves; and `border` if it fills a disc.
+    """
+
+    kind: ClassVar[str]
+    kind_number: ClassVar[int]
+    """Number of the kind on the device (kernels/shapes.py)."""
+    takes_joints: ClassVar[bool] = True
+    """Whether an end of another wall that lies on one of this kind is a joint."""
+    friction: float | None = described(
+        "Coefficient of friction of the wall; by default that of the scene at walls.",
+        check=checks.not_negative,
+        default=None,
+    )
+    rolling_friction: float | None = described(
+        "Coefficient of rolling friction of the wall; by default that of the scene at walls.",
+        check=checks.not_negative,
+        default=None,
+    )
+    restitution: float | None = described(
+        "Coefficient of restitution of the wall; by default that of the scene at walls.",
+        check=checks.fraction,
+        default=None,
+    )
+    name: str | None = described(
+        "Name of the wall; forces on walls of one name are added up. By default each has its own, such as"
+        " Segment0.",
+        check=_checked_name,
+        default=None,
+    )
+
+    image: Image | None = None
+    """Of a wall that is an image of another one: which."""
+
+    def __post_init__(self) -> None:
+        for key, own in self.keys().items():
+            vars(self)[own.name] = checked(f"{key} of {self.one()}", own, getattr(self, own.name))
+        self.require_motion(self.one())
+
+    def images(self, number: int, period: Period, radius: float) -> Iterator[Self]:
+        """Yield images of the wall, of this number, that grains up to a radius [m] can touch beside it.
+
+        They are needed where the wall and four radii are wider than a period.
+        """
+        width = np.add(self.widths, 4.0 * radius)
+        is_wide = period.repeats & (width < inf) & (width > period.lengths)
+        for steps in product(*((0, 1, -1) if wide else (0,) for wide in is_wide.tolist())):
+            if any(steps):
+                yield replace(self, image=Image(number, (steps[0], steps[1])))
+
+    @classmethod
+    def one(cls) -> str:
+        """Return the kind with its article, such as "an arc"."""
+        return f"a{'n' * (cls.kind[0] in 'aeiou')} {cls.kind}"
+
+    @classmethod
+    @cache
+    def keys(cls) -> dict[str, Field[Any]]:
+        """Return the fields of the kind by their keys in a scene file."""
+        return {own.metadata.get("key", own.name): own for own in _own_first(cls)}
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Keys and values of the wall in a `[[walls]]` table of a scene file, without defaults."""
+        return {"kind": self.kind} | {key: getattr(self, own.name) for key, own in self._given()}
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{own.name}={getattr(self, own.name)!r}" for _, own in self._given())
+        return f"{type(self).__name__}({values})"
+
+    def _given(self) -> list[tuple[str, Field[Any]]]:
+        """Return key and field of every value that is not the default."""
+        return [(key, own) for key, own in self.keys().items() if getattr(self, own.name) != own.default]
+
+    @property
+    def border(self) -> Circle | None:
+        """The circle that bounds the space of the grains; None for a wall that fills no area."""
+        return None
+
+    def border_at(self, time: float) -> Circle | None:
+        """Return the border as it is at a time [s]."""
+        if self.border is None or not self.moves:
+            return self.border
+        ((x, y),) = self.pose(time).place(np.array([self.border[:2]])).tolist()
+        return self.border._replace(x=x, y=y)
+
+    @property
+    def drive(self) -> Drive | None:
+        """Force and mass that drive the wall, or None if no force acts on it."""
+        return None
+
+    def shifted(self, x: float, y: float) -> Self:
+        """Return the wall at a place that is so far away [m]."""
+        return self.changed({name: (own[0] + x, own[1] + y) for name, own in self._places.items()})
+
+    def changed(self, values: Mapping[str, Any]) -> Self:
+        """Return the wall with other values, which are valid: their checks would take most of the time."""
+        wall = object.__new__(type(self))
+        vars(wall).update({**vars(self), **values})
+        return wall
+
+    def driven_to(self, coordinate: float, direction: Vector) -> Self:
+        """Return the wall at a coordinate of `State.driven` [m]."""
+        return self.shifted(coordinate * direction[0], coordinate * direction[1])
+
+    @property
+    def coordinate(self) -> float:
+        """Coordinate at the start, see `State.driven` [m]."""
+        return 0.0
+
+    @property
+    def _places(self) -> dict[str, Any]:
+        """The fields that are places [m], where they are given."""
+        names = ("center", "point", "start", "end", "pivot")
+        return {name: getattr(self, name) for name in names if getattr(self, name, None)}
+
+    def starting(self, time: float) -> Self:
+        """Return the wall with its `from_time`: by default a time [s]."""
+        return self.changed({"from_time": time}) if self.moves and self.from_time is None else self
+
+    def at(self, time: float) -> Self:
+        """Return the wall as given where it is at a time [s], from which it moves on."""
+        if not self.moves or time <= self.starts_at:
+            return self
+        pose = self.pose(time)
+        places = pose.place(np.array([*self._places.values()])).tolist()
+        moved: dict[str, Any] = dict(zip(self._places, places, strict=True))
+        angles = ("from_angle", "to_angle")
+        moved |= {name: getattr(self, name) + pose.angle for name in angles if hasattr(self, name)}
+        return self.changed({**moved, **self.from_then(time)})
+
+    @property
+    def speed(self) -> float:
+        """Largest speed at which a point of the wall moves across its place [m/s]."""
+        return self.largest_speed(self.farthest(self.about))
+
+    def places(self, position: FloatArray, period: Period, time: float = -inf) -> FloatArray:
+        """Return points [m], shape (n, 2), in the frame of the wall at a time [s], as images nearest to it.
+
+        In that of an image of a wall, they are some periods beyond (kernels/walls.py, `place_at`).
+        """
+        place = self.pose(time).to_frame(position) if self.moves else position
+        if not period or self.circle[2] == inf:
+            return place
+        center = np.array(self.circle[:2])
+        nearest = center + period.nearest(place - center)
+        return nearest if self.image is None else nearest + period.lengths * self.image.steps
+
+    def velocity_at_contacts(
+        self, step: tuple[float, float, float], position: FloatArray, hollow: FloatArray, normal: FloatArray
+    ) -> FloatArray:
+        """Return how fast the wall moves along normals and tangents of contacts [m/s], (n, 2) (eq. 26b).
+
+        In a step, its begin, end and length [s], grains touch it at positions [m], where it is hollow with
+        radii [m].
+        """
+        if not self.moves:
+            return np.tile((0.0, self.surface_speed), (len(position), 1))
+        begin, end, dt = step
+        velocity = self.velocities(position - hollow[:, np.newaxis] * normal, begin, end, dt)
+        turning = hollow * (self.angular_velocity * self.share(begin, end))
+        return np.stack([(velocity * normal).sum(1), (velocity * left_of(normal)).sum(1) + turning], axis=1)
+
+    @property
+    def surface_speed(self) -> float:
+        """Speed of the surface of a wall that rotates in place, along the tangent [m/s] (eq. 23)."""
+        return 0.0
+
+    @property
+    def rotation(self) -> float:
+        """Angular velocity of a wall that rotates in place [rad/s]."""
+        return 0.0
+
+    def side_at(
+        self, time: float, position: FloatArray, radius: FloatArray, period: Period = NOWHERE
+    ) -> Side:
+        """Return normals and gaps of grains at the wall as it is at a time [s], see `Scene.side`."""
+        normal, gap = self.side(self.places(position, period, time), radius)
+        return Side(self.pose(time).turn(normal) if self.moves else normal, gap)
+
+    @property
+    def shape(self) -> tuple[float, ...]:
+        """Kind, numbers and circle as the kernels keep them (kernels/types.py)."""
+        assert len(self.numbers) <= MOST_NUMBERS, f"{self.one()} has {len(self.numbers)} numbers"
+        unused = (0.0,) * (MOST_NUMBERS - len(self.numbers))
+        return (float(self.kind_number), *self.numbers, *unused, *self.circle)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Numbers that the kernels need, at most `MOST_NUMBERS` (kernels/types.py)."""
+        raise NotImplementedError
+
+    @property
+    def circle(self) -> tuple[float, float, float]:
+        """Center and radius of a circle about all points at which grains touch the wall [m]."""
+        raise NotImplementedError
+
+    @property
+    def widths(self) -> tuple[float, float]:
+        """Upper bounds of the widths along x and y, about the center of the circle [m]."""
+        return 2.0 * self.circle[2], 2.0 * self.circle[2]
+
+    def farthest(self, point: tuple[float, float]) -> float:
+        """Return the largest distance of a point from those that move when the wall turns [m]."""
+        raise NotImplementedError
+
+    def side(self, position: FloatArray, radius: FloatArray) -> Side:
+        """Return normals and gaps of grains at the wall, see `Scene.side`."""
+        raise NotImplementedError
+
+    @property
+    def ends(self) -> FloatArray:
+        """The ends 0 and 1 [m], shape (2, 2); or none, shape (0, 2)."""
+        return np.zeros((0, 2))
+
+    @property
+    def inwards(self) -> FloatArray:
+        """Unit vectors along the wall at its ends, away from these, shape (2, 2)."""
+        raise NotImplementedError
+
+    def end_of(self, position: FloatArray) -> Indices:
+        """Return which ends are nearest to points, shape (n,): -1 where a point between them is."""
+        return np.full(len(position), -1)
+
+    def hollow_radii(self, position: FloatArray) -> FloatArray:
+        """Return radii where grains touch the wall [m], (n,): < 0 where it bulges, 0 if it is straight."""
+        return np.zeros(len(position))
+
+    def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
+        """Return normals at a point of the faces towards others, (n, 2); 0 where these bulge."""
+        raise NotImplementedError
+
+    def covers(self, position: FloatArray) -> BoolArray:
+        """Return which points are in or on the wall, shape (n,)."""
+        return ~(self.side(position, np.zeros(len(position))).gap > 0.0)
+
+    def complaint(self, number: int) -> str:
+        """Return why a grain cannot have its center where the wall, of this number, covers it."""
+        return f"its center is inside walls[{number}], {self}"
+
+    def named(self, number: int) -> str:
+        """Return the name, by default of the kind and the number of the wall."""
+        return self.name or f"{self.kind.title()}{self.image.of if self.image else number}"
+
+    def drawn_at(self, time: float, thickness: float) -> Band:
+        """Return the drawing of the wall as it is at a time [s]."""
+        band = self.drawn(thickness)
+        return band.moved(self.pose(time)) if self.moves else band
+
+    def drawn(self, thickness: float) -> Band:
+        """Return the drawing of the wall, with this thickness [m]."""
+        raise NotImplementedError
+
+
+class InfiniteWall(Wall):
+    """A wall that continues without end on both sides of its `point`, and does not turn."""
+
+    point: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.angular_velocity != 0.0:
+            given = f"angular_velocity of {self.one()} is {self.angular_velocity} rad/s"
+            raise InputError(f"{given}: it is infinite")
+
+    @property
+    def circle(self) -> tuple[float, float, float]:
+        return (*self.point, inf)
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        return self.point
+
+    def farthest(self, point: tuple[float, float]) -> float:
+        return dist(self.point, point)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class StraightWall(Wall):
+    """A straight wall that a force may drive `across` itself."""
+
+    force: float | None = described(
+        "Force that drives the wall along its normal [N], which is to the left of the way from one end to the"
+        " other of a segment; by default no force does.",
+        check=checks.number,
+        default=None,
+    )
+    mass: float | None = described(
+        "Mass of a wall that a force drives [kg].", check=checks.positive, default=None
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        has_force = self.force is not None or getattr(self, "pressure", None) is not None
+        if has_force != (self.mass is not None):
+            missing = "mass" if has_force else "force"
+            raise InputError(f"{missing} of {self.one()} is missing: a wall that a force drives needs both")
+
+    @property
+    def across(self) -> tuple[float, float]:
+        """Unit vector along which the force drives the wall."""
+        raise NotImplementedError
+
+    @property
+    def drive(self) -> Drive | None:
+        if self.force is None or self.mass is None:
+            return None
+        return Drive(1.0 / self.mass, self.force, direction=self.across)
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(described,))
+def kind_of_wall(kind: type[Kind]) -> type[Kind]:
+    """Make a class of described fields a frozen dataclass, with these fields in its docstring."""
+    frozen = dataclass(frozen=True, repr=False)(kind)
+    return documented(_own_first(frozen))(frozen)
+
+
+def _own_first(kind: type) -> list[Field[Any]]:
+    """Return the described fields, those of all kinds last."""
+    return sorted(described_fields(kind).values(), key=lambda own: own.kw_only is True)
