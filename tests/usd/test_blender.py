@@ -14,7 +14,8 @@ import pytest
 from matplotlib.image import imread
 from pages import blocks
 from pxr import Usd
-from recordings import GRAINS, RADIUS, make_scene, moment, record, recorder_of
+from recordings import GRAINS, make_scene, moment, record, recorder_of
+from walled_scenes import on_circle
 
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
@@ -24,6 +25,8 @@ from warpgrains.drawing.colors import GrainColors, mark_color
 pytestmark = pytest.mark.blender
 
 HALF_WIDTH = 2.2
+CAMERA = 1.04 * 2.0 * 2.0 * 50.0 / 24.0  # its distance [m], of its focal length and aperture
+WALL = 0.014 * 1.04 * 2.0  # thickness of walls [m], which follows the view
 PIXELS = 800
 SMALL = (400, 400)  # enough for the color of a grain
 SCRIPT = Path(__file__).with_name("blender_render.py")
@@ -67,7 +70,7 @@ def covered(scene, position):
     steps = HALF_WIDTH * ((np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1)
     x, y = steps, -steps[:, np.newaxis]
     rho = np.hypot(x, y)
-    shown = ((rho >= 2.0) & (rho <= 2.04)) | ((rho >= 0.46) & (rho <= 0.5))
+    shown = ((rho >= 2.0) & (rho <= 2.0 + WALL)) | ((rho >= 0.5 - WALL) & (rho <= 0.5))
     for (centre_x, centre_y), radius in zip(position, scene.radius, strict=True):
         shown |= np.hypot(x - centre_x, y - centre_y) <= radius
     return shown
@@ -100,7 +103,7 @@ def test_reads_every_number_of_the_grains(rendered, tmp_path):
     assert (imported["frames"], imported["rate"]) == ([0, 48], 24)  # it plays in real time
     stage = Usd.Stage.Open(str(path))
     grains = stage.GetPrimAtPath(GRAINS)
-    names = {"angle", "mass", "mobilized", "pressure", "radius", "speed", "spin"}
+    names = {"angle", "force", "mass", "mobilized", "pressure", "radius", "speed", "spin"}
     assert imported["numbers"].keys() == names
     for name in names:
         assert imported["numbers"][name] == list(grains.GetAttribute(f"primvars:{name}").Get(30))
@@ -136,7 +139,10 @@ class TestAsOpened:
 
     @pytest.mark.parametrize("draw_as", ["discs", "spheres"])
     def test_marks_show_how_far_grains_have_turned(self, rendered, tmp_path, draw_as):
-        scene, path = make_scene(friction=0.3), tmp_path / "run.usdc"
+        position = 1.2 * on_circle(np.arange(5) * 2.0 * np.pi / 5.0)
+        scene = make_scene(np.full(5, 0.25), position=position, friction=0.3)
+        path, height = tmp_path / "run.usdc", 0.25 * (0.24 if draw_as == "discs" else 0.75**0.5)
+        nearer = CAMERA / (CAMERA - height)  # marks are that much closer to the camera than the plane z = 0
         angles = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [1.5, -1.0, 7.0, 0.3, -2.0]])
         with recorder_of(path, scene, draw_as=draw_as, color_by="palette") as recorder:
             for angle in angles:
@@ -144,18 +150,19 @@ class TestAsOpened:
         pictures, _ = rendered(path, [0, 1], "Standard", (1200, 1200))  # no pixel is of mark and grain
         colors = GrainColors(scene, "palette").colors[:5]
         for picture, angle in zip(pictures, angles, strict=True):
-            ahead = 0.5 * RADIUS[:, np.newaxis] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            ahead = 0.5 * 0.25 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
             for shift, expected in ((-ahead, colors), (ahead, mark_color(colors))):
-                shown = self.pixels_at(scene.position + shift, picture)
+                shown = self.pixels_at(nearer * (scene.position + shift), picture)
                 assert np.allclose(shown, expected, atol=0.02 if draw_as == "discs" else 0.08)  # shaded
 
     def test_colors_are_told_apart_by_the_view_that_is_default(self, rendered, tmp_path):
         scene = make_scene()
         still = [(scene.position, scene.velocity)]
-        path = record(tmp_path / "run.usdc", still, color_by="palette", draw_as="discs")
+        path = record(tmp_path / "run.usdc", still, color_by="bands", draw_as="discs")
         (picture,), _ = rendered(path, [0], "AgX", SMALL)
         hue = [color - color.mean() for color in self.pixels_at(scene.position, picture)]
-        meant = [color - color.mean() for color in GrainColors(scene, "palette").colors]
+        colors = GrainColors(scene, "bands")
+        meant = [color - color.mean() for color in colors.colors[colors.still]]
         likeness = [[a @ b / np.linalg.norm(a) / np.linalg.norm(b) for b in meant] for a in hue]
         assert (np.diag(likeness) > 0.8).all()  # AgX fades and shifts colors
         assert (np.ptp(self.pixels_at(scene.position, picture), axis=1) > 0.15).all()  # none is grey
