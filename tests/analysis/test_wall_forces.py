@@ -100,3 +100,23 @@ def test_all_quantities_that_a_scene_can_have() -> None:
         found = analysis.quantities(Simulation(scene))
         assert missing.isdisjoint(found)
         assert {"kinetic_energy", "rattlers"} <= found.keys()
+
+
+def test_a_series_of_a_run_has_means_with_their_errors() -> None:
+    """Of independent numbers, the mean of blocks has the error of the mean."""
+    simulation = Simulation("annulus")
+    series = simulation.measure("kinetic_energy,force_y:Outer", duration=0.5, every=2)
+    assert [row["step"] for row in series.rows] == [*range(0, 51, 2)]
+    rows = [row["kinetic_energy"] for row in series.rows if row["time"] >= 0.1]
+    assert series.average(after=0.1)["kinetic_energy"].mean == pytest.approx(np.mean(rows), rel=1e-12)
+    rng = np.random.default_rng(1)
+    series.rows = [
+        {"time": float(k), "kinetic_energy": rng.normal(), "force_y:Outer": 1.0} for k in range(10_000)
+    ]
+    found = series.average(blocks=50)
+    assert found["kinetic_energy"].error == pytest.approx(0.01, rel=0.3)  # of 50 blocks: off by 1 / 10
+    assert found["force_y:Outer"] == (1.0, 0.0)
+    with pytest.raises(InputError, match="the series has 1 rows after"):
+        series.average(after=9999.0)
+    with pytest.raises(InputError, match="the scene has no wall 'lid'"):
+        simulation.measure("force_x:lid")

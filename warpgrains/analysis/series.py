@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypedDict
+
+import numpy as np
 
 from warpgrains.analysis.quantities import find, names_of, quantities, takes_region
 from warpgrains.base import checks
@@ -21,6 +23,22 @@ if TYPE_CHECKING:
     from warpgrains.simulation.simulation import Simulation
 
 FIRST = ("step", "time")
+
+
+class Measuring(TypedDict, total=False):
+    """Keywords of `Series` that `Simulation.measure` takes."""
+
+    region: Mapping[str, Any] | None
+    mean: bool
+    path: str | Path | None
+
+
+class Average(NamedTuple):
+    """A mean over time."""
+
+    mean: float
+    error: float
+    """Standard error of the mean."""
 
 
 class Series:
@@ -131,6 +149,34 @@ class Series:
         if self._path is not None and len(self.rows) > self._written:
             write_atomically(self._path, table_text(self.rows).encode())
             self._written = len(self.rows)
+
+    def average(self, after: float = 0.0, blocks: int = 10) -> dict[str, Average]:
+        """Return the means of the rows after a time, with their standard errors, by name.
+
+        The error is that of the mean of blocks of successive rows: it is right if a block is longer than the
+        quantity remembers.
+
+        Parameters
+        ----------
+        after : float
+            Time from which rows count [s].
+        blocks : int
+            Number of blocks, at least 2.
+
+        Raises
+        ------
+        InputError
+            There are fewer rows than blocks.
+        """
+        rows = [row for row in self.rows if row["time"] >= after]
+        if len(rows) < checks.whole_number("blocks", blocks, least=2):
+            raise InputError(f"the series has {len(rows)} rows after {after} s: {blocks} blocks need as many")
+        found = {}
+        for name in self.names:
+            each = [float(np.mean(block)) for block in np.array_split([row[name] for row in rows], blocks)]
+            error = float(np.std(each, ddof=1) / np.sqrt(blocks))
+            found[name] = Average(float(np.mean([row[name] for row in rows])), error)
+        return found
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the rows as a frame, by step.

@@ -58,6 +58,11 @@ class FrameTimes:
         """Return the number of frames of the first steps of a run, the first frame included."""
         return floor((steps + _TOLERANCE) / self._steps_a_frame) + 1
 
+    @property
+    def begin(self) -> float:
+        """The simulated time of the first frame [s]."""
+        return self.start + self.first_step * self.dt
+
     def time(self, k: int) -> float:
         """Return the simulated time of frame k [s]."""
         return self.start + self.simulated_step(k) * self.dt - self.left(k)

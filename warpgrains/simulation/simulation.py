@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -43,6 +44,7 @@ from warpgrains.solver.statistics import StepHistory, StepReport, Summary
 from warpgrains.solver.tuning import threads_for
 
 if TYPE_CHECKING:
+    from warpgrains.analysis.series import Measuring, Series
     from warpgrains.pictures.still import Picture
     from warpgrains.view.page import Page
 
@@ -387,6 +389,48 @@ class Simulation(LoadedScene, Shown):
         with self._use.held(), run.opened():
             carry_out(self, run, progress)
         return replace(run.statistics, output=options.record)
+
+    def measure(
+        self,
+        quantities: str | Iterable[str],
+        steps: int | None = None,
+        duration: float | None = None,
+        every: int = 1,
+        **how: Unpack[Measuring],
+    ) -> Series:
+        """Advance by many time steps, and return a series of quantities.
+
+        Parameters
+        ----------
+        quantities : str or iterable of str
+            Names of `analysis.QUANTITIES` or `analysis.GROUPS`, such as "stress_xy" or "force_x:top".
+        steps, duration
+            See `run`.
+        every : int
+            Steps between two rows.
+        how
+            Keywords ``region``, ``mean`` and ``path`` of `analysis.Series`.
+
+        Raises
+        ------
+        InputError
+            An argument is invalid, or the scene cannot have a quantity.
+        SimulationError
+            A step failed.
+
+        Examples
+        --------
+        >>> series = wg.Simulation("annulus").measure(["kinetic_energy", "force_y:Outer"], duration=0.1)
+        >>> len(series.rows), series.average(after=0.05)["kinetic_energy"].mean > 0.0
+        (11, True)
+        """
+        from warpgrains.analysis.quantities import require_quantities
+        from warpgrains.analysis.series import Series
+
+        with Series(quantities, every, **how) as series:
+            require_quantities(series.names, self.scene, series.region)
+            self.run(steps, duration, observer=series)
+        return series
 
     def view(self, port: int = 8080) -> Page:
         """Play the simulation from its present state in a page of this machine's browser.

@@ -179,11 +179,12 @@ def area_below(radius: FloatArray, level: FloatArray) -> FloatArray:
     """Return the area [m2] of each disc below a level [m] measured from its center; shapes (n,).
 
     The segment of a disc of radius r below a level h, -r <= h <= r, has the area
-    r^2 (pi/2 + asin(h/r)) + h sqrt(r^2 - h^2).
+    r^2 (pi/2 + asin(h/r)) + h c, c = sqrt(r^2 - h^2), and asin(h/r) is the angle of (c, h), which loses no
+    digits where h is near r.
     """
     h = np.minimum(np.maximum(level, -radius), radius)  # np.clip would double the time of this function
-    angle = np.arcsin(np.divide(h, radius, out=np.zeros_like(h), where=radius > 0.0))
-    return radius**2 * (0.5 * np.pi + angle) + h * np.sqrt(radius**2 - h**2)
+    chord = np.sqrt((radius - h) * (radius + h))
+    return radius**2 * (0.5 * np.pi + np.arctan2(h, chord)) + h * chord
 
 
 def area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArray:

@@ -56,7 +56,7 @@ class Recording(Shown):
     ----------
     path : Path
     time : ndarray
-        Time of each frame since the first one [s], shape (f,).
+        Simulated time of each frame [s], shape (f,).
     radius : ndarray
         Radii of the grains [m], shape (n,).
 
@@ -79,7 +79,7 @@ class Recording(Shown):
         self.path = Path(checks.path("path", path))
         with refusing_untrusted_content(self.path):
             self._open()
-        self.time = np.arange(len(self)) / self.times.rate
+        self.time = self.times.begin + np.arange(len(self)) / self.times.rate
 
     def _open(self) -> None:
         self._stage = open_recording(self.path)

@@ -199,7 +199,7 @@ class Wall(Motion):
             return self
         pose = self.pose(time)
         places = pose.place(np.array([*self._places.values()])).tolist()
-        moved: dict[str, Any] = dict(zip(self._places, places, strict=True))
+        moved: dict[str, Any] = dict(zip(self._places, map(tuple, places), strict=True))
         angles = ("from_angle", "to_angle")
         moved |= {name: getattr(self, name) + pose.angle for name in angles if hasattr(self, name)}
         return self.changed({**moved, **self.from_then(time)})

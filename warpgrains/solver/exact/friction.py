@@ -116,9 +116,6 @@ class PathSolver:
             closing = sliding.normal_speed(velocity) - sliding.gap_rate
             residual = max(answer.residual, closing[~near].max(initial=0.0))
             if residual <= tolerance or answer.residual > tolerance:
-                if (
-                    residual > tolerance
-                    and np.abs(velocity).max(initial=0.0) > 2.0 * scene.radius_out / scene.dt
-                ):
+                if residual > tolerance and np.abs(velocity).max(initial=0.0) > 2.0 * scene.reach / scene.dt:
                     residual = np.inf  # grains cannot fit, and some leave the domain
                 return Answer(dv, dvt, residual, factorizations, work)

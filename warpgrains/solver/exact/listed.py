@@ -48,7 +48,8 @@ class ListedContacts:
         (pair, self._at_pair), (listed, index) = listed_pairs(records, k), listed_walls(records, k)
         self._records, self._k, scene = records, k, records.scenes[k]
         if scene.has_driven_walls:
-            scene = scene.with_walls_at(records.array(k, "grains.position")[scene.n :, 0])
+            coordinates = records.array(k, "grains.position")[scene.n :, 0]
+            scene = scene.with_walls_at(coordinates[scene.bodies.of_walls])
         bodies = scene.bodies
         number, at = np.nonzero(bodies.of_walls[:, np.newaxis] == listed[:, 1])
         self._at_wall = index[at]
