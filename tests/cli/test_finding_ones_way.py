@@ -12,7 +12,8 @@ from command import exit_code, require_refusal
 from pages import PAGES
 from recordings import make_frames, record
 
-from warpgrains import Scene, console
+from warpgrains import Scene
+from warpgrains.base import console
 from warpgrains.cli.commands import COMMANDS
 from warpgrains.cli.main import _parser, main
 from warpgrains.cli.scenes import REQUIRED, keys, parameters_of
