@@ -55,6 +55,23 @@ def test_stops_steps_and_looks_change_no_bit_and_numbers_are_those_of_the_step(s
     assert np.array_equal(simulation.velocity, plain.velocity)
 
 
+def test_grains_that_come_and_go_are_drawn(simulation):
+    live = Live(simulation)
+    live.set_style("radius", forces=True)
+    simulation.add(position=[(0.0, 1.5)], radius=0.15, mass=0.1)
+    for gone in ([], [3], [15]):
+        simulation.remove(gone)
+        live.advance(3)
+        now = live.snapshot()
+        assert live.painter.color(now).shape == (simulation.scene.n, 3)
+        assert live.painter.look.color_by == "radius"
+        assert live.painter.chains(now) is not None
+    number = simulation.id.tolist()
+    live.restart()
+    assert (live.steps, simulation.id.tolist()) == (0, number)
+    assert simulation.add(position=[(0.0, 1.5)], radius=0.1, mass=0.1).tolist() == [16]
+
+
 def test_a_step_that_fails_ends_it_and_is_told():
     live = Live(Simulation(Scene.load("annulus"), max_iterations=1, on_unconverged="raise"))
     live.advance(100)

@@ -211,6 +211,11 @@ def _of_methods(scene: Scene) -> Iterator[str]:
         yield f"stop is {scene.stop!r}: method 'exact' stops on the residual"
 
 
+def allowed_overlap(scene: Scene) -> float:
+    """Return the overlap at a start that needs no warning [m]."""
+    return max(TOLERANCES * scene.tolerance * scene.dt, LEAST_WARNED * scene.smallest_radius)
+
+
 def warn_of_overlaps(scenes: Sequence[Scene]) -> None:
     """Warn if grains of scenes overlap at the start; of several scenes, name the worst."""
     of_start: dict[Any, float] = {}  # many scenes of a batch start alike
@@ -220,7 +225,7 @@ def warn_of_overlaps(scenes: Sequence[Scene]) -> None:
         if key not in of_start:
             of_start[key] = scene.count_overlaps().largest
         overlap.append(of_start[key])
-    limit = [max(TOLERANCES * one.tolerance * one.dt, LEAST_WARNED * one.smallest_radius) for one in scenes]
+    limit = [allowed_overlap(scene) for scene in scenes]
     k = int(np.argmax(np.divide(overlap, limit)))
     if overlap[k] > limit[k]:
         where = f"scene {k}: " if len(scenes) > 1 else ""

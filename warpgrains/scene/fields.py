@@ -278,7 +278,7 @@ for _name, _field in FIELDS.items():
 
 def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]:
     """Return the named fields in the form in which a scene keeps them; all of grains with the position."""
-    found = _checked_grains(scene) if "position" in names else {}
+    found = checked_grains(scene) if "position" in names else {}
     if not {"domain", *OF_ANNULUS}.isdisjoint(names):
         found |= _checked_boundary(scene)
     own = {name: FIELDS[name] for name in names if FIELDS[name].metadata["check"]}
@@ -310,7 +310,8 @@ def _checked_boundary(scene: SceneFields) -> dict[str, Any]:
     return {}
 
 
-def _checked_grains(scene: SceneFields) -> dict[str, Any]:
+def checked_grains(scene: SceneFields) -> dict[str, Any]:
+    """Return position, velocity, radius, mass and spin in the form in which a scene keeps them."""
     position = checks.vectors("position", scene.position)
     velocity = np.zeros_like(position) if scene.velocity is None else scene.velocity
     velocity = checks.vectors("velocity", velocity)

@@ -43,6 +43,16 @@ def at_positions(
     return (1.0 - a) * velocity + 0.5 * scene.dt * np.array(scene.gravity_at(time)), (1.0 - b) * spin
 
 
+def before_positions(
+    scene: Scene, velocity: FloatArray, spin: FloatArray, time: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return what `at_positions` takes to these velocities [m/s] and spins: inf or NaN if drag dt = 2 m."""
+    a = scene.drag * scene.dt / (2.0 * scene.mass[:, np.newaxis])
+    b = scene.spin_drag * scene.dt / (2.0 * scene.inertia)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (velocity - 0.5 * scene.dt * np.array(scene.gravity_at(time))) / (1.0 - a), spin / (1.0 - b)
+
+
 class Kick(NamedTuple):
     """Gravity and drag in a step: m (velocity - before) = time m g - drag path + impulses of contacts.
 

@@ -111,6 +111,11 @@ class State:
         None. The coordinate is the way that a wall has moved or, of the outer circle, its radius.
     last_staggered : bool
         `staggered` before the last step.
+    id : ndarray or None
+        Numbers of birth of the grains, ascending int64, shape (n,); None, until `Simulation.add` or `remove`,
+        if they are 0, 1, ..., n - 1.
+    born : int
+        Number of births so far, above all numbers of `id`; 0 if that is None.
     last_scene : Scene or None
         Scene of the last step, which its contacts and their forces refer to; None if it is the scene of the
         state. They differ after `Simulation.change`, until the next step.
@@ -134,6 +139,8 @@ class State:
     angle: FloatArray | None = None
     driven: FloatArray | None = None
     last_staggered: bool = False
+    id: IndexArray | None = None
+    born: int = 0
     last_scene: Scene | None = None
 
 
@@ -149,6 +156,7 @@ def first_state(scene: Scene) -> State:
     return state
 
 
+MOST_BORN = 2**63 - 1
 _BOUNDS: dict[str, Callable[[FloatArray], BoolArray]] = {
     "finite": np.isfinite,
     "finite and 0 or more": lambda array: np.isfinite(array) & (array >= 0.0),
@@ -183,6 +191,7 @@ def require_state(state: State, scene: Scene) -> None:
         raise InputError(f"driven of the state is {given} force drives a wall of the scene")
     _require_arrays(state, {"grain": scene.n, "wall": len(scene.walls)})
     checks.whole_number("steps", state.steps, least=0)
+    _require_births(state, scene.n)
     for name in ("staggered", "last_staggered"):
         checks.boolean(name, getattr(state, name))
     require_distinct("position of the state, that", scene.period.wrapped(state.position))
@@ -205,6 +214,17 @@ def require_state(state: State, scene: Scene) -> None:
                 raise InputError("a contact of the state carries a correction but is not in its lists")
     if state.last_scene is not None:
         require_state(replace(state, lists=None, last_scene=None), state.last_scene)
+
+
+def _require_births(state: State, n: int) -> None:
+    checks.whole_number("born", state.born, least=0, most=MOST_BORN)
+    if state.id is None:
+        if state.born:
+            raise InputError(f"born of the state is {state.born}: it must be 0 without id")
+        return
+    _require_array("id", state.id, np.int64, (n,))
+    if (np.diff(state.id, prepend=-1, append=state.born) <= 0).any():
+        raise InputError(f"id of the state must be in ascending order, from 0 to below born, {state.born}")
 
 
 def _require_arrays(record: Any, counts: dict[str, int]) -> None:

@@ -39,7 +39,7 @@ class Change(NamedTuple):
         """Return the state from which the simulation continues."""
         if self.keeps_list:
             return replace(state, driven=self.driven)
-        corrections = _at_walls(state.corrections, self.staying)
+        corrections = at_walls(state.corrections, self.staying)
         return replace(state, driven=self.driven, lists=None, corrections=corrections)
 
 
@@ -133,7 +133,7 @@ def _move_alike(wall: Wall, other: Wall) -> bool:
     return wall is other or (wall.motion_numbers == other.motion_numbers and wall.shape == other.shape)
 
 
-def _at_walls(corrections: Corrections, numbers: dict[int, int]) -> Corrections:
+def at_walls(corrections: Corrections, numbers: dict[int, int]) -> Corrections:
     """Return the corrections of contacts with walls that have these new numbers, without the others."""
     new = np.full(max([-1, *corrections.wall[:, 1].tolist(), *numbers]) + 1, -1, np.int32)
     new[[*numbers]] = [*numbers.values()]

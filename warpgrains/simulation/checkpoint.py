@@ -30,7 +30,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import Summary
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 17
+VERSION = 18
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]

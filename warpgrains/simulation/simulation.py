@@ -8,9 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack, cast
 
+from numpy.typing import ArrayLike
+
 from warpgrains.analysis.snapshot import snapshot_of
 from warpgrains.base import checks
-from warpgrains.base.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray, IndexArray
 from warpgrains.base.described import documented, fields_in_help
 from warpgrains.base.errors import InputError, SimulationError, requiring
 from warpgrains.base.shown import Shown, number_of
@@ -31,6 +33,7 @@ from warpgrains.simulation.checkpoint import (
     write_checkpoint,
 )
 from warpgrains.simulation.options import OPTIONS, Outputs, RunOptions, steps_of
+from warpgrains.simulation.population import Population
 from warpgrains.simulation.run import Observer, OpenRun, carry_out, require_observer
 from warpgrains.simulation.until import EndCriterion, Question, criterion
 from warpgrains.solver.advance import OnProgress, advance
@@ -276,6 +279,83 @@ class Simulation(LoadedScene, Shown):
                 state = replace(state, last_scene=self.scene)
             require_state(state, change.scene)
             self._begin(change.scene, state)
+
+    def add(
+        self,
+        *,
+        position: ArrayLike,
+        radius: ArrayLike,
+        mass: ArrayLike,
+        velocity: ArrayLike | None = None,
+        spin: ArrayLike | None = None,
+        separate: bool = False,
+    ) -> IndexArray:
+        """Add grains, after all others in every array, and continue from the present state.
+
+        The next step starts from the corrections of all contacts so far, as after `change`. In the order
+        "color" it visits contacts in another order. `scene` has the grains as they are now.
+
+        Parameters
+        ----------
+        position : array_like
+            Centers [m], shape (m, 2).
+        radius, mass : array_like
+            [m] and [kg], shape (m,), or one number for all added grains.
+        velocity : array_like, optional
+            Present velocities [m/s], shape (m, 2); by default the grains rest.
+        spin : array_like, optional
+            Present angular velocities [rad/s], shape (m,), or one number for all; by default 0.
+        separate : bool
+            Whether to move grains apart if an added one overlaps another grain or a wall, as
+            `warpgrains.separate` does; this may also move grains that were there before.
+
+        Returns
+        -------
+        Numbers of birth of the added grains, see `id`, shape (m,).
+
+        Raises
+        ------
+        InputError
+            A value is invalid, or a grain does not fit: it is beyond a wall, or overlaps another grain or a
+            wall. Messages number added grains from 0. The state is then as before.
+        SimulationError
+            Grains cannot be moved apart, or a callback of a run adds grains.
+
+        Examples
+        --------
+        >>> other = wg.Simulation(simulation.scene, state=simulation.state())
+        >>> other.add(position=[(0.0, 1.5)], radius=0.1, mass=0.1)
+        array([15])
+        >>> other.remove([0, 3])
+        >>> other.id
+        array([ 1,  2,  4,  5,  6,  7,  8,  9, 10, 11, 12, 13, 14, 15])
+        """
+        more = {"position": position, "radius": radius, "mass": mass, "velocity": velocity, "spin": spin}
+        is_separated = checks.boolean("separate", separate)
+        with self._use.held():
+            n = self.scene.n
+            self._populate(Population(self.scene, self.state()).with_more(is_separated, **more))
+            return self.id[n:]
+
+    def remove(self, which: ArrayLike) -> None:
+        """Remove grains and their contacts, and continue from the present state as after `add`.
+
+        Parameters
+        ----------
+        which : array_like
+            Numbers of birth, see `id`, such as ``simulation.id[simulation.position[:, 1] < 0.0]``.
+
+        Raises
+        ------
+        InputError
+            A grain does not exist or is given twice, or none would be left.
+        """
+        with self._use.held():
+            self._populate(Population(self.scene, self.state()).without(which))
+
+    def _populate(self, grains: Population) -> None:
+        require_state(grains.state, grains.scene)
+        self._begin(grains.scene, grains.state)
 
     def last_start(self) -> StepStart:
         """Return positions, velocities and spins at the start of the last step.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.base import checks
-from warpgrains.base.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray, IndexArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import at_positions
 from warpgrains.scene.state import State
@@ -61,6 +61,14 @@ class LoadedScene:
     def angle(self) -> FloatArray:
         """Rotations of the grains since the start [rad], shape (n,); 0 without friction."""
         return self._grains("angle") if self.scene.has_friction else checks.frozen(np.zeros(self.scene.n))
+
+    @property
+    def id(self) -> IndexArray:
+        """Numbers of birth of the grains, ascending, shape (n,); a number is never used twice."""
+        number, _ = self._records.births[self._k]
+        found = np.arange(self.scene.n) if number is None else number.copy()
+        found.setflags(write=False)
+        return found
 
     def _grains(self, name: str) -> FloatArray:
         return checks.frozen(self._records.array(self._k, f"grains.{name}")[: self.scene.n].copy())

@@ -68,6 +68,8 @@ def state_of(records: SceneRecords, k: int) -> State:
         own["driven"] = driven_walls(records, k)
     for name in ("staggered", "last_staggered"):
         own[name] = bool(record["scheme"][name])
+    number, own["born"] = records.births[k]
+    own["id"] = None if number is None else number.copy()
     return State(
         int(record["steps"]),
         corrections=corrections_of(records, k),
@@ -120,7 +122,7 @@ def load_state(records: SceneRecords, k: int, state: State) -> None:
     for name in ("staggered", "last_staggered"):
         record["scheme"][name] = getattr(state, name)
     record["steps"] = records.loaded_steps[k] = state.steps
-    records.last_scenes[k] = state.last_scene
+    records.last_scenes[k], records.births[k] = state.last_scene, (state.id, state.born)
 
 
 def change_scene(records: SceneRecords, k: int, scene: Scene, keeps_list: bool) -> None:

@@ -110,9 +110,10 @@ class Live:
         self._past.append((self._simulation.time, self._energy()))
 
     def restart(self) -> None:
-        scene = self._simulation.scene
-        state = first_state(scene)
-        if scene.has_friction:  # the scene may have lost its spins meanwhile
+        scene, now = self._simulation.scene, self._simulation.state()
+        state = replace(first_state(scene), id=now.id, born=now.born)
+        if scene.has_friction and np.array_equal(scene.position, self._first.position):
+            # the scene may have lost its spins meanwhile
             state = replace(state, spin=self._first.spin)
         self._simulation.restore(state)
         self._forget()
@@ -144,6 +145,8 @@ class Live:
         self.painter = Painter(self._simulation.scene, Look(color_by=color_by, forces=forces))
 
     def snapshot(self) -> Snapshot:
+        if self.painter.scene.position is not self.scene.position:  # grains were added or removed
+            self.painter = Painter(self.scene, self.painter.look)
         return snapshot_of(self._simulation, has_contacts=self.painter.needs_contacts)
 
     def _energy(self) -> float:

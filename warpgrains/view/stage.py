@@ -36,11 +36,15 @@ class Stage:
         for name, wall in painter.walls.items():
             self._add_wall(name, wall)
         self._reach = painter.view.half
-        self._slots = painter.scene.n * 2 ** int(np.count_nonzero(painter.scene.period.repeats))
+        self._reserve(painter.scene.n * 2 ** int(np.count_nonzero(painter.scene.period.repeats)))
+        self._has_chains = False
+
+    def _reserve(self, grains: int) -> None:
+        """Add instances for a number of grains in place of those so far."""
+        self._slots = grains
         angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
         self._grains = self._add_instances("/grains", np.stack([np.cos(angle), np.sin(angle)], axis=1))
         self._marks = self._add_instances(_MARKS, mark())
-        self._has_chains = False
 
     def _distance(self, height: float) -> float:
         """Return how far the camera is if the view has a share of the height of the window [m]."""
@@ -70,6 +74,8 @@ class Stage:
         for name, wall in painter.moved_walls(now.scene, now.time).items():
             self._add_wall(name, wall)
         (places, grain), chains = now.images, painter.chains(now)
+        if len(grain) > self._slots:  # grains were added
+            self._reserve(len(grain) * 3 // 2)
         unused = 0, self._slots - len(grain)  # of instances, whose number is fixed: of radius 0
         places, radius = np.pad(places, (unused, (0, 0))), np.pad(now.scene.radius[grain], unused)
         grain = np.pad(grain, unused)

@@ -1,0 +1,189 @@
+"""Grains that are added to a simulation, or removed from it, between two steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray, IndexArray
+from warpgrains.base.errors import InputError
+from warpgrains.scene.compatibility import allowed_overlap, require_clear, require_size
+from warpgrains.scene.fields import SceneFields, checked_grains
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.scheme import at_positions, before_positions
+from warpgrains.scene.state import Corrections, State
+from warpgrains.simulation.changes import at_walls
+from warpgrains.space.geometry import overlapping_pairs
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+OF_GRAINS = ("position", "velocity", "spin", "radius", "mass")
+NOBODY = {name: np.zeros((0, 2) if name in ("position", "velocity") else 0) for name in OF_GRAINS}
+
+
+class Population:
+    """The grains of a simulation at its present time, of which some stay and to which others are added.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene with these grains, as if it started with them where they are now.
+    state : State
+        The state from which the simulation continues. Contacts of grains that are removed are dropped.
+    """
+
+    def __init__(self, scene: Scene, state: State) -> None:
+        self.scene, self.state = scene, state
+
+    @property
+    def _id(self) -> IndexArray:
+        return np.arange(self.scene.n) if self.state.id is None else self.state.id
+
+    @property
+    def _born(self) -> int:
+        return self.scene.n if self.state.id is None else self.state.born
+
+    def without(self, which: ArrayLike) -> Self:
+        """Return the population without grains of these numbers of birth; InputError for unknown ones."""
+        numbers = np.atleast_1d(np.asarray(which))
+        if numbers.ndim > 1 or (numbers.size and numbers.dtype.kind not in "iu"):
+            raise InputError(f"which is {checks.shown(which)}: it must be numbers of `Simulation.id`")
+        gone, count = np.unique(numbers.astype(np.int64), return_counts=True)
+        if (count > 1).any():
+            raise InputError(f"which has grain {gone[count > 1][0]} twice")
+        if (unknown := gone[~np.isin(gone, self._id)]).size:
+            is_gone = 0 <= unknown[0] < self._born
+            raise InputError(
+                f"which has grain {unknown[0]}: {'it was removed' if is_gone else 'it does not exist'}"
+            )
+        if len(gone) == 0:
+            return self
+        if len(gone) == self.scene.n:
+            raise InputError("which has all grains: a simulation must keep at least one")
+        return self._of(np.flatnonzero(~np.isin(self._id, gone)), NOBODY)
+
+    def with_more(self, is_separated: bool, **grains: Any) -> Self:
+        """Return the population with more grains, after its own; InputError if they do not fit.
+
+        If they overlap grains or walls, that is an InputError, too, or `is_separated` moves grains apart.
+        """
+        more = checked_grains(SceneFields(**grains))
+        if more["spin"].any() and not self.scene.has_friction:
+            grain = checks.first_bad("spin", more["spin"], more["spin"] != 0.0)
+            raise InputError(f"{grain}: grains rotate only with friction")
+        found = self._of(np.arange(self.scene.n), more)
+        if overlap := found._overlap(self.scene.n):
+            if not is_separated:
+                raise InputError(overlap)
+            return found._separated()
+        return found
+
+    def _of(self, kept: IndexArray, more: Mapping[str, FloatArray]) -> Self:
+        """Return the population of the grains `kept`, ascending indices, and of more."""
+        before, state, added = self.scene, self.state, len(more["position"])
+
+        def grown(array: FloatArray | None, new: FloatArray) -> FloatArray | None:
+            return None if array is None else np.concatenate([array[kept], new])
+
+        now = before.time_after(state.steps)
+        velocity, spin = state.velocity, np.zeros(before.n) if state.spin is None else state.spin
+        if state.staggered:
+            velocity, spin = at_positions(before, velocity, spin, now)
+        own = {"position": state.position, "velocity": velocity, "spin": spin}
+        own |= {"radius": before.radius, "mass": before.mass}
+        grains = {name: np.concatenate([own[name][kept], more[name]]) for name in OF_GRAINS}
+        scene = _with_grains(before, grains)
+        velocity, spin = grains["velocity"], grains["spin"]
+        if state.staggered:
+            velocity, spin = before_positions(scene, velocity, spin, now)
+        new = slice(len(kept), None)
+        base = [wall.image.of if wall.image else number for number, wall in enumerate(scene.walls)]
+        walls = {wall.image or number: number for number, wall in enumerate(scene.walls)}
+        stay = {k: walls[key] for k, wall in enumerate(before.walls) if (key := wall.image or k) in walls}
+        own_state = replace(
+            state,
+            position=grains["position"],
+            velocity=np.concatenate([state.velocity[kept], velocity[new]]),
+            spin=grown(state.spin, spin[new]),
+            angle=grown(state.angle, np.zeros(added)),
+            driven=None if state.driven is None else state.driven[base],
+            corrections=at_walls(_of_grains(state.corrections, kept, before.n), stay),
+            lists=None,
+            id=np.concatenate([self._id[kept], self._born + np.arange(added)]),
+            born=self._born + added,
+            last_scene=None if state.last_scene is None else _with_grains(state.last_scene, grains),
+        )
+        return type(self)(scene, own_state)
+
+    def _now(self) -> Scene:
+        """Return the scene with its walls where they are."""
+        walls = None if self.state.driven is None else self.state.driven[:, 0]
+        return self.scene.with_walls_at(walls).starting_at(self.scene.time_after(self.state.steps))
+
+    def _overlap(self, first: int) -> str | None:
+        """Return the complaint about the deepest overlap of the grains from `first`, if one is too deep.
+
+        InputError if one of these grains is beyond a wall.
+        """
+        scene = self._now()
+        grains = {name: getattr(scene, name)[first:] for name in OF_GRAINS}
+        added, place = scene.unchecked(**grains), grains["position"]
+        require_size(scene)
+        require_clear(added, range(len(scene.walls)), place, scene.time)
+        deepest, grain, other = allowed_overlap(scene), -1, ""
+        for i, j in overlapping_pairs(scene.position, scene.radius, scene.period):
+            pair = np.stack([i, j], axis=1)[j >= first]
+            with np.errstate(invalid="ignore"):  # of centers that coincide, only the normal is unknown
+                depth = -scene.pair_frames(scene.position, pair)[1]
+            if depth.max(initial=0.0) > deepest:
+                k = int(depth.argmax())
+                deepest, grain, at = depth[k], pair[k, 1] - first, int(pair[k, 0])
+                other = f"grain {self._id[at]}" if at < first else f"added grain {at - first}"
+        for number, name in enumerate(scene.wall_names):
+            depth = -scene.side(number, place, grains["radius"], time=scene.time).gap
+            if depth.max() > deepest:
+                deepest, grain, other = depth.max(), int(depth.argmax()), name
+        if grain < 0:
+            return None
+        x, y = place[grain].tolist()
+        return (
+            f"position of added grain {grain} is ({x}, {y}): it overlaps {other} by {deepest:.1e} m;"
+            " separate=True moves grains apart"
+        )
+
+    def _separated(self) -> Self:
+        """Return the population with all grains moved apart."""
+        from warpgrains.packings.separate import separate
+
+        place = separate(self._now()).scene.position
+        state = replace(self.state, position=place)
+        if state.last_scene is not None:
+            state = replace(state, last_scene=state.last_scene.unchecked(position=place))
+        return type(self)(self.scene.unchecked(position=place), state)
+
+
+def _with_grains(scene: Scene, grains: dict[str, FloatArray]) -> Scene:
+    """Return the scene with other grains, which walls and settings must fit."""
+    spin = grains["spin"] if scene.has_friction else np.zeros(len(grains["spin"]))
+    text = scene.text_after(OF_GRAINS)
+    own = {name: getattr(scene, name) for name in SceneFields.__dataclass_fields__}
+    return Scene.of_later_state(**own | grains | {"spin": spin, "text": text})
+
+
+def _of_grains(corrections: Corrections, kept: IndexArray, n: int) -> Corrections:
+    """Return the corrections of contacts between grains that are kept, by their new indices."""
+    new = np.full(n, -1, np.int32)
+    new[kept] = np.arange(len(kept))
+    pair = new[corrections.pair]
+    wall = np.stack([new[corrections.wall[:, 0]], corrections.wall[:, 1]], axis=1)
+    stays = {"pair": (pair >= 0).all(axis=1), "wall": wall[:, 0] >= 0}
+    own = vars(corrections) | {"pair": pair, "wall": wall}
+    kept_of: dict[str, Any] = {
+        name: None if own[name] is None else own[name][stays[name[:4]]] for name in own
+    }
+    return Corrections(**kept_of)
