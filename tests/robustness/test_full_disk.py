@@ -12,7 +12,8 @@ import pytest
 import warp as wp
 from command import exit_code, small_disk
 
-from warpgrains import Scene, Simulation, kernel_cache
+from warpgrains import Scene, Simulation
+from warpgrains.base import kernel_cache
 from warpgrains.base.warp_start import start_warp
 from warpgrains.pictures.film import encoding_of_frames
 

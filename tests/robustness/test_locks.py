@@ -11,7 +11,8 @@ import pytest
 from command import exit_code
 from recordings import make_frames, moment, record, recorder_of
 
-from warpgrains import Simulation, locks
+from warpgrains import Simulation
+from warpgrains.base import locks
 from warpgrains.base.errors import OutputError
 from warpgrains.base.locks import Lock, RunLocks
 from warpgrains.cli import run as command

@@ -54,7 +54,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     contacts, walls = contacts_of(scene, state)
     places = None if state.driven is None else state.driven[:, 0]
     return Snapshot(
-        scene=scene.with_walls_at(places),
+        scene=scene.placed(places),
         steps=state.steps,
         time=scene.time_after(state.steps),
         position=state.position,
@@ -85,7 +85,7 @@ def snapshot_of(now: LoadedScene, left: float = 0.0, has_contacts: bool = True) 
         end = snapshot(now)
     else:
         places = None if driven is None else driven[:, 0]
-        scene, position, velocity = now.scene.with_walls_at(places), now.position, now.velocity
+        scene, position, velocity = now.scene.placed(places), now.position, now.velocity
         end = Snapshot(
             scene=scene,
             steps=now.steps,
@@ -104,7 +104,7 @@ def snapshot_of(now: LoadedScene, left: float = 0.0, has_contacts: bool = True) 
     places = None if driven is None else driven[:, 0] - left * driven[:, 1]
     return replace(
         end,
-        scene=now.scene.with_walls_at(places),
+        scene=now.scene.placed(places),
         time=end.time - left,
         position=end.position - left * end.velocity,
         angle=end.angle - left * end.spin,

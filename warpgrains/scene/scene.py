@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
@@ -20,6 +20,7 @@ from warpgrains.scene.compatibility import require_compatible_settings, require_
 from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import (
     FIELDS,
+    OF_ANNULUS,
     SceneChanges,
     SceneFields,
     SceneOptions,
@@ -145,39 +146,31 @@ class Scene(SceneFields, Shown):
     def unchecked(self, **fields: Any) -> Self:
         """Return a copy of the scene with other fields, which are valid."""
         scene = object.__new__(type(self))
-        of_walls = not fields.keys().isdisjoint(("walls", "domain", "radius_out"))
-        stale = {"extent", *(("joints", "leaders", "period", "reach") if of_walls else ())}
+        stale = {name for name, sources in _FOUND_ONCE.items() if not fields.keys().isdisjoint(sources)}
         vars(scene).update({name: own for name, own in vars(self).items() if name not in stale} | fields)
         return scene
 
-    def with_settings(self, **settings: Any) -> Self:
-        """Return a copy of the scene with other fields than those of grains, which are checked.
+    def placed(self, driven: FloatArray | None, time: float | None = None, **grains: FloatArray) -> Self:
+        """Return the scene with its walls where they are, and with grains.
 
-        Whether the grains fit between the walls is not checked.
+        Walls that forces drive are at coordinates of `State.driven` [m], unless these are None. With a time
+        [s], the scene starts then.
         """
-        known = {"typical_radius": self.typical_radius, "has_equal_masses": self.has_equal_masses}
-        scene = self.unchecked(**known, **settings)
-        scene._check(settings)
-        return scene
-
-    def with_walls_at(self, coordinates: FloatArray | None) -> Self:
-        """Return the scene with its driven walls at coordinates of `State.driven` [m]; itself for None."""
-        if coordinates is None:
-            return self
-        walls = tuple(
-            wall.driven_to(float(coordinates[leader]), drive.direction) if drive.inverse_mass else wall
-            for wall, drive, leader in zip(self.walls, self.drives, self.leaders, strict=True)
-        )
-        kept = {name: found for name, found in vars(self).items() if name in ("extent", "joints", "leaders")}
-        moved = self.unchecked(walls=walls, **kept)
-        outer = moved.bodies.outer
-        return moved if outer is None else moved.unchecked(radius_out=outer.radius, **kept)
-
-    def starting_at(self, time: float, **grains: FloatArray) -> Self:
-        """Return a scene of the grains and walls as they are at a later time [s], at which it starts."""
-        walls = tuple(wall.at(time) for wall in self.walls)
-        text = self.text_after(("time", "walls", *grains))
-        return self.unchecked(**grains, time=time, walls=walls, text=text)
+        walls, changes = self.walls, dict[str, Any](grains)
+        if driven is not None:
+            walls = changes["walls"] = tuple(
+                wall.driven_to(float(driven[leader]), drive.direction) if drive.inverse_mass else wall
+                for wall, drive, leader in zip(walls, self.drives, self.leaders, strict=True)
+            )
+            outer = next((own for own in walls if isinstance(own, Rim) and own.inside), None)
+            changes |= {} if outer is None else {"radius_out": outer.radius}
+        if time is not None:
+            text = self.text_after(("time", "walls", *grains))
+            changes |= {"time": time, "walls": tuple(wall.at(time) for wall in walls), "text": text}
+        elif not grains:
+            kept = ("extent", "joints", "leaders")
+            changes |= {name: found for name, found in vars(self).items() if name in kept}
+        return self.unchecked(**changes)
 
     def replace(self, **changes: Unpack[SceneChanges]) -> Self:
         """Return a copy of the scene with some fields changed and checked.
@@ -194,22 +187,30 @@ class Scene(SceneFields, Shown):
         given: dict[str, Any] = {"text": self.text_after(changes), **changes}
         if "position" in changes and not self.has_friction:
             given.setdefault("spin", None)  # it is 0, for any number of grains
-        return replace(self, **self.with_sides(given, self.time))
+        scene = self.changed(given, self.time)
+        if not _OF_PLACES.isdisjoint(changes):
+            require_valid_positions(scene)
+        return scene
 
-    def with_sides(self, changes: dict[str, Any], time: float) -> dict[str, Any]:
-        """Return changes of fields, in which sides of a box go on from where they are at a time [s]."""
-        if changes.keys().isdisjoint(("domain", "walls")):
-            return changes
-        sides = [wall for wall in self.walls if self.boundary.owns(wall)]
-        walls = checked_walls(
-            "walls", changes.get("walls", [wall for wall in self.walls if wall not in sides])
-        )
-        box = checked_domain("domain", changes.get("domain", self.domain))
-        given = {wall.name for wall in walls}
-        own_sides = box.continuing(self.boundary, sides, time) if box else ()
-        walls += tuple(wall for wall in own_sides if wall.name not in given)
-        circle = {"radius_out": None} if "domain" in changes else {}
-        return circle | changes | {"walls": walls}
+    def changed(self, changes: dict[str, Any], time: float) -> Self:
+        """Return a copy with fields that are checked, but for places of grains.
+
+        Sides of a box that stay go on from where they are at a time [s], at which other walls begin to move.
+        """
+        if not changes.keys().isdisjoint(("domain", "walls")):
+            sides = [wall for wall in self.walls if self.boundary.owns(wall)]
+            inside = [wall for wall in self.walls if wall not in sides]
+            walls = checked_walls("walls", changes.get("walls", inside))
+            box = checked_domain("domain", changes.get("domain", self.domain))
+            given = {wall.name for wall in walls}
+            own_sides = box.continuing(self.boundary, sides, time) if box else ()
+            walls += tuple(wall for wall in own_sides if wall.name not in given)
+            changes = ({"radius_out": None} if "domain" in changes else {}) | changes
+            changes["walls"] = [wall.starting(changes.get("time", time)) for wall in walls]
+        scene = self.unchecked(**changes)
+        with np.errstate(all="ignore"):
+            scene._check({*changes, *(() if _OF_GRAINS.isdisjoint(changes) else _OF_GRAINS)})
+        return scene
 
     def summary(self) -> dict[str, str]:
         """Return values that describe the scene, by name."""
@@ -513,6 +514,21 @@ class Scene(SceneFields, Shown):
             sum(map(len, gaps[:-1])), len(gaps[-1]), -float(np.concatenate(gaps).min(initial=0.0))
         )
 
+
+_OF_GRAINS = {"position", "velocity", "radius", "mass", "spin"}
+_OF_WALLS = {"walls", "domain", "time", *OF_ANNULUS}
+_OF_PLACES = _OF_GRAINS | _OF_WALLS
+_FOUND_ONCE = {
+    "smallest_radius": {"radius"},
+    "typical_radius": {"radius"},
+    "has_equal_masses": {"mass"},
+    "joints": _OF_WALLS,
+    "leaders": _OF_WALLS,
+    "period": _OF_WALLS,
+    "reach": _OF_WALLS,
+    "extent": set(FIELDS),
+}
+"""The cached properties, and the fields from which they follow."""
 
 SceneLike = Scene | str | os.PathLike[str]
 """A scene, or a file or name that `Scene.load` accepts."""

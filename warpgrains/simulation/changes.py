@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -61,7 +61,7 @@ def change_of(
         )
     places = None if driven is None else _driven(scene, before, driven, "radius_out" in fields)
     was, put = (
-        one if at is None else one.with_walls_at(at[:, 0]) for one, at in ((before, driven), (scene, places))
+        one if at is None else one.placed(at[:, 0]) for one, at in ((before, driven), (scene, places))
     )
     staying = _staying(was, put, now)
     if driven is not None and places is not None:  # contacts of the last step are at walls as driven then
@@ -90,13 +90,11 @@ def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
                 f"change: {name} is that of the start; make a scene by `present_scene.replace({name}=...)`"
             )
     now = before.time_after(steps)
-    given = before.with_sides({"text": before.text_after(fields), **fields}, now)
-    if "walls" in given:
-        given["walls"] = [wall.starting(now) for wall in given["walls"]]
+    given: dict[str, Any] = {"text": before.text_after(fields), **fields}
     dt = checks.positive("dt", fields.get("dt", before.dt))
-    if dt != before.dt:
-        given["time"] = now - steps * dt
-    scene = before.unchecked(spin=np.zeros(before.n)).with_settings(**given)  # grains have other spins by now
+    time = before.time if dt == before.dt else now - steps * dt
+    at_rest = before.unchecked(spin=np.zeros(before.n), time=time)  # grains have other spins by now
+    scene = at_rest.changed(given, now)
     return scene.unchecked(spin=before.spin) if scene.has_friction else scene
 
 

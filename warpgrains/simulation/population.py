@@ -123,7 +123,7 @@ class Population:
     def _now(self) -> Scene:
         """Return the scene with its walls where they are."""
         walls = None if self.state.driven is None else self.state.driven[:, 0]
-        return self.scene.with_walls_at(walls).starting_at(self.scene.time_after(self.state.steps))
+        return self.scene.placed(walls, self.scene.time_after(self.state.steps))
 
     def _overlap(self, first: int) -> str | None:
         """Return the complaint about the deepest overlap of the grains from `first`, if one is too deep.

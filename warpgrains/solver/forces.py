@@ -93,7 +93,7 @@ def start_of_step(scene: Scene, state: State) -> tuple[FloatArray, Scene]:
     if state.driven is not None:
         way, speed = state.driven.T
         walls = way - last.dt * speed
-    return state.position - last.dt * state.velocity, last.with_walls_at(walls)
+    return state.position - last.dt * state.velocity, last.placed(walls)
 
 
 def contacts_of(scene: Scene, state: State) -> tuple[PairContacts, WallContacts]:

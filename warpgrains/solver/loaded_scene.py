@@ -97,7 +97,7 @@ class LoadedScene:
         velocity, spin = self.velocity, self.spin
         if self._records.host["scheme"]["staggered"][self._k]:
             velocity, spin = at_positions(now, velocity, spin, self.time)
-        return now.starting_at(self.time, position=self.position, velocity=velocity, spin=spin)
+        return now.placed(None, self.time, position=self.position, velocity=velocity, spin=spin)
 
     def contacts(self) -> PairContacts:
         """Return the contacts between grains that carry a correction after the last step."""

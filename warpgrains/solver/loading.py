@@ -89,7 +89,7 @@ def driven_walls(records: SceneRecords, k: int) -> FloatArray:
 def scene_with_walls(records: SceneRecords, k: int) -> Scene:
     """Return scene k with its driven walls where they are."""
     scene = records.scenes[k]
-    return scene.with_walls_at(driven_walls(records, k)[:, 0]) if scene.has_driven_walls else scene
+    return scene.placed(driven_walls(records, k)[:, 0]) if scene.has_driven_walls else scene
 
 
 def load_state(records: SceneRecords, k: int, state: State) -> None:

@@ -171,7 +171,7 @@ class Runner:
                 settings[key] = value
         cached = self._cache.get((run.base, repr(of_grains)))
         if cached is not None:
-            return cached.with_settings(**settings)
+            return cached.replace(**settings)
         fields = document_fields(run.sections(GRAINS), self._folder.path)
         scene = Scene(**fields, name=run.base.name)
         if len(self._cache) == CACHED_SCENES:
@@ -182,7 +182,7 @@ class Runner:
     def _open_folder(self, one: GroupedRun, statistics: Summary) -> None:
         """Give a run a folder. If that has a checkpoint, the run continues from it."""
         folder = self._folder.of(one.run)
-        scene = one.scene.with_settings(text=one.run.text(f"../../{GRAINS}"))
+        scene = one.scene.replace(text=one.run.text(f"../../{GRAINS}"))
         options = run_options(folder, scene.steps, self._folder.settings, self._execution)
         start = Checkpoint(scene, one.state or first_state(scene), options, statistics)
         one.counted = opened = FolderRun.open(folder, start, self.held)

@@ -131,7 +131,7 @@ def _misplaced_walls(recording: Recording, stage: Usd.Stage) -> Iterator[str]:
     still = drawn_walls(scene, thickness)
     largest, where = dict.fromkeys(still, 0.0), dict[str, int]()
     for code in range(len(recording)):
-        now = scene.with_walls_at(recording.places(code))
+        now = scene.placed(recording.places(code))
         moved = moved_walls(scene, now, recording.times.time(code), thickness)
         for name, band in (moved if code else still | moved).items():
             expected = wall_mesh(band).points

@@ -186,7 +186,7 @@ class Recording(Shown):
         """
         scene, time = self.recorded_scene, self.times.time(0)
         if time != scene.time:
-            scene = scene.with_walls_at(self.places(0)).starting_at(time)
+            scene = scene.placed(self.places(0), time)
         try:
             require_valid_positions(scene)
         except InputError as error:
@@ -249,7 +249,7 @@ class Recording(Shown):
         for name in ("position", "velocity", "spin", "angle"):
             grains[name] = self._of_frame(name, k)
         places = self.places(k)
-        scene, steps = self.recorded_scene.with_walls_at(places), times.simulated_step(k)
+        scene, steps = self.recorded_scene.placed(places), times.simulated_step(k)
         return Snapshot(
             scene=scene,
             steps=steps,

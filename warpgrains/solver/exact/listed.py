@@ -49,7 +49,7 @@ class ListedContacts:
         self._records, self._k, scene = records, k, records.scenes[k]
         if scene.has_driven_walls:
             coordinates = records.array(k, "grains.position")[scene.n :, 0]
-            scene = scene.with_walls_at(coordinates[scene.bodies.of_walls])
+            scene = scene.placed(coordinates[scene.bodies.of_walls])
         bodies = scene.bodies
         number, at = np.nonzero(bodies.of_walls[:, np.newaxis] == listed[:, 1])
         self._at_wall = index[at]
