@@ -263,3 +263,62 @@ def test_states_of_other_grains_are_refused():
     ):
         with pytest.raises(InputError, match=complaint):
             simulation.restore(replace(state, **own))
+
+
+@pytest.mark.parametrize("which", STARTS)
+def test_grains_are_poured_where_there_is_room(which, tmp_path):
+    """Until there is none; and the same ones after a checkpoint, with any number of threads."""
+    simulation = resting(STARTS[which])
+    left, bottom, right, top = simulation.scene.extent
+    region = {"x": (0.7 * left + 0.3 * right, 0.5 * (left + right)), "y": (0.5 * (bottom + top), 0.8 * top)}
+    how = {"radius": (0.01, 0.03), "density": 10.0, "region": region, "velocity": (0.0, -0.1)}
+    simulation.save(tmp_path / "saved.npz")
+    other = Simulation.load(tmp_path / "saved.npz", threads=2)
+    deepest, counts = simulation.present_scene.count_overlaps().largest, []
+    while not counts or counts[-1]:
+        n = simulation.scene.n
+        number = simulation.pour(40, **how)
+        assert contents(number) == contents(other.pour(40, **how))
+        assert contents(simulation.state()) == contents(other.state())
+        assert number.tolist() == simulation.id[n:].tolist()
+        counts.append(len(number))
+        place, radius = simulation.position[n:].T, simulation.scene.radius[n:]
+        for (low, high), along in zip(region.values(), place, strict=True):
+            assert ((along - radius >= low) & (along + radius <= high)).all()
+        assert radius.min(initial=0.01) >= 0.01
+        assert simulation.scene.mass[n:] == pytest.approx(10.0 * np.pi * radius**2, rel=1e-15)
+        # as deep as before, or to rounding of places
+        assert simulation.present_scene.count_overlaps().largest <= max(deepest, 1e-12)
+    assert counts[0] > 20
+    assert sum(counts) < 400
+    state = contents(simulation.state())
+    assert simulation.pour(40, **how).tolist() == []
+    assert contents(simulation.state()) == state
+    simulation.advance(5)
+
+
+def test_what_went_in_came_out():
+    """Grains that recirculate through a funnel are counted to the grain."""
+    x, y = np.meshgrid(np.linspace(-0.3, 0.3, 8), np.linspace(0.2, 0.5, 5))
+    slopes = [Segment((-0.7, 0.3), (-0.1, -0.1)), Segment((0.7, 0.3), (0.1, -0.1))]
+    simulation = Simulation(
+        Scene(
+            position=np.stack([x.ravel(), y.ravel()], 1), radius=0.02, mass=0.1, radius_out=1.0, walls=slopes
+        )
+    )
+    taken = poured = owed = 0
+    for _ in range(20):
+        simulation.run(duration=0.05)
+        below = simulation.id[simulation.position[:, 1] < -0.3]
+        simulation.remove(below)
+        owed += len(below)
+        number = (
+            simulation.pour(owed, radius=0.02, density=80.0, region={"x": (-0.3, 0.3), "y": (0.4, 0.7)})
+            if owed
+            else []
+        )
+        owed, taken, poured = owed - len(number), taken + len(below), poured + len(number)
+        assert simulation.scene.n + owed == 40
+        assert len({*simulation.id.tolist()}) == simulation.scene.n
+    assert taken > 20
+    assert simulation.id[-1] == 39 + poured

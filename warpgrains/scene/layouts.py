@@ -59,7 +59,7 @@ def rows(
     shift
         Horizontal displacement of all grains [m]; a tiny one keeps a grain from balancing on the disc.
     """
-    count, radius = _count(count), _radius(space, radius)
+    count, radius = _count(count), fitting_radius(space, radius)
     spacing = _spacing(spacing)
     height, shift = checks.number("grains.height", height), checks.number("grains.shift", shift)
     (left, bottom), (right, _) = space.box
@@ -89,7 +89,7 @@ def lattice(
     Sites that overlap a wall stay empty. By default the lattice is filled. In periodic directions, neighbors
     are as much farther apart as whole rows and columns need.
     """
-    radius = _radius(space, radius)
+    radius = fitting_radius(space, radius)
     pitch = _spacing(spacing) * radius
     rise = pitch * sqrt(3.0) / 2.0
     (left, bottom), (right, top) = _centers(space, radius)
@@ -155,7 +155,7 @@ def random(
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
     radii = _random_radii(radius, count, packing_fraction, space, generator)
     for extreme in (radii.min(), radii.max()):
-        _radius(space, extreme)
+        fitting_radius(space, extreme)
     filled = float(np.pi * (radii**2).sum()) / space.area
     if filled >= 1.0:
         raise InputError(
@@ -191,7 +191,7 @@ def _random_radii(
     if (count is None) == (fraction is None):
         raise InputError("layout 'random' needs one of grains.count and grains.packing_fraction")
     draw, largest = drawn_radii(radius, generator)
-    _radius(region, largest)
+    fitting_radius(region, largest)
     if fraction is None:
         return draw(_count(count))
     wanted = checks.positive("grains.packing_fraction", fraction) * region.area
@@ -217,7 +217,7 @@ def _stated(count: Any, fraction: Any) -> str:
 
 def column(space: Region, *, count: int, radius: float, spacing: float = 2.02) -> Placement:
     """Place grains on top of each other, with equal spacing, above the lowest point of the domain."""
-    count, radius = _count(count), _radius(space, radius)
+    count, radius = _count(count), fitting_radius(space, radius)
     spacing = _spacing(spacing)
     (left, bottom), (right, _) = space.box
     y = (np.arange(1, count + 1) * spacing - 1.0) * radius + bottom
@@ -236,7 +236,8 @@ def _count(value: Any) -> int:
     return checks.whole_number("grains.count", value, most=MOST_GRAINS)
 
 
-def _radius(space: Region, value: Any) -> float:
+def fitting_radius(space: Region, value: Any) -> float:
+    """Return a radius [m] if a grain of it fits into a region, and float64 resolves gaps of such grains."""
     radius, (low, high) = checks.positive("grains.radius", value), space.box
     near, far = space.ring
     widest = min(

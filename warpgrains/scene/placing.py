@@ -40,18 +40,22 @@ AT_ONCE = 20  # sweeps between two tests of the displacements
 
 
 def place_at_random(
-    region: Region, radius: FloatArray, generator: np.random.Generator, walls: Sequence[Wall] = ()
+    region: Region,
+    radius: FloatArray,
+    generator: np.random.Generator,
+    walls: Sequence[Wall] = (),
+    most_tries: int = MOST_TRIES,
 ) -> FloatArray:
     """Place discs by random sequential addition in a region, the largest first, clear of walls and images.
 
-    Returns positions [m], shape (n, 2); NaN for the discs that remained when a million tries for one failed.
+    Returns positions [m], shape (n, 2); NaN for the discs that remained when `most_tries` for one failed.
     """
     order = np.argsort(-radius, kind="stable")
     discs = _Discs(region, radius[order], walls)
     low, high = region.box
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     tries = FIRST_TRIES * len(radius)
-    while discs.placed < len(radius) and discs.tries < MOST_TRIES:
+    while discs.placed < len(radius) and discs.tries < most_tries:
         tries = min(tries, MOST_AT_ONCE)
         discs.try_positions(middle + half * (2.0 * generator.random((tries, 2)) - 1.0))
         tries *= 2

@@ -45,7 +45,8 @@ class Population:
         return np.arange(self.scene.n) if self.state.id is None else self.state.id
 
     @property
-    def _born(self) -> int:
+    def born(self) -> int:
+        """Number of births so far."""
         return self.scene.n if self.state.id is None else self.state.born
 
     def without(self, which: ArrayLike) -> Self:
@@ -57,7 +58,7 @@ class Population:
         if (count > 1).any():
             raise InputError(f"which has grain {gone[count > 1][0]} twice")
         if (unknown := gone[~np.isin(gone, self._id)]).size:
-            is_gone = 0 <= unknown[0] < self._born
+            is_gone = 0 <= unknown[0] < self.born
             raise InputError(
                 f"which has grain {unknown[0]}: {'it was removed' if is_gone else 'it does not exist'}"
             )
@@ -114,8 +115,8 @@ class Population:
             driven=None if state.driven is None else state.driven[base],
             corrections=at_walls(_of_grains(state.corrections, kept, before.n), stay),
             lists=None,
-            id=np.concatenate([self._id[kept], self._born + np.arange(added)]),
-            born=self._born + added,
+            id=np.concatenate([self._id[kept], self.born + np.arange(added)]),
+            born=self.born + added,
             last_scene=None if state.last_scene is None else _with_grains(state.last_scene, grains),
         )
         return type(self)(scene, own_state)

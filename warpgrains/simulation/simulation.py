@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack, cast
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from warpgrains.analysis.snapshot import snapshot_of
@@ -34,6 +35,7 @@ from warpgrains.simulation.checkpoint import (
 )
 from warpgrains.simulation.options import OPTIONS, Outputs, RunOptions, steps_of
 from warpgrains.simulation.population import Population
+from warpgrains.simulation.pour import poured
 from warpgrains.simulation.run import Observer, OpenRun, carry_out, require_observer
 from warpgrains.simulation.until import EndCriterion, Question, criterion
 from warpgrains.solver.advance import OnProgress, advance
@@ -335,6 +337,64 @@ class Simulation(LoadedScene, Shown):
         with self._use.held():
             n = self.scene.n
             self._populate(Population(self.scene, self.state()).with_more(is_separated, **more))
+            return self.id[n:]
+
+    def pour(
+        self,
+        count: int,
+        *,
+        radius: Any,
+        density: float,
+        region: Mapping[str, Any] | None = None,
+        velocity: tuple[float, float] = (0.0, 0.0),
+        seed: int = 0,
+    ) -> IndexArray:
+        """Add grains at random places of a region where there is room for them, as `add` does.
+
+        Places, and radii that are drawn, depend on the seed and on the number of grains so far, so that
+        repeated calls, also after `load`, need no other seed. They do not depend on threads.
+
+        Parameters
+        ----------
+        count : int
+            Number of grains. Fewer are added if a grain finds no room in a thousand tries; the largest are
+            placed first.
+        radius
+            As `grains.radius` of the layout "random" in scene files [m], such as 0.1 or (0.08, 0.12).
+        density : float
+            Mass by area [kg/m2].
+        region : mapping, optional
+            Ranges ``x``, ``y`` and ``distance`` [m], in which grains lie; by default the whole domain.
+        velocity : tuple of float
+            Present velocity of all added grains [m/s].
+        seed : int
+            Seed of the random numbers.
+
+        Returns
+        -------
+        Numbers of birth of the added grains, shape (m,), where m is at most `count`.
+
+        Raises
+        ------
+        InputError
+            A value is invalid, or the region is too narrow for the grains even if it is empty.
+        SimulationError
+            A callback of a run adds grains.
+
+        Examples
+        --------
+        >>> other = wg.Simulation(simulation.scene, state=simulation.state())
+        >>> other.pour(3, radius=(0.05, 0.1), density=10.0, region={"y": (1.0, 2.0)})
+        array([15, 16, 17])
+        """
+        velocity = checks.vector("velocity", velocity)
+        seed = checks.whole_number("seed", seed, least=0)
+        with self._use.held():
+            n, present = self.scene.n, Population(self.scene, self.state())
+            grains = poured(self.present_scene, count, radius, density, region, (seed, present.born))
+            if len(grains["radius"]):
+                grains["velocity"] = np.tile(velocity, (len(grains["radius"]), 1))
+                self._populate(present.with_more(is_separated=False, **grains))
             return self.id[n:]
 
     def remove(self, which: ArrayLike) -> None:
