@@ -8,7 +8,7 @@ import pytest
 from moments import EPS, moment_of, random_moment
 from walled_scenes import BOXES, boxed, cloud
 
-from warpgrains import Disc, Simulation, analysis
+from warpgrains import Disc, Scene, Simulation, analysis
 from warpgrains.analysis import height_profile, quantities, snapshot
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES, SWEEP_QUANTITIES
 from warpgrains.scene.snapshot import Snapshots
@@ -57,6 +57,14 @@ def test_energies():
     assert found["kinetic_energy"] == pytest.approx(0.5 * 0.2 * 25.0 + 0.5 * 0.4, rel=8 * EPS)
     assert found["potential_energy"] == pytest.approx(-0.4 * G * 0.5, rel=8 * EPS)
     assert [found[name] for name in GROUPS["speed"]] == [3.0, 5.0, 2.25]
+
+
+def test_grains_are_counted_and_weighed_by_their_centers():
+    scene = Scene(
+        position=[[0.5, 0.0], [0.0, -0.5], [0.0, 0.5]], radius=0.1, mass=[0.25, 0.5, 2.0], radius_out=1.0
+    )
+    whole, part = (quantities(Simulation(scene), ["grains"], region) for region in (None, {"y": (-0.6, 0.0)}))
+    assert (whole, part) == ({"grain_count": 3, "grain_mass": 2.75}, {"grain_count": 2, "grain_mass": 0.75})
 
 
 def test_area_below_a_level():

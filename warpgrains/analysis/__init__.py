@@ -49,7 +49,7 @@ from warpgrains.analysis.packing import (
 )
 from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES, find, quantities
-from warpgrains.analysis.region_table import grains_in, region_of
+from warpgrains.analysis.region_table import grain_count, grain_mass, grains_in, region_of
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.analysis.structure import structure_factor
@@ -62,9 +62,10 @@ __all__ = [
     "GROUPS", "QUANTITIES", "EnergyBalance", "Profile", "Region", "Series", "Snapshot", "WallForce",
     "cell_areas", "clusters", "contact_directions", "contact_forces", "contact_numbers",
     "coordination_number", "energy_balance", "fabric_tensor", "find", "force_distribution",
-    "force_statistics", "global_packing_fraction", "grain_stresses", "grains_in",
-    "granular_temperature", "height_profile", "heights", "kinetic_energy", "largest_speed",
-    "local_packing_fractions", "mean_speed", "mean_stress", "packing_fraction",
+    "force_statistics", "global_packing_fraction", "grain_count", "grain_mass",
+    "grain_stresses", "grains_in", "granular_temperature", "height_profile", "heights",
+    "kinetic_energy", "largest_speed", "local_packing_fractions", "mean_speed", "mean_stress",
+    "packing_fraction",
     "partial_radial_distributions", "pile_height", "potential_energy", "pressure", "quantities",
     "radial_distribution", "radial_profile", "radius_classes", "rattlers", "region_of", "rigidity",
     "snapshot", "step_energy_balance", "structure_factor", "wall_forces", "wall_places",

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis import contacts, energy, forces, network, packing
+from warpgrains.analysis import contacts, energy, forces, network, packing, region_table
 from warpgrains.analysis.energy import EnergyBalance, require_energy_balance, step_energy_balance
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, snapshot
@@ -169,6 +169,10 @@ QUANTITIES = {
     "mean_force": _force("mean", "mean of the forces"),
     "largest_force": _force("largest", "largest force"),
     "force_deviation": _force("deviation", "standard deviation of the forces"),
+    "grain_count": Quantity(
+        "", region_table.grain_count, meaning="number of grains in the region, or of all"
+    ),
+    "grain_mass": Quantity("kg", region_table.grain_mass, meaning="mass of these grains"),
     "mean_speed": Quantity("m/s", energy.mean_speed, meaning="mean speed of the grains"),
     "largest_speed": Quantity("m/s", energy.largest_speed, meaning="speed of the fastest grain"),
     "granular_temperature": Quantity(
@@ -187,6 +191,7 @@ GROUPS = {
     "kinetic": ("kinetic_stress_xx", "kinetic_stress_xy", "kinetic_stress_yy"),
     "force": ("mean_force", "largest_force", "force_deviation"),
     "friction": ("friction_power", "wall_power", "stress_antisymmetric"),
+    "grains": ("grain_count", "grain_mass"),
     "speed": ("mean_speed", "largest_speed", "granular_temperature"),
 }
 """Names of groups of quantities."""
