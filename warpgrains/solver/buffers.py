@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 from math import prod
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -80,9 +81,22 @@ class BlockLayout(NamedTuple):
         return cls(length, np.concatenate([np.zeros_like(end[:1]), end[:-1]]), end[-1])
 
 
+@cache
+def record_dtype() -> np.dtype[Any]:
+    """Return the type of `SceneRecord` in NumPy, which takes milliseconds to derive."""
+    return np.dtype(SceneRecord.numpy_dtype())
+
+
+def records_in(array: wp.array) -> np.ndarray[Any, Any]:
+    """Return an array of `SceneRecord` in host memory as NumPy's, which shares and keeps its memory."""
+    of_bytes = {"data": (array.ptr, False), "shape": array.shape, "typestr": f"|V{record_dtype().itemsize}"}
+    memory = SimpleNamespace(__array_interface__={**of_bytes, "version": 3}, owner=array)
+    return np.asarray(memory).view(record_dtype())
+
+
 def bytes_needed(size: Sizes) -> IndexArray:
     """Return the memory of each scene [bytes], shape (scenes,)."""
-    return BlockLayout.of(size).size + SceneRecord.numpy_dtype()["itemsize"]
+    return BlockLayout.of(size).size + record_dtype().itemsize
 
 
 def copied_memory(length: int, dtype: Any, device: wp.Device) -> tuple[wp.array, wp.array]:

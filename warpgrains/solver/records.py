@@ -18,7 +18,14 @@ from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stopping import StopOn
 from warpgrains.kernels.types import MotionOf
 from warpgrains.solver import tuning
-from warpgrains.solver.buffers import Block, BlockLayout, array_fields, bytes_needed, copied_memory
+from warpgrains.solver.buffers import (
+    Block,
+    BlockLayout,
+    array_fields,
+    bytes_needed,
+    copied_memory,
+    records_in,
+)
 from warpgrains.solver.memory import require_memory
 from warpgrains.solver.sizes import Sizes, grid_width
 
@@ -55,7 +62,7 @@ class SceneRecords:
             own = self.device = wp.zeros(len(scenes), dtype=SceneRecord, device=device)
         else:
             own, self.device = self._copies = copied_memory(len(scenes), SceneRecord, device)
-        self.host = own.numpy()
+        self.host = records_in(own)
         self._blocks: list[Any] = [None] * len(scenes)
         self._memory: NDArray[np.uint8] | None = None
         self._length = np.zeros((len(array_fields()), len(scenes)), np.int64)
