@@ -9,7 +9,7 @@ from functools import cache
 
 import warp as wp
 
-from .record import PAUSED, SOLVED, Phase, Scene, SceneRecord
+from .record import PAUSED, SOLVED, Scene, SceneRecord
 from .stages import OPTIONS
 from .threads import Team, TeamRecord, is_on_gpu
 from .waiting import barrier, seconds
@@ -109,9 +109,9 @@ def kernel(name: str, solve: wp.Function, on_gpu: bool) -> wp.Kernel:
         while going_on != 0:
             solve(team, s)
             if team.rank == 0:
-                if s.control.phase == Phase.ACCEPTED:
-                    left -= 1
                 outcome = int(s.step.outcome)
+                if outcome == SOLVED:
+                    left -= 1
                 if s.statistics.unconverged >= most_unconverged:
                     outcome = PAUSED
                 queue.left[k] = left

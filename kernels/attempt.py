@@ -23,7 +23,7 @@ from .record import (
     pair_count,
 )
 from .stopping import is_measured, meets_tolerance, phase_of_next_sweep
-from .verlet import check_all, outcome_of_check, reserve
+from .verlet import check_all, outcome_of_check, spare_skin
 from .walls import is_periodic, wall_velocity, way
 
 f64 = wp.float64
@@ -66,7 +66,7 @@ def begin_iterating(s: Scene):
 
     An accelerated attempt that may stop is measured again, with the list that it has now.
     """
-    check_all(s, reserve(s))
+    check_all(s, spare_skin(s))
     if s.control.resuming == 0:
         s.step.iterations = 0
         s.step.measured = 0
@@ -172,9 +172,4 @@ def judge(s: Scene):
         outcome = CANCELLED  # perhaps during a scan, with the residual of another iteration
     s.step.converged = 1 if converged else 0
     s.step.outcome = outcome
-    if outcome == SOLVED:
-        s.control.phase = Phase.ACCEPTED
-    elif outcome == EXPIRED:
-        s.control.phase = Phase.EXPIRE
-    else:
-        s.control.phase = Phase.ENDED
+    s.control.phase = Phase.SEARCH if outcome == EXPIRED else Phase.ENDED

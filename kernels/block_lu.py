@@ -74,16 +74,16 @@ def factor(factors: Factors) -> f64:
             j = at(factors.row, p)
             lower, upper = at(factors.lower, p), at(factors.upper, p)
             put(factors.diagonal, j, at(factors.diagonal, j) - lower * upper)
-            place = int(at(factors.start, j))
+            entry = int(at(factors.start, j))
             u += 1
             w = int(u)
             while w < end:
                 q = at(factors.used, w)
                 i = at(factors.row, q)
-                while at(factors.row, place) < i:
-                    place += 1
-                put(factors.lower, place, at(factors.lower, place) - at(factors.lower, q) * upper)
-                put(factors.upper, place, at(factors.upper, place) - lower * at(factors.upper, q))
+                while at(factors.row, entry) < i:
+                    entry += 1
+                put(factors.lower, entry, at(factors.lower, entry) - at(factors.lower, q) * upper)
+                put(factors.upper, entry, at(factors.upper, entry) - lower * at(factors.upper, q))
                 w += 1
         k += 1
     return sign

@@ -1,9 +1,9 @@
 """Triangular solves with the factors L D L^T of a sparse matrix M, and with borders of M.
 
-A border c adds a row a_c and a column to M. Its part of the factors is y_c = L^-1 a_c. The entries that are
-not 0 lie on the paths from those of a_c to the root of the elimination tree, in which the parent of a column
-of L is the row of its first entry (Liu 1990). Only these are computed and kept. What is left of the bordered
-matrix is its Schur complement, y_c . D^-1 y_d, which is small and dense. It is factored row by row.
+A border c adds the row a_c to M, and the same column. Its row of the factors is y_c = L^-1 a_c. In the
+elimination tree, the parent of a column of L is the row of its first entry. y_c is 0 but on the paths from
+the entries of a_c to the root of this tree (Liu 1990), and only there it is computed. The borders leave the
+Schur complement y_c . D^-1 y_d, which is small and dense. It is factored row by row.
 """
 
 import warp as wp

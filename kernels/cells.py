@@ -80,9 +80,9 @@ def count_in_cell(s: Scene, i: int):
 
 @wp.func
 def end_cells(s: Scene):
-    """Find the end of every bucket, and reset the places of contacts."""
+    """Find the end of every bucket, and reset the slots of contacts."""
     prefix_sum(s.grid.cell_start, s.grid.cell_start)
-    put(s.neighbors.places, 0, 0)
+    put(s.neighbors.slots, 0, 0)
 
 
 @wp.func

@@ -55,7 +55,7 @@ def choose_sets(s: Scene):
 
 
 @wp.func
-def place_contacts(s: Scene):
+def order_contacts(s: Scene):
     """Give every contact its index in sweeping order: pairs by set, then contacts with walls (counting sort).
 
     Contacts of a set stay in lexicographic order. Where sets are merged, all pairs are one set, because a

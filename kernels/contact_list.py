@@ -73,7 +73,6 @@ def expire(s: Scene):
             s.control.resuming = 1
         else:
             s.step.restarts = s.step.restarts + 1
-    s.control.phase = Phase.SEARCH
 
 
 @wp.func
@@ -86,12 +85,12 @@ def fill_rows(s: Scene):
         s.neighbors.found,
         s.neighbors.by_second,
         s.neighbors.start,
-        s.neighbors.seconds,
+        s.neighbors.second,
     )
     clear(start)
     clear(second)
-    k, places = int(0), at(s.neighbors.places, 0)
-    while k < places:
+    k, slots = int(0), at(s.neighbors.slots, 0)
+    while k < slots:
         pair = at(found, k)
         if pair[0] >= 0:
             add(start, pair[0], 1)
@@ -138,11 +137,11 @@ def match_rows(s: Scene, i: int):
         while k_old < end_old and at(old.neighbor, k_old) < j:
             keep_pair(s, i, at(old.neighbor, k_old), k_old)
             k_old += 1
-        place = int(-1)
+        k_found = int(-1)
         if k_old < end_old and at(old.neighbor, k_old) == j:
-            place = k_old
+            k_found = k_old
             k_old += 1
-        put(s.workspace.old_place, k, place)
+        put(s.workspace.old_index, k, k_found)
         k += 1
     while k_old < end_old:
         keep_pair(s, i, at(old.neighbor, k_old), k_old)
@@ -156,7 +155,7 @@ def transfer_warm_start(s: Scene, i: int):
     while k < end:
         j = at(s.neighbors.neighbor, k)
         c = at(s.workspace.sweep_index, k)
-        k_old = at(s.workspace.old_place, k)
+        k_old = at(s.workspace.old_index, k)
         dv, dvt, dvr = wp.vec3d(), wp.vec3d(), wp.vec3d()
         if k_old >= 0:
             dv = at(s.workspace.old_dv, k_old)

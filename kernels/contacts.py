@@ -1,8 +1,9 @@
 """Contacts by index: pairs, then contacts with walls; chunks over which sums are taken; one contact's law.
 
-Chunk q of set k has the contacts of the set among CHUNK ones from (q - k) CHUNK on, so that numbers of chunks
-follow each other from set to set. Sums are taken over each chunk and then in order: they are the same for any
-number of threads. The contacts of a grain with walls are never divided among threads, or chunks.
+A chunk is what CHUNK contacts, from a multiple of CHUNK on, have of one set. Chunk q of set k is in those
+from (q - k) CHUNK on: where a set ends among them, they have one more chunk. Sums are taken over each, and
+then over the chunks in order, so that they are the same for any number of threads. The contacts of a grain
+with walls are never divided among threads, or chunks.
 """
 
 import warp as wp

@@ -60,8 +60,8 @@ VELOCITIES = """
 
 KEEP = """
     #if !defined(__CUDA_ARCH__)
-        *(couple *)&kept.data[place + 2 * k] = after_i;
-        *(couple *)&kept.data[place + 2 * k + 1] = after_j;
+        *(couple *)&kept.data[slot + 2 * k] = after_i;
+        *(couple *)&kept.data[slot + 2 * k + 1] = after_j;
     #endif
 """
 """C++ that keeps the velocities of a pair after its correction, because a later pair may change them."""
@@ -197,7 +197,7 @@ def lanes(count: int, friction: bool = False, rolling: bool = False, keep: bool 
         rim_j: vector,
         part: vector,
         kept: Vectors,
-        place: int,
+        slot: int,
     ): ...
 
     return SimpleNamespace(

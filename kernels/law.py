@@ -92,7 +92,7 @@ def driven_change(excess: f64, dv: f64, compliance: f64) -> f64:
 
 
 @wp.func
-def slip_share(rim: f64, wall: f64) -> f64:
+def inverse_kt(rim: f64, wall: f64) -> f64:
     """1 / K_t of a contact with a driven wall (eq. 30b), from what rim and wall add to K_t."""
     return f64(1.0) / (f64(1.0) + rim + wall)
 
@@ -104,13 +104,13 @@ def tangent(n: wp.vec2d) -> wp.vec2d:
 
 
 @wp.func
-def tangential_change(vt: f64, dvt: f64, limit: f64) -> f64:
-    """Change of a contact's tangential correction dv_t [m/s] (eq. 23), whose size is at most the limit.
+def tangential_change(vt: f64, dvt: f64, bound: f64) -> f64:
+    """Change of a contact's tangential correction dv_t [m/s] (eq. 23), whose size is at most the bound.
 
     vt is the velocity at which the surfaces slip, divided by K_t of eq. 22. So is dv_r changed (eq. 37).
     """
     stuck = dvt + vt
-    return wp.where(stuck > limit, limit, wp.where(stuck < -limit, -limit, stuck)) - dvt
+    return wp.where(stuck > bound, bound, wp.where(stuck < -bound, -bound, stuck)) - dvt
 
 
 @wp.func

@@ -5,7 +5,7 @@ pair, so that few large grains among many small ones cost no more than the cells
 tested eight at a time, and only walls whose circle is near: one by one, a step of 1,000 flowing grains takes
 1.1 of the time, and below 20 to 100 segments 1.2.
 
-The threads of a team share the grains. Each takes places a number at once for the contacts that it finds, and
+The threads of a team share the grains. Each takes slots a number at once for the contacts that it finds, and
 one thread sorts them all (contact_list.py), so that the list is the same for any number of threads.
 """
 
@@ -24,7 +24,7 @@ from .walls import are_mobile, is_near_wall, is_periodic, joint_reach, next_near
 f64 = wp.float64
 Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has eight tests
 MOST_CONTACTS = wp.constant(2**30)  # of a list, so that their count never passes 2^31
-TAKEN = 64  # places that a CPU thread takes at once: one by one, two threads would wait for each other
+TAKEN = 64  # slots that a CPU thread takes at once: one by one, two threads would wait for each other
 NO_CONTACT = wp.constant(wp.vec2i(-1, -1))
 TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact out
 
@@ -32,36 +32,36 @@ TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact
 @wp.func
 def is_too_long(s: Scene) -> bool:
     """Return whether more contacts have been found than a list may have."""
-    return at(s.neighbors.places, 0) > MOST_CONTACTS
+    return at(s.neighbors.slots, 0) > MOST_CONTACTS
 
 
 @wp.func_native(
     checked(f"""
 #if defined(__CUDA_ARCH__)
-    return atomicAdd(&places.data[0], 1);
+    return atomicAdd(&slots.data[0], 1);
 #else
-    return free % {TAKEN} ? free : __atomic_fetch_add(&places.data[0], {TAKEN}, __ATOMIC_RELAXED);
+    return free % {TAKEN} ? free : __atomic_fetch_add(&slots.data[0], {TAKEN}, __ATOMIC_RELAXED);
 #endif
 """)
 )
-def take_place(places: Ints, free: int) -> int:
-    """Return the next place of this thread, which is `free` unless all that it took are full."""
+def take_slot(slots: Ints, free: int) -> int:
+    """Return the next slot of this thread, which is `free` unless all that it took are full."""
     ...
 
 
 @wp.func
 def note_contact(s: Scene, free: int, i: int, j: int) -> int:
-    """Write a contact at this thread's next place, if it is within the capacity. Returns the one after."""
+    """Write a contact at this thread's next slot, if it is within the capacity. Returns the one after."""
     if is_too_long(s):
         return free
-    place = take_place(s.neighbors.places, free)
-    if place < s.neighbors.found.shape[0]:
-        put(s.neighbors.found, place, wp.vec2i(i, j))
-    return place + 1
+    slot = take_slot(s.neighbors.slots, free)
+    if slot < s.neighbors.found.shape[0]:
+        put(s.neighbors.found, slot, wp.vec2i(i, j))
+    return slot + 1
 
 
 NEAR = """
-    const double own_x = place[0], own_y = place[1], own = grid.extent.data[k];
+    const double own_x = center[0], own_y = center[1], own = grid.extent.data[k];
     const double *x = &grid.x.data[begin], *y = &grid.y.data[begin], *extent = &grid.extent.data[begin];
     unsigned near = 0;
 #if defined(__CUDA_ARCH__)
@@ -87,10 +87,10 @@ NEAR = """
 
 
 @wp.func_native(checked(NEAR))
-def near_mask(grid: CellGrid, k: int, place: wp.vec2d, begin: int, end: int, wide: f64) -> wp.uint64:
+def near_mask(grid: CellGrid, k: int, center: wp.vec2d, begin: int, end: int, wide: f64) -> wp.uint64:
     """Return a bit for each of the eight indices from `begin` on: whether the grain at k may find its grain.
 
-    `place` is that of the grain, or of an image of it [m].
+    `center` is that of the grain, or of an image of it [m].
 
     The index is below `end`, and the grains are near. Of two grains the one of larger extent finds the pair,
     or, of equals, the one that comes first.
@@ -102,7 +102,7 @@ def near_mask(grid: CellGrid, k: int, place: wp.vec2d, begin: int, end: int, wid
 def note_pairs(s: Scene, free: int, k: int, shift: wp.vec2d, near: wp.uint64, begins: Begins) -> int:
     """Note those of the possible pairs of the grain at index k that are within reach, if it is shifted."""
     x, y, velocity, skin, grain = s.grid.x, s.grid.y, s.grid.velocity, s.grid.skin, s.grid.grain
-    left, place = near, int(free)
+    left, slot = near, int(free)
     while left != wp.uint64(0):
         bit = lowest_bit(left)
         left = left & (left - wp.uint64(1))
@@ -114,17 +114,17 @@ def note_pairs(s: Scene, free: int, k: int, shift: wp.vec2d, near: wp.uint64, be
         d = apart - shift
         if wp.dot(d, d) <= reach * reach and d == law.nearest_image(apart, s.walls.period):
             a, b = at(grain, k), at(grain, other)
-            place = note_contact(s, place, wp.min(a, b), wp.max(a, b))
-    return place
+            slot = note_contact(s, slot, wp.min(a, b), wp.max(a, b))
+    return slot
 
 
 @wp.func
-def is_near_domain(place: wp.vec2d, radius: f64, period: wp.vec2d) -> bool:
-    """Return whether a place is within a radius [m] of where wrapped grains are (cells.wrapped)."""
+def is_near_domain(x: wp.vec2d, radius: f64, period: wp.vec2d) -> bool:
+    """Return whether a point is within a radius [m] of where wrapped grains are (cells.wrapped)."""
     near = bool(True)
     for d in range(2):
         if period[d] > f64(0.0):
-            near = near and place[d] > -radius and place[d] < period[d] + radius
+            near = near and x[d] > -radius and x[d] < period[d] + radius
     return near
 
 
@@ -132,13 +132,13 @@ def is_near_domain(place: wp.vec2d, radius: f64, period: wp.vec2d) -> bool:
 def find_pairs(s: Scene, free: int, k: int) -> int:
     """Find the pairs of the grain at index k, each pair once, around it and around its periodic images."""
     own, period = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)), s.walls.period
-    radius, place = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE, int(free)
+    radius, slot = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE, int(free)
     for kx in range(wp.where(period[0] > f64(0.0), 3, 1)):
         for ky in range(wp.where(period[1] > f64(0.0), 3, 1)):
             shift = wp.vec2d(f64((kx + 1) % 3 - 1) * period[0], f64((ky + 1) % 3 - 1) * period[1])
             if is_near_domain(own + shift, radius, period) and not is_too_long(s):
-                place = find_pairs_around(s, place, k, shift, radius)
-    return place
+                slot = find_pairs_around(s, slot, k, shift, radius)
+    return slot
 
 
 @wp.func
@@ -148,7 +148,7 @@ def find_pairs_around(s: Scene, free: int, k: int, shift: wp.vec2d, radius: f64)
     A row of cells is one range of indices, or two where the grid repeats. Eight indices are tested at
     once, and the hits of eight such tests are checked together.
     """
-    own, place = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)) + shift, int(free)
+    own, slot = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)) + shift, int(free)
     x, y = own[0], own[1]
     width, start, inverse_size = s.grid.width, s.grid.cell_start, s.grid.inverse_size
     first_x, last_x = cell_of(x - radius, inverse_size), cell_of(x + radius, inverse_size)
@@ -176,11 +176,11 @@ def find_pairs_around(s: Scene, free: int, k: int, shift: wp.vec2d, radius: f64)
                 begin += AT_ONCE
                 tests += 1
                 if tests == 8:
-                    place = note_pairs(s, place, k, shift, near, begins)
+                    slot = note_pairs(s, slot, k, shift, near, begins)
                     near = wp.uint64(0)
                     tests = 0
             cy += 1
-    return note_pairs(s, place, k, shift, near, begins)
+    return note_pairs(s, slot, k, shift, near, begins)
 
 
 @wp.func
@@ -194,7 +194,7 @@ def find_walls(s: Scene, free: int, i: int) -> int:
     old = s.workspace.old
     k_old, end_old = pair_end(old, i), at(old.start, i + 1)
     skipping = not (are_mobile(s.walls) or is_periodic(s.walls) or k_old < end_old)
-    b, place = int(0), int(free)
+    b, slot = int(0), int(free)
     while b < wall_body_count(s.walls):
         j = grain_count(s) + b
         its = wall_path(b, s.walls, now, now + lifetime)
@@ -209,35 +209,35 @@ def find_walls(s: Scene, free: int, i: int) -> int:
         if k_old < end_old and at(old.neighbor, k_old) == j and is_active(at(s.workspace.old_dv, k_old)):
             listed = True
         if listed:
-            place = note_contact(s, place, i, j)
+            slot = note_contact(s, slot, i, j)
         b += 1
         if skipping:
             b = 1 + next_near(s.walls.shape, b - 1, x, radius + joint_reach(s.walls, radius) + own * TOO_WIDE)
-    return place
+    return slot
 
 
 @wp.func
 def find_contacts(team: Team, s: Scene):
-    """Find the contacts of this thread's part of the grains. Places left of those it took stay empty."""
+    """Find the contacts of this thread's part of the grains. Slots left of those it took stay empty."""
     begin, end = thread_range(team, 0, grain_count(s))
-    k, place = int(begin), int(0)
+    k, slot = int(begin), int(0)
     while k < end:
-        place = find_pairs(s, place, k)
-        place = find_walls(s, place, k)
+        slot = find_pairs(s, slot, k)
+        slot = find_walls(s, slot, k)
         k += 1
     if not is_on_gpu(team):
-        free = int(place)
-        while place % TAKEN != 0:
-            if place < s.neighbors.found.shape[0]:
-                put(s.neighbors.found, place, NO_CONTACT)
-            place += 1
-        put(s.neighbors.empty, team.rank, place - free)
+        free = int(slot)
+        while slot % TAKEN != 0:
+            if slot < s.neighbors.found.shape[0]:
+                put(s.neighbors.found, slot, NO_CONTACT)
+            slot += 1
+        put(s.neighbors.empty, team.rank, slot - free)
 
 
 @wp.func
 def check_capacity(s: Scene):
     """List the contacts found, or leave the step until the host has reserved memory for them."""
-    contacts = at(s.neighbors.places, 0)
+    contacts = at(s.neighbors.slots, 0)
     for rank in range(s.neighbors.empty.shape[0]):
         contacts -= at(s.neighbors.empty, rank)
     contacts = wp.where(is_too_long(s), MOST_CONTACTS + 1, contacts)

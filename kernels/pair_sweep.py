@@ -3,9 +3,9 @@
 One loop serves all methods, by static flags. A plain sweep visits all pairs, one at a time, from the
 corrections that they have. A sweep `ahead` visits the working set from y, further along, four at a time,
 goes a little too far, and sums what it does to phi (momentum.py). With friction, a visit corrects the
-normal velocity and then the velocity at which the surfaces slip. For discs the two depend on each other by
-Coulomb's bound alone, so one visit solves a contact exactly. Where rolling is resisted, a visit at last
-corrects the velocity at which grains roll.
+normal velocity and then the velocity at which the surfaces slip. Neither changes the other in a contact of
+discs, but for Coulomb's bound, so one visit solves the contact exactly. Where rolling is resisted, a visit at
+last corrects the velocity at which grains roll.
 
 Plain sweeps monitor grains where a correction is large (verlet.py), a block of pairs at a time: whether a
 correction is large cannot be foreseen, and to find it out pair by pair costs a processor as much as the
@@ -58,8 +58,8 @@ def sweeping_pairs(
     roll = several.roll
 
     @wp.func
-    def bounded(dv: Floats, last: Floats, c: int, beta: f64, speed: vector, slowed: vector, limit: vector):
-        """Correct dv_t or dv_r within a limit; return the change, and the step ahead before it."""
+    def bounded(dv: Floats, last: Floats, c: int, beta: f64, speed: vector, inverse_k: vector, bound: vector):
+        """Correct dv_t or dv_r within a bound; return the change, and the step ahead before it."""
         x = numbers_at(dv, c)
         y, step, change = x, vector(), vector()
         if wp.static(ahead):
@@ -67,7 +67,7 @@ def sweeping_pairs(
             y = x + step
             set_numbers(last, c, x)
         for k in range(wp.static(count)):
-            change[k] = law.tangential_change(slowed[k] * speed[k], y[k], limit[k])
+            change[k] = law.tangential_change(inverse_k[k] * speed[k], y[k], bound[k])
         set_numbers(dv, c, y + change)
         return change, step
 
@@ -93,11 +93,11 @@ def sweeping_pairs(
             omega = relaxation_factor(s)
         large, half, one = least_monitored_correction(s), f64(0.5), f64(1.0)
         share_i, share_j, mass = vector(half), vector(half), vector(half)  # by unit mass where all are equal
-        rim_i, rim_j, narrow = vector(one), vector(one), vector(EQUAL_RIMS[0])
+        rim_i, rim_j, inverse_kt = vector(one), vector(one), vector(EQUAL_RIMS[0])
         zeta, cost, slope, bits = vector(), vector(), vector(), wp.uint64(0)
         c = int(begin)
         while c < end:
-            place = kept + 2 * (c - begin)
+            slot = kept + 2 * (c - begin)
             if wp.static(weighted):
                 for k in range(wp.static(count)):
                     share = at(weights, c + k)
@@ -107,7 +107,7 @@ def sweeping_pairs(
                         mass[k] = at(masses, c + k)
                     if wp.static(friction):
                         rims = at(rim_weights, c + k)
-                        narrow[k] = rims[0]
+                        inverse_kt[k] = rims[0]
                         rim_i[k] = rims[1]
                         rim_j[k] = rims[2]
             x = numbers_at(dvs, c)
@@ -126,12 +126,12 @@ def sweeping_pairs(
             change = wp.abs(dv)
             if wp.static(friction):
                 vt = slip(velocity, rim, pairs, c)
-                dvt, step_t = bounded(dvts, last_dvts, c, beta, vt, narrow, mu * (y + dv))
+                dvt, step_t = bounded(dvts, last_dvts, c, beta, vt, inverse_kt, mu * (y + dv))
                 change = larger_of(change, wp.abs(dvt))
                 if wp.static(ahead):
                     wide_dvt = vector()
                     for k in range(wp.static(count)):
-                        wide_dvt[k] = dvt[k] / narrow[k]
+                        wide_dvt[k] = dvt[k] / inverse_kt[k]
                     size = sum_of(product_of(dv, dv), product_of(wide_dvt, dvt))
                     cost = sum_of(cost, product_of(mass, size))
                     slope = sum_of(slope, product_of(mass, product_of(wide_dvt, step_t + dvt)))
@@ -139,22 +139,22 @@ def sweeping_pairs(
                 gain = product_of(dv, excess - half * dv)
                 cost = sum_of(cost, product_of(mass, product_of(gap_rate, step) - ENOUGH * gain))
             if wp.static(resists_rolling):
-                limit, step_r, slowed = mu_r * (y + dv), vector(), vector()
-                if wp.static(ahead) or limit[0] > f64(0.0) or at(dvrs, c) != f64(0.0):  # else it does nothing
+                bound, step_r, inverse_kr = mu_r * (y + dv), vector(), vector()
+                if wp.static(ahead) or bound[0] > f64(0.0) or at(dvrs, c) != f64(0.0):  # else it does nothing
                     for k in range(wp.static(count)):
                         own = at(roll_weights, c + k)
                         part[k] = own[0]
-                        slowed[k] = own[1]
+                        inverse_kr[k] = own[1]
                     vr = roll(rim, pairs, c, dvt, rim_i, rim_j, part)
-                    dvr, step_r = bounded(dvrs, last_dvrs, c, beta, vr, slowed, limit)
+                    dvr, step_r = bounded(dvrs, last_dvrs, c, beta, vr, inverse_kr, bound)
                     change = larger_of(change, wp.abs(dvr))
                 if wp.static(ahead):
                     wide_dvr = vector()
                     for k in range(wp.static(count)):
-                        wide_dvr[k] = dvr[k] / slowed[k]
+                        wide_dvr[k] = dvr[k] / inverse_kr[k]
                     cost = sum_of(cost, product_of(mass, product_of(wide_dvr, dvr)))
                     slope = sum_of(slope, product_of(mass, product_of(wide_dvr, step_r + dvr)))
-            push(velocity, rim, pairs, c, dv, dvt, dvr, share_i, share_j, rim_i, rim_j, part, kept_v, place)
+            push(velocity, rim, pairs, c, dv, dvt, dvr, share_i, share_j, rim_i, rim_j, part, kept_v, slot)
             set_numbers(dvs, c, y + dv)
             zeta = larger_of(zeta, change)
             if wp.static(ahead):
@@ -180,9 +180,9 @@ def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
         c = end - 1 - lowest_bit(left)
         left = left & (left - ONE)
         i, j = bodies_of(contact_at(contact, c))
-        place = k + 2 * (c - begin)
-        monitor(s, i, kept_velocity(kept, place, velocity, i))
-        monitor(s, j, kept_velocity(kept, place + 1, velocity, j))
+        slot = k + 2 * (c - begin)
+        monitor(s, i, kept_velocity(kept, slot, velocity, i))
+        monitor(s, j, kept_velocity(kept, slot + 1, velocity, j))
 
 
 def sweeping_any_pairs(count: int, friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:

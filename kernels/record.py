@@ -1,9 +1,9 @@
 """A scene as a record: its arrays, the numbers of a step, and parameters.
 
-The numbers change while a kernel runs, as the contents of the arrays do; lengths and parameters do not, but
-for those that follow from the time or from driven walls: `gravity`, the times to which velocities belong
-(`TimeScheme`), the speed of the outer circle in `walls.surface`, and its radius in `walls.annulus`, which is
-the coordinate of the wall's body as well (driven.py).
+A kernel changes the numbers and the contents of the arrays. It changes neither their lengths nor parameters,
+but for those that follow from the time or from driven walls: `gravity`, the times to which velocities belong
+(`TimeScheme`), and the speed and the radius of the outer circle (`walls.surface` and `walls.annulus`). This
+radius is also the coordinate of the circle's body (driven.py).
 """
 
 from enum import IntEnum
@@ -31,8 +31,8 @@ f64 = wp.float64
 SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, CANCELLED, TOO_FAR, SLOW, PAUSED = (
     wp.constant(k) for k in range(9)
 )
-"""Outcomes of a step. A SOLVED step is accepted, converged or, if the scene allows it, not. A SLOW one
-waits for the host. A scene is PAUSED after a step that is accepted."""
+"""Outcomes of a step. A SOLVED one is taken, converged or, if the scene allows it, not. An EXPIRED one begins
+again with another list, and a SLOW one waits for the host. A scene is PAUSED after a step that is taken."""
 
 
 class Kind(NamedTuple):
@@ -51,21 +51,18 @@ class Phase(IntEnum):
     and the host answers steps that are FULL or SLOW.
     """
 
-    ENDED = 0  # nothing: no step has begun, the last one was refused, or the host solves it
-    ACCEPTED = 1  # move and report: the step is taken
-    FULL = 2  # nothing: the host reserves memory for the list
-    BEGIN = 3  # free velocities
-    SEARCH = 4  # find the candidate contacts
-    START = 5  # freeze contacts, and apply their corrections
-    CORRECTED = 6  # take the velocities that the host's corrections make
-    DECLINED = 7  # go on: the host has found no better corrections
-    SWEEP = 8
-    CHECK_LIST = 9  # check the list before all contacts are scanned (working_set.py)
-    MEASURE = 10  # measure the residual; accelerated sweeps continue from velocities recomputed for it
-    RECORD = 11  # measure it for the history, or its trend, alone
-    SCAN = 12  # scan all contacts for the working set
-    VERIFY = 13  # verify the list and judge the step: the sweeps have stopped, or the list has not sufficed
-    EXPIRE = 14  # set aside the list, in which a contact may be missing
+    ENDED = 0  # nothing: no step has begun, or the last one has its outcome; the host solves a SLOW one
+    FULL = 1  # nothing: the host reserves memory for the list
+    BEGIN = 2  # free velocities
+    SEARCH = 3  # find the candidate contacts
+    START = 4  # freeze contacts, and apply their corrections
+    CORRECTED = 5  # take the velocities that the host's corrections make
+    DECLINED = 6  # go on: the host has found no better corrections
+    SWEEP = 7
+    CHECK_LIST = 8  # check the list before all contacts are scanned (working_set.py)
+    MEASURE = 9  # measure the residual; where that is due, it decides, and else it is for a record alone
+    SCAN = 10  # scan all contacts for the working set
+    VERIFY = 11  # verify the list and judge the step: the sweeps have stopped, or the list has not sufficed
 
 
 class Asking(IntEnum):

@@ -92,10 +92,10 @@ def measuring(friction: bool, resists_rolling: bool) -> wp.Function:
             else:
                 vt = law.pair_slip(v, n, at(rim, i), at(rim, j))
             rims = rim_weights(s, c, at_wall)
-            slowed = rims[0]
+            inverse_kt = rims[0]
             if at_wall and is_driven(s):
-                slowed = law.slip_share(rims[1], tangential)
-            slip = law.tangential_change(slowed * vt, dvt, mu * (dv + change)) / slowed
+                inverse_kt = law.inverse_kt(rims[1], tangential)
+            slip = law.tangential_change(inverse_kt * vt, dvt, mu * (dv + change)) / inverse_kt
             worst = wp.max(worst, wp.abs(slip))
         if wp.static(resists_rolling):
             worst = wp.max(worst, rolling_residual(s, contact, c, dv + change))

@@ -40,8 +40,8 @@ def adapt_base_skin(s: Scene):
 def renew_skin(s: Scene, i: int):
     """Choose v0_i, and skin_i: the base skin plus a multiple of the need of this step or of the last.
 
-    v0_i is the grain's velocity now, or v0_i + v_f where plain sweeps begin again. Accelerated sweeps that
-    resume need the skin for the remaining ones only.
+    v0_i is the grain's velocity now; where plain sweeps begin again, it becomes v0_i + v_f. Where accelerated
+    sweeps resume, the list is for those that are left, and the multiple is smaller.
     """
     w = at(s.grains.next_velocity, i)
     needed = at(s.verlet.recent_deviation, i)

@@ -36,7 +36,7 @@ from . import (
 )
 from .access import named
 from .contacts import chunk_count, contact_count
-from .record import Kind, Phase, Scene, body_count, grain_count
+from .record import EXPIRED, SOLVED, Kind, Phase, Scene, body_count, grain_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 
@@ -51,7 +51,7 @@ def in_phase(*phases: Phase) -> wp.Function:
     return holds
 
 
-unsolved = in_phase(*set(Phase) - {Phase.ENDED, Phase.ACCEPTED, Phase.FULL})
+unsolved = in_phase(*set(Phase) - {Phase.ENDED, Phase.FULL})
 beginning = in_phase(Phase.BEGIN)
 searching = in_phase(Phase.SEARCH)
 starting = in_phase(Phase.START)
@@ -59,12 +59,21 @@ answered = in_phase(Phase.CORRECTED, Phase.DECLINED)
 attempting = in_phase(Phase.START, Phase.CORRECTED, Phase.DECLINED)
 sweeping = in_phase(Phase.SWEEP)
 checking_list = in_phase(Phase.CHECK_LIST)
-measuring = in_phase(Phase.MEASURE, Phase.RECORD)
-deciding = in_phase(Phase.MEASURE)
+measuring = in_phase(Phase.MEASURE)
 scanning = in_phase(Phase.SCAN)
-iterating = in_phase(Phase.SWEEP, Phase.CHECK_LIST, Phase.MEASURE, Phase.RECORD, Phase.SCAN)
-accepted = in_phase(Phase.ACCEPTED)
-expired = in_phase(Phase.EXPIRE)
+iterating = in_phase(Phase.SWEEP, Phase.CHECK_LIST, Phase.MEASURE, Phase.SCAN)
+
+
+@wp.func
+def solved(s: Scene) -> bool:
+    """Return whether the step is taken."""
+    return s.step.outcome == SOLVED
+
+
+@wp.func
+def expired(s: Scene) -> bool:
+    """Return whether a contact may be missing from the list."""
+    return s.step.outcome == EXPIRED
 
 
 @wp.func
@@ -103,7 +112,7 @@ SEARCH = [
 
 ORDER = [
     Serial(coloring.choose_sets),
-    Serial(coloring.place_contacts),
+    Serial(coloring.order_contacts),
     Each(grain_count, contact_list.transfer_warm_start),
     Serial(contact_list.find_row_sums),
 ]
@@ -167,7 +176,7 @@ def accelerated_sweeps(kind: Kind) -> list[Stage]:
     measure = [
         scatter,
         *recompute(kind),
-        If(deciding, [Each(body_count, momentum.take_recomputed_velocity)]),
+        If(stopping.is_measurement_due, [Each(body_count, momentum.take_recomputed_velocity)]),
         Serial(stopping.end_measurement),
     ]
     return [
@@ -251,7 +260,7 @@ def step(kind: Kind) -> list[Stage]:
                         *METHODS[kind.method](kind),
                         Each(body_count, verlet.verify),
                         Serial(attempt.judge),
-                        If(accepted, finish(kind)),
+                        If(solved, finish(kind)),
                         If(expired, expire(kind.has_restitution)),
                     ],
                 ),

@@ -109,7 +109,8 @@ def is_too_slow(s: Scene) -> bool:
 def phase_of_next_sweep(s: Scene) -> int:
     """Return SWEEP, unless the sweeps stop, or plain ones give up a list that has expired.
 
-    They do not at once, so that grains show how far they must reach.
+    Plain sweeps go on with such a list to iteration 1, 2, 4, 8, ...: how far grains deviate until then tells
+    how wide the skins of the next list must be.
     """
     giving_up = s.verlet.flags.list_expired != 0 and not is_accelerated(s)
     if s.control.may_stop != 0 or (giving_up and is_power_of_two(s.step.iterations)):
@@ -121,12 +122,9 @@ def phase_of_next_sweep(s: Scene) -> int:
 def measurement_or(s: Scene, following: int) -> int:
     """Return the phase that measures the residual, if anything needs it, or else another."""
     k = s.step.iterations
-    if is_measurement_due(s):
-        return Phase.MEASURE
     begins_trend = s.step.asking == Asking.EARLY and k == HALF_WAY
-    if not is_measured(s) and (k <= s.history.zeta.shape[0] or begins_trend):
-        return Phase.RECORD
-    return following
+    recorded = not is_measured(s) and (k <= s.history.zeta.shape[0] or begins_trend)
+    return Phase.MEASURE if is_measurement_due(s) or recorded else following
 
 
 @wp.func
@@ -172,8 +170,8 @@ def take_residual(s: Scene):
 @wp.func
 def end_measurement(s: Scene):
     """Stop if the residual meets the tolerance or falls too slowly, unless it is for a record alone."""
+    decides = is_measurement_due(s)
     take_residual(s)
-    decides = s.control.phase != Phase.RECORD
     stopping = decides and not stops_on_zeta(s) and meets_tolerance(s)
     if decides and s.step.asking == Asking.EARLY and s.step.iterations % RECOMPUTE_EVERY == 0:
         stopping = stopping or is_too_slow(s)

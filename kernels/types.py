@@ -152,11 +152,11 @@ class NeighborList:
 
     start: Ints
     neighbor: Ints
-    seconds: Ints  # of every grain and wall: contacts that have it second
+    second: Ints  # of every grain and wall: contacts that have it second
     found: wp.array(dtype=wp.vec2i)  # contacts as they were found; those beyond its end are only counted
     by_second: wp.array(dtype=wp.vec2i)  # contacts by second body
-    places: Ints  # taken for them
-    empty: Ints  # of every CPU thread: how many of its places have no contact
+    slots: Ints  # taken for them
+    empty: Ints  # of every CPU thread: how many of its slots have no contact
     total: Ints  # of contacts
 
 
@@ -239,8 +239,8 @@ class MomentumState:
 class Momentum:
     """State before the last sweep, and sums by chunk (contacts.py). Empty if sweeps are not accelerated."""
 
-    last_rim: Floats  # rim speeds that go with them
-    last_velocity: Vectors  # velocities that go with them [m/s]
+    last_rim: Floats  # rim speeds [m/s]
+    last_velocity: Vectors  # [m/s]
     # of contacts: cost in phi less gain (with friction: MomentumState.change); slope along the momentum
     contact_sums: Vectors
     body_sums: Vectors  # M s.(v + y) and M v.v, where y = v + beta s; unused with friction
@@ -265,7 +265,7 @@ class Workspace:
     old_dv: wp.array(dtype=wp.vec3d)  # of its contacts: now, at the step's start, a sweep back [m/s]
     old_dvt: wp.array(dtype=wp.vec3d)  # the same of tangential corrections; empty without friction
     old_dvr: wp.array(dtype=wp.vec3d)  # and of rolling ones; empty without rolling friction
-    old_place: Ints  # of every contact in the list before, or -1
+    old_index: Ints  # of every contact in the list before, or -1
     sweep_index: Ints  # of every contact: its index in sweeping order
     set_of: Ints  # independent set of every pair; -1 of contacts with walls
     row_sum: Floats  # of every grain: its shares of its contacts

@@ -148,7 +148,7 @@ def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
 
 
 @wp.func
-def reserve(s: Scene) -> f64:
+def spare_skin(s: Scene) -> f64:
     """Return the part of a skin that must be left before the iteration [m]."""
     return s.tuning.rounding + s.tuning.reserve * s.verlet.numbers.base_skin
 
@@ -169,7 +169,7 @@ def begin_peak(s: Scene, i: int):
 def begin_check(s: Scene, i: int):
     """Begin with the peak deviation, and check that the skin is likely to suffice."""
     begin_peak(s, i)
-    check_skin(s, i, reserve(s), wp.where(s.control.resuming != 0, f64(0.0), f64(1.0)))
+    check_skin(s, i, spare_skin(s), wp.where(s.control.resuming != 0, f64(0.0), f64(1.0)))
 
 
 @wp.func
@@ -238,7 +238,7 @@ def remember(s: Scene, i: int):
 
 @wp.func
 def shift_frame(s: Scene):
-    """Move the frame by u dt."""
+    """Move the frame by v_f dt."""
     numbers = s.verlet.numbers
     s.verlet.numbers.frame_shift = numbers.frame_shift + s.dt * s.verlet.work.frame_velocity
     s.verlet.numbers.elapsed = numbers.elapsed + s.dt

@@ -25,17 +25,17 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
     """
 
     @wp.func
-    def bounded(dv: Floats, last: Floats, c: int, beta: f64, speed: f64, slowed: f64, limit: f64) -> wp.vec3d:
-        """Correct dv_t or dv_r within a limit; return the change, and its parts of the sums."""
+    def bounded(dv: Floats, last: Floats, c: int, beta: f64, v: f64, inverse_k: f64, bound: f64) -> wp.vec3d:
+        """Correct dv_t or dv_r by a speed v, within a bound; return the change, and its parts of the sums."""
         x = at(dv, c)
         y, size, slope = x, f64(0.0), f64(0.0)
         if wp.static(ahead):
             y = x + beta * (x - at(last, c))
             put(last, c, x)
-        change = law.tangential_change(slowed * speed, y, limit)
+        change = law.tangential_change(inverse_k * v, y, bound)
         put(dv, c, y + change)
         if wp.static(ahead):
-            wide = change / slowed
+            wide = change / inverse_k
             size = wide * change
             slope = wide * (y + change - x)
         return wp.vec3d(change, size, slope)
@@ -81,13 +81,13 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
             put(dvs, c, new)
             if wp.static(friction):
                 surface, rims = surface_of(s, listed), rim_weights(s, listed, True)
-                along, slowed = surface[1], rims[0]
+                along, inverse_kt = surface[1], rims[0]
                 if wp.static(driven):
                     along = surface[1] + lever[1] * speed
-                    slowed = law.slip_share(rims[1], lever[1] * share[1])
-                u, limit = at(rim, i), surface[0] * new
+                    inverse_kt = law.inverse_kt(rims[1], lever[1] * share[1])
+                u, bound = at(rim, i), surface[0] * new
                 vt = law.wall_slip(v, n, u, along)
-                slipped = bounded(contacts.dvt, contacts.last_dvt, c, beta, vt, slowed, limit)
+                slipped = bounded(contacts.dvt, contacts.last_dvt, c, beta, vt, inverse_kt, bound)
                 dvt = slipped[0]
                 push = push + dvt * law.tangent(n)
                 put(rim, i, u - dvt * rims[1])
@@ -100,8 +100,8 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
                 slope = slope + slipped[2]
                 if wp.static(resists_rolling):
                     rolls = rolling_at_wall(s, j)
-                    vr, limit = law.wall_roll(at(rim, i), at(s.grains.radius, i), rolls[1]), rolls[0] * new
-                    rolled = bounded(contacts.dvr, contacts.last_dvr, c, beta, vr, f64(1.0) / rims[1], limit)
+                    vr, bound = law.wall_roll(at(rim, i), at(s.grains.radius, i), rolls[1]), rolls[0] * new
+                    rolled = bounded(contacts.dvr, contacts.last_dvr, c, beta, vr, f64(1.0) / rims[1], bound)
                     put(rim, i, at(rim, i) - rolled[0] * rims[1])
                     change = larger(change, wp.abs(rolled[0]))
                     cost = cost + rolled[1]

@@ -164,7 +164,7 @@ def place_at_joint(b: int, k: int, x: wp.vec2d, place: wp.vec2d, walls: Walls) -
 def contact_at_joint(
     b: int, at_grain: wp.vec2d, x: wp.vec2d, radius: f64, n: wp.vec2d, gap: f64, walls: Walls
 ):
-    """Return normal and gap [m] of a grain at wall b, its place x there, from those at its nearest point.
+    """Return normal and gap [m] of a grain at wall b, in whose frame it is at x, from those at b.
 
     See eq. 8c.
     """

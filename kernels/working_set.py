@@ -103,17 +103,17 @@ def select(s: Scene, c: int, k: int):
 def selecting(count: int) -> wp.Function:
     """Return the function that selects pairs of [begin, end), `count` at a time (lanes.py).
 
-    It takes `(scene, begin, end, place)`, the first index in the working set, and returns the index after the
+    It takes `(scene, begin, end, first)`, the first index in the working set, and returns the index after the
     last pair, and the largest violation of pairs that carry no correction.
     """
     numbers_at, approach, gap_rates = lanes(count).numbers_at, lanes(count).approach, lanes(count).gap_rates
 
     @wp.func
-    def select_some(s: Scene, begin: int, end: int, place: int):
+    def select_some(s: Scene, begin: int, end: int, first: int):
         contacts = s.contacts
         near = f64(2.0) * nearness(s)
         violation = f64(0.0)
-        free = int(place)
+        free = int(first)
         c = int(begin)
         while c < end:
             excess = approach(s.grains.next_velocity, contacts.contact, c) - gap_rates(contacts.contact, c)

@@ -11,7 +11,7 @@ from swept_order import swept_pairs
 from warpgrains import Scene, Simulation
 from warpgrains.base.arrays import IntArray
 from warpgrains.kernels.access import at, put
-from warpgrains.kernels.coloring import choose_sets, place_contacts
+from warpgrains.kernels.coloring import choose_sets, order_contacts
 from warpgrains.kernels.contacts import contacts_of, set_count
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import OPTIONS, Serial
@@ -58,7 +58,7 @@ def grouped(pairs: IntArray, at_walls: IntArray, by_color: bool, merge: bool = F
     """Return the record with every contact at its index."""
     record = record_of_graph(pairs, at_walls)
     record.write({"by_color": by_color, "merge": merge})
-    record.run(Serial(choose_sets), Serial(place_contacts))
+    record.run(Serial(choose_sets), Serial(order_contacts))
     return record
 
 
@@ -96,7 +96,7 @@ def note_threads(records: wp.array(dtype=SceneRecord), size: int) -> None:
         for k in range(set_count(records[0])):
             c, end = contacts_of(team, records[0], k)
             while c < end:
-                numbers = records[0].workspace.old_place
+                numbers = records[0].workspace.old_index
                 put(numbers, c, 10 * at(numbers, c) + rank + 1)
                 c += 1
 
@@ -111,10 +111,10 @@ def test_every_contact_has_one_thread(size: int, driven: bool) -> None:
     grain[record["workspace.sweep_index"][:total]] = contacts[:, 0]
     grain[pairs - 1] = grain[pairs]  # the last pair is of the first grain with a wall
     record["contacts.contact"]["i"][:total] = 2 * grain
-    record["workspace.old_place"][:] = 0
+    record["workspace.old_index"][:] = 0
     record.records.host["walls"]["drive"]["shape"][0, 0] = int(driven)
     wp.launch(note_threads, dim=1, inputs=(record.records.device, size), device="cpu")
-    thread = record["workspace.old_place"][:total]
+    thread = record["workspace.old_index"][:total]
     everyone = set(range(1, size + 1))
     assert set(thread[:pairs]) == everyone
     assert set(thread[pairs:]) == ({1} if driven else everyone)

@@ -54,7 +54,7 @@ CLOUDS = {
 
 POISON = {f"grid.{name}": np.nan for name in ("x", "y", "extent", "velocity", "skin")}
 POISON |= {f"grid.{name}": -7 for name in ("cell_start", "bucket", "grain")}
-POISON |= {"neighbors.start": -7, "neighbors.seconds": -7}
+POISON |= {"neighbors.start": -7, "neighbors.second": -7}
 """What would be noticed, where a search writes, and behind the last grain."""
 
 
@@ -91,7 +91,7 @@ def test_a_search_ends_before_its_count_overflows() -> None:
     record["grains.position"][:] *= 1e-3
     record["verlet.skin"][:] = 1.0
     record.run(*SEARCH[:4])
-    record["neighbors.places"][0] = MOST_CONTACTS - 5
+    record["neighbors.slots"][0] = MOST_CONTACTS - 5
     record.run(*SEARCH[4:6])
     found = int(record["neighbors.total"][0])
     assert found == MOST_CONTACTS + 1

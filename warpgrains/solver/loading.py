@@ -197,7 +197,7 @@ def _write_list(
         records.array(k, f"{rows}.start")[:] = np.searchsorted(body[order, 0], np.arange(scene.n + 1))
         records.array(k, f"{rows}.neighbor")[:count] = body[order, 1]
     records.array(k, "workspace.sweep_index")[:count] = order
-    records.array(k, "workspace.old_place")[:count] = np.arange(count)
+    records.array(k, "workspace.old_index")[:count] = np.arange(count)
 
 
 def give_up_step(records: SceneRecords, k: int) -> None:

@@ -122,8 +122,8 @@ def lengths(size: Sizes) -> dict[str, Any]:
     cells = grid_width(n) ** 2 + 1
     rows = {"start": n + 1, "neighbor": contacts}
     found = contacts + TAKEN * size.team
-    search = {"seconds": n + size.walls, "found": found, "by_second": contacts}
-    search |= {"places": 1, "empty": size.team, "total": 1}
+    search = {"second": n + size.walls, "found": found, "by_second": contacts}
+    search |= {"slots": 1, "empty": size.team, "total": 1}
     friction = size.friction
     ahead = size.accelerated
     at_walls = np.minimum(n * size.walls, contacts)
@@ -188,7 +188,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "neighbors": rows | search,
         "workspace": {
             "old": rows | dict.fromkeys(search, 0),
-            **dict.fromkeys(("old_dv", "old_place"), contacts),
+            **dict.fromkeys(("old_dv", "old_index"), contacts),
             **dict.fromkeys(("sweep_index", "set_of"), contacts),
             "old_dvt": friction * contacts,
             "old_dvr": size.rolling * contacts,
