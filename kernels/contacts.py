@@ -10,10 +10,10 @@ import warp as wp
 
 from . import law
 from .access import at, bodies_of, contact_at, put
-from .driven import change_speed
 from .record import Scene, grain_count, has_friction, has_weights, is_driven, pair_count
-from .threads import Team, thread_range
+from .team.threads import Team, thread_range
 from .types import Contact, Contacts, Floats, Vectors
+from .walls.driven import change_speed
 
 f64 = wp.float64
 CHUNK = wp.constant(128)

@@ -4,9 +4,9 @@ import warp as wp
 
 from . import law
 from .access import at, put
-from .driven import acceleration_of_wall, place_driven_walls
 from .record import Scene, grain_count, rotates, time_after
-from .walls import place_walls
+from .walls.driven import acceleration_of_wall, place_driven_walls
+from .walls.walls import place_walls
 
 f64 = wp.float64
 

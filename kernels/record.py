@@ -24,7 +24,7 @@ from .types import (
     WorkingSet,
     Workspace,
 )
-from .walls import Walls
+from .walls.walls import Walls
 
 f64 = wp.float64
 

@@ -6,8 +6,8 @@ from . import law
 from .access import at, bodies_of, contact_at, larger, put
 from .contacts import contact_count
 from .record import Scene, grain_count
-from .threads import Team, partial_index, take_max, thread_range, update_max
-from .walls import wall_overlap, way
+from .team.threads import Team, partial_index, take_max, thread_range, update_max
+from .walls.walls import wall_overlap, way
 
 f64 = wp.float64
 

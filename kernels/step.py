@@ -17,27 +17,13 @@ from itertools import product
 
 import warp as wp
 
-from . import (
-    attempt,
-    cells,
-    coloring,
-    contact_list,
-    integrate,
-    momentum,
-    neighbors,
-    residual,
-    skins,
-    statistics,
-    stopping,
-    sweep,
-    verlet,
-    warm_start,
-    working_set,
-)
+from . import integrate, statistics
 from .access import named
 from .contacts import chunk_count, contact_count
 from .record import EXPIRED, SOLVED, Kind, Phase, Scene, body_count, grain_count
-from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
+from .search import cells, coloring, contact_list, neighbors, skins, verlet
+from .sweeps import attempt, momentum, residual, stopping, sweep, warm_start, working_set
+from .team.stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 
 def in_phase(*phases: Phase) -> wp.Function:

@@ -14,7 +14,7 @@ import warp as wp
 from warpgrains import Scene, Simulation, State
 from warpgrains.kernels.record import Phase
 from warpgrains.kernels.step import METHODS
-from warpgrains.kernels.threads import team_records
+from warpgrains.kernels.team.threads import team_records
 from warpgrains.reference.reference import DEFINES, SOURCE, Reference
 from warpgrains.solver.sizes import kind_of
 

@@ -1,4 +1,4 @@
-/* The contact iteration of kernels/pair_sweep.py in C, on the same records: grains of one mass, no inner wall;
+/* The contact iteration of kernels/sweeps/pair_sweep.py in C, on the same records: grains of one mass, no inner wall;
    and many steps of the reference, so that nothing but C is timed. */
 
 #include <math.h>

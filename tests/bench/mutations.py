@@ -64,7 +64,13 @@ class Mutant(NamedTuple):
 
     @property
     def source(self) -> str:
-        return (ROOT / "kernels" / f"{self.file}.py").read_text()
+        return (ROOT / self.path).read_text()
+
+    @property
+    def path(self) -> Path:
+        """Path below the repository."""
+        (found,) = (ROOT / "kernels").rglob(f"{self.file}.py")
+        return found.relative_to(ROOT)
 
     @property
     def changed(self) -> str:
@@ -84,7 +90,7 @@ def trial(mutant: Mutant, tests: list[str], warm: Path) -> dict[str, str]:
             shutil.copytree(ROOT / source, folder / target, dirs_exist_ok=True)
         shutil.copy(ROOT / "pyproject.toml", folder)
         if mutant.file:
-            (folder / "warpgrains" / "kernels" / f"{mutant.file}.py").write_text(mutant.changed)
+            (folder / "warpgrains" / mutant.path).write_text(mutant.changed)
             cache, longest = folder / "cache", TIME_LIMIT
             shutil.copytree(warm, cache, copy_function=os.link)  # what it leaves unchanged is compiled
         command = [sys.executable, "-m", "pytest", "-n", "0", "-x", "-q", "-p", "no:cacheprovider", *tests]

@@ -128,7 +128,7 @@ def test_figures_of_speed_are_in_the_tables_of_benches(name, section):
 
 def test_the_developers_tour_names_what_there_is():
     """Every name in it that looks like code is a word of the source, or of its own examples."""
-    places = [*ROOT.glob("warpgrains/**/*.py"), *ROOT.glob("kernels/*.py"), *ROOT.glob("scenes/*.toml")]
+    places = [*ROOT.glob("warpgrains/**/*.py"), *ROOT.glob("kernels/**/*.py"), *ROOT.glob("scenes/*.toml")]
     source = "".join(path.read_text() for path in places) + program("developer")
     words = set(re.findall(r"\w+", source))
     named = re.findall(r"`([A-Za-z_][\w.]*)(?:\(\))?`", PAGES["developer"].read_text())

@@ -9,11 +9,11 @@ import pytest
 from stages import OneRecord, Values, grains_apart
 
 from warpgrains.base.arrays import FloatArray, IntArray
-from warpgrains.kernels import attempt, momentum, stopping, working_set
 from warpgrains.kernels.contacts import chunk_count
 from warpgrains.kernels.record import CANCELLED, NOT_FINITE, SOLVED, Asking, Phase, grain_count
-from warpgrains.kernels.stages import Each, Serial, Sets, Stage
-from warpgrains.kernels.stopping import StopOn
+from warpgrains.kernels.sweeps import attempt, momentum, stopping, working_set
+from warpgrains.kernels.sweeps.stopping import StopOn
+from warpgrains.kernels.team.stages import Each, Serial, Sets, Stage
 
 N, PAIRS, STARTS = 150, 300, [0, 130, 131, 300, 450]
 CONTACTS = PAIRS + N

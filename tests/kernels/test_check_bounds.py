@@ -16,9 +16,9 @@ from trimmed import trimmed
 
 import warpgrains.kernels
 from warpgrains import Batch, Simulation, SimulationError
-from warpgrains.kernels.advance import kernel
 from warpgrains.kernels.record import Kind
 from warpgrains.kernels.step import KINDS, fused_step
+from warpgrains.kernels.team.advance import kernel
 from warpgrains.solver import buffers, service, sizes
 
 TOO_SHORT = [
@@ -68,7 +68,7 @@ def test_first_violation_is_reported() -> None:
 def test_every_access_is_checked() -> None:
     """C++ that uses data of a scene is passed to `checked`, and writes elements as ARRAY.data[INDEX]."""
     elsewhere = {"advance.py", "placing.py", "pushing.py", "threads.py", "waiting.py"}
-    for file in Path(warpgrains.kernels.__file__).parent.glob("*.py"):
+    for file in Path(warpgrains.kernels.__file__).parent.rglob("*.py"):
         if file.name in elsewhere:  # counters of threads, and arrays that are not a scene's
             continue
         source = re.sub(r'CHECK = """.*?"""', "", file.read_text(), flags=re.DOTALL)

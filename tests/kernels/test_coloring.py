@@ -11,11 +11,11 @@ from swept_order import swept_pairs
 from warpgrains import Scene, Simulation
 from warpgrains.base.arrays import IntArray
 from warpgrains.kernels.access import at, put
-from warpgrains.kernels.coloring import choose_sets, order_contacts
 from warpgrains.kernels.contacts import contacts_of, set_count
 from warpgrains.kernels.record import SceneRecord
-from warpgrains.kernels.stages import OPTIONS, Serial
-from warpgrains.kernels.threads import TeamRecord
+from warpgrains.kernels.search.coloring import choose_sets, order_contacts
+from warpgrains.kernels.team.stages import OPTIONS, Serial
+from warpgrains.kernels.team.threads import TeamRecord
 
 MASK_COLORS = 64
 SPARSE = random_graph(500, 700, seed=1)

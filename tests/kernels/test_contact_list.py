@@ -7,12 +7,12 @@ from stages import OneRecord, listed, record_of_graph
 
 from warpgrains import Scene
 from warpgrains.base.arrays import IntArray
-from warpgrains.kernels import contact_list, neighbors
 from warpgrains.kernels.access import put
 from warpgrains.kernels.record import WITHOUT_ROOM, Phase, grain_count
 from warpgrains.kernels.record import Scene as SceneOnDevice
-from warpgrains.kernels.stages import Each, Serial, While
+from warpgrains.kernels.search import contact_list, neighbors
 from warpgrains.kernels.step import ORDER, SAVE, SEARCH, searching
+from warpgrains.kernels.team.stages import Each, Serial, While
 
 N, WIDE, NARROW, NOTHING = 120, 0.35, 0.05, 0.0
 EXPIRE = [*SAVE, Serial(contact_list.expire)]

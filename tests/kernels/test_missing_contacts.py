@@ -16,7 +16,7 @@ from warpgrains.base.arrays import FloatArray
 from warpgrains.reference.reference import Reference
 from warpgrains.solver import tuning
 
-SKIN = 1.25 * tuning.BASE_SKIN  # of the first list (kernels/skins.py)
+SKIN = 1.25 * tuning.BASE_SKIN  # of the first list (kernels/search/skins.py)
 JUST = 1e-6
 HEAVY = 1e9
 

@@ -5,10 +5,10 @@ import pytest
 import warp as wp
 from stages import OneRecord, Values, grains_apart
 
-from warpgrains.kernels import momentum, sweep
 from warpgrains.kernels.record import Phase, Scene, grain_count
-from warpgrains.kernels.stages import Each, Serial, Shared
-from warpgrains.kernels.stopping import end_list_check
+from warpgrains.kernels.sweeps import momentum, sweep
+from warpgrains.kernels.sweeps.stopping import end_list_check
+from warpgrains.kernels.team.stages import Each, Serial, Shared
 
 N, TOLERANCE, TINY = 150, 2.0**-4, 2.0**-40
 T, BETA, RELAXATION = "momentum.state.t", "momentum.state.beta", "momentum.state.relaxation"

@@ -5,8 +5,8 @@ import pytest
 from stages import OneRecord, grain_total, path, random_graph, record_of_graph
 
 from warpgrains.base.arrays import FloatArray, IntArray
-from warpgrains.kernels.stages import Sets
-from warpgrains.kernels.sweep import sweeping
+from warpgrains.kernels.sweeps.sweep import sweeping
+from warpgrains.kernels.team.stages import Sets
 
 GRAPHS = {
     "one pair": path(2),

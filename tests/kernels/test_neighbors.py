@@ -8,12 +8,12 @@ from stages import OneRecord, grains_apart
 
 from warpgrains import Scene, SimulationError
 from warpgrains.base.arrays import FloatArray, IntArray
-from warpgrains.kernels.neighbors import MOST_CONTACTS
 from warpgrains.kernels.record import Phase
+from warpgrains.kernels.search.neighbors import MOST_CONTACTS
 from warpgrains.kernels.step import SEARCH
 from warpgrains.solver.exact import listed
 
-TOO_WIDE = 1e-12  # by which the search may reach too far (kernels/neighbors.py)
+TOO_WIDE = 1e-12  # by which the search may reach too far (kernels/search/neighbors.py)
 
 
 class Cloud(NamedTuple):

@@ -9,9 +9,9 @@ import pytest
 import warp as wp
 from stages import OneRecord, Values, grains_apart
 
-from warpgrains.kernels import skins, verlet
 from warpgrains.kernels.record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
-from warpgrains.kernels.stages import Each, If, Serial, Stage
+from warpgrains.kernels.search import skins, verlet
+from warpgrains.kernels.team.stages import Each, If, Serial, Stage
 
 DT, ROUNDING = 0.25, 2.0**-10
 BASE_SKIN, RESERVE = 2.0, 2.0**-3

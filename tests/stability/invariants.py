@@ -1,9 +1,9 @@
 """What holds in every step, whatever the scene.
 
 A step ends with velocities v = v* - M^-1 J^T p, where v* are the free velocities, M the contact masses,
-p >= 0 the impulses of its contacts, and J v the velocities vn at which they close. Its residual eta says
-(kernels/residual.py) that vn <= gap/dt + eta everywhere, and vn >= gap/dt - eta where a contact carries
-dv > eta.
+p >= 0 the impulses of its contacts, and J v the velocities vn at which they close. Its residual eta
+(kernels/sweeps/residual.py) says that vn <= gap/dt + eta everywhere, and vn >= gap/dt - eta where a contact
+carries dv > eta.
 
 Momentum. M_i (v_i - v*_i) is the sum of the impulses of the contacts of grain i: pairs change no total.
 

@@ -12,7 +12,7 @@ from walled_scenes import WALLED
 
 from warpgrains import Simulation
 from warpgrains.accuracy import certify
-from warpgrains.kernels.block_lu import Factors, Triples, factor, solve
+from warpgrains.kernels.exact.block_lu import Factors, Triples, factor, solve
 from warpgrains.solver.exact import friction
 from warpgrains.solver.exact.path import Contacts, FrictionStep
 

@@ -10,8 +10,8 @@ import warp as wp
 from warpgrains import Scene
 from warpgrains.base.arrays import IntArray
 from warpgrains.kernels.record import SceneRecord
-from warpgrains.kernels.stages import OPTIONS, Stage, fuse
-from warpgrains.kernels.threads import TeamRecord, team_records
+from warpgrains.kernels.team.stages import OPTIONS, Stage, fuse
+from warpgrains.kernels.team.threads import TeamRecord, team_records
 from warpgrains.solver.engine import CPU_BLOCK
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.sizes import Sizes

@@ -1,4 +1,4 @@
-"""Random positions of discs between the walls, by kernels/placing.py and kernels/pushing.py.
+"""Random positions of discs between the walls, by the kernels of kernels/packings.
 
 Loose packings are made by random sequential addition. For dense ones, discs are added while small, then
 grown, and pushed apart while they overlap. They grow to slightly more than their final radii, and the
@@ -171,7 +171,7 @@ def _push(
 
     with BUILDING:
         from warpgrains.base.host_kernels import launch, shared
-        from warpgrains.kernels import pushing
+        from warpgrains.kernels.packings import pushing
 
     limits, bounds = _limits(region, walls)
     worst = np.array([np.inf, 0.0])
@@ -199,7 +199,7 @@ def _limits(region: Region, walls: Sequence[Wall]) -> tuple[Any, Any]:
     """Return the walls and bounds of a region as kernel arguments."""
     from warpgrains.base.host_kernels import shared
     from warpgrains.kernels.types import Shape, Vectors
-    from warpgrains.kernels.walls import Walls
+    from warpgrains.kernels.walls.walls import Walls
 
     limits, bounds = Walls(), _kernels().Bounds()
     limits.annulus.radius_in, limits.annulus.radius_out = region.ring
@@ -226,7 +226,7 @@ def _kernels() -> ModuleType:
     """Import the kernels, and so Warp, only when discs are placed at random."""
     with BUILDING:
         start_warp()
-        from warpgrains.kernels import placing
+        from warpgrains.kernels.packings import placing
 
         return placing
 

@@ -63,7 +63,7 @@ class Corrections:
 
 @dataclass(frozen=True, eq=False)
 class VerletList:
-    """The Verlet list of grains and walls, and what decides when it expires (kernels/verlet.py).
+    """The Verlet list of grains and walls, and what decides when it expires (kernels/search/verlet.py).
 
     Colors depend on the list, so a run in color order needs it to continue with the same bits. Both circles
     of an annulus are its outer one here where they are one body of the device (bodies.py). Bodies are the

@@ -14,7 +14,6 @@ from warpgrains.base.arrays import IndexArray
 from warpgrains.base.checks import LARGEST_WHOLE_NUMBER
 from warpgrains.base.errors import SimulationError
 from warpgrains.base.turns import BUILDING
-from warpgrains.kernels import advance as advance_kernel
 from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import (
     CANCELLED,
@@ -27,7 +26,8 @@ from warpgrains.kernels.record import (
     Phase,
 )
 from warpgrains.kernels.step import fused_step
-from warpgrains.kernels.threads import TeamRecord, team_records
+from warpgrains.kernels.team import advance as advance_kernel
+from warpgrains.kernels.team.threads import TeamRecord, team_records
 from warpgrains.scene.snapshot import Snapshots
 from warpgrains.solver import tuning
 from warpgrains.solver.forces import force_of

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from warpgrains.base.arrays import FloatArray, IndexArray
 from warpgrains.base.errors import SimulationError
 from warpgrains.kernels.access import CHECKED
-from warpgrains.kernels.neighbors import MOST_CONTACTS
 from warpgrains.kernels.record import SceneRecord
-from warpgrains.kernels.stopping import StopOn
+from warpgrains.kernels.search.neighbors import MOST_CONTACTS
+from warpgrains.kernels.sweeps.stopping import StopOn
 from warpgrains.kernels.types import MotionOf
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import (

@@ -13,12 +13,12 @@ import numpy as np
 import warp as wp
 
 from warpgrains.base.arrays import IndexArray
-from warpgrains.kernels.cells import AT_ONCE
 from warpgrains.kernels.contacts import CHUNK
-from warpgrains.kernels.neighbors import TAKEN
-from warpgrains.kernels.pair_sweep import KEPT
 from warpgrains.kernels.record import Kind
-from warpgrains.kernels.threads import GPU_PARTIALS
+from warpgrains.kernels.search.cells import AT_ONCE
+from warpgrains.kernels.search.neighbors import TAKEN
+from warpgrains.kernels.sweeps.pair_sweep import KEPT
+from warpgrains.kernels.team.threads import GPU_PARTIALS
 from warpgrains.walls.rim import Rim
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class Sizes:
 
     grains: IndexArray
     contacts: IndexArray  # capacity of the list
-    walls: IndexArray  # wall bodies (kernels/walls.py)
+    walls: IndexArray  # wall bodies (kernels/walls/walls.py)
     joined: IndexArray  # walls at all joints, each as often as it is one of the others there
     imaged: IndexArray  # 1 if a wall is an image of another one
     mobile: IndexArray  # 1 if a wall inside the domain moves as given in advance, or a force drives one

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warpgrains.kernels.skins import NARROWEST
+from warpgrains.kernels.search.skins import NARROWEST
 from warpgrains.solver.threads import cores
 
 if TYPE_CHECKING:

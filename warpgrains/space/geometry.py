@@ -1,6 +1,6 @@
 """Geometry of discs in the plane: distances, gaps, areas, and a search for overlaps.
 
-The search serves the checks of a scene at its start. The solver has its own (kernels/neighbors.py).
+The search serves the checks of a scene at its start. The solver has its own (kernels/search/neighbors.py).
 """
 
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""An arc inside the domain. This is the host's side; kernels/arc.py is the device's."""
+"""An arc inside the domain. This is the host's side; kernels/walls/arc.py is the device's."""
 
 from math import cos, dist, pi, sin
 from typing import ClassVar

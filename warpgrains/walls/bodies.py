@@ -1,4 +1,4 @@
-"""The walls of a scene as bodies of the device (kernels/walls.py).
+"""The walls of a scene as bodies of the device (kernels/walls/walls.py).
 
 Body 0 is the annulus, whose circles are its two sides; it is out of reach if there is none. The other walls
 follow. With friction or a driven wall the inner circle is body 1 instead, a disc at the origin, because each
@@ -31,7 +31,7 @@ NO_CIRCLE = 1e100  # m, radius of the outer circle of the device where there is 
 NONE = -1  # the number of a wall that is not there
 CLOSE = 1e-9  # how far an end may be off the other wall, as a part of the size of the larger one
 ACROSS = np.array([np.cos(1.0), np.sin(1.0)])  # direction in which ends are sorted, along no usual wall
-FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as in kernels/walls.py
+FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as in kernels/walls/walls.py
 
 
 Shift = tuple[float, float]

@@ -1,4 +1,4 @@
-"""A disc inside the domain. This is the host's side; kernels/disc.py is the device's."""
+"""A disc inside the domain. This is the host's side; kernels/walls/disc.py is the device's."""
 
 from math import dist, inf
 from typing import ClassVar

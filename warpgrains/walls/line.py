@@ -1,4 +1,4 @@
-"""An infinite straight wall. This is the host's side; kernels/line.py is the device's."""
+"""An infinite straight wall. This is the host's side; kernels/walls/line.py is the device's."""
 
 from math import hypot, inf
 from typing import Any, ClassVar, Self

@@ -1,4 +1,4 @@
-"""Motion of a wall that is given in advance. This is the host's side; kernels/motion.py is the device's."""
+"""Motion of a wall that is given in advance, on the host; kernels/walls/motion.py is the device's."""
 
 from dataclasses import dataclass, fields
 from math import cos, hypot, inf, pi, sin

@@ -1,4 +1,4 @@
-"""A circle of an annulus. On the device, kernels/annulus.py has both."""
+"""A circle of an annulus. On the device, kernels/walls/annulus.py has both."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Self

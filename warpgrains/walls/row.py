@@ -1,4 +1,4 @@
-"""Equal discs in an infinite row. This is the host's side; kernels/row.py is the device's."""
+"""Equal discs in an infinite row. This is the host's side; kernels/walls/row.py is the device's."""
 
 from math import hypot
 from typing import ClassVar

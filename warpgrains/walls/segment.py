@@ -1,4 +1,4 @@
-"""A straight wall inside the domain. This is the host's side; kernels/segment.py is the device's."""
+"""A straight wall inside the domain. This is the host's side; kernels/walls/segment.py is the device's."""
 
 from math import dist
 from typing import ClassVar

@@ -79,7 +79,7 @@ class Wall(Motion):
 
     kind: ClassVar[str]
     kind_number: ClassVar[int]
-    """Number of the kind on the device (kernels/shapes.py)."""
+    """Number of the kind on the device (kernels/walls/shapes.py)."""
     takes_joints: ClassVar[bool] = True
     """Whether an end of another wall that lies on one of this kind is a joint."""
     friction: float | None = described(
@@ -212,7 +212,7 @@ class Wall(Motion):
     def places(self, position: FloatArray, period: Period, time: float = -inf) -> FloatArray:
         """Return points [m], shape (n, 2), in the frame of the wall at a time [s], as images nearest to it.
 
-        In that of an image of a wall, they are some periods beyond (kernels/walls.py, `place_at`).
+        In that of an image of a wall, they are some periods beyond (kernels/walls/walls.py, `place_at`).
         """
         place = self.pose(time).to_frame(position) if self.moves else position
         if not period or self.circle[2] == inf:

@@ -21,7 +21,7 @@ from scipy import sparse
 
 from warpgrains.base.arrays import BoolArray, FloatArray
 from warpgrains.base.host_kernels import launch, share
-from warpgrains.kernels import dual as kernels
+from warpgrains.kernels.exact import dual as kernels
 from warpgrains.solver.exact.bordered import BorderedMatrix
 from warpgrains.solver.exact.projection import PROXIMITY, Projection, Solution
 

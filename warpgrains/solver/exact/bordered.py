@@ -1,6 +1,7 @@
 """Solutions with I + rho A_W^T A_W for sets W of rows of A that differ from a base by a few changed rows.
 
-The matrix of the base is factored. Each changed row borders it with a column and a row (kernels/bordered.py).
+The matrix of the base is factored. Each changed row borders it with a column and a row
+(kernels/exact/bordered.py).
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from scipy import sparse
 
 from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.base.host_kernels import Array, launch, share, shared
-from warpgrains.kernels import bordered as kernels
+from warpgrains.kernels.exact import bordered as kernels
 from warpgrains.solver.exact.projection import PROXIMITY, NormalMatrix
 
 MOST = 400  # borders of a matrix

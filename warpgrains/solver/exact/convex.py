@@ -2,7 +2,7 @@
 
 The contacts and their corrections are those at which the kernels stopped (listed.py). The solution of
 `active_set`, or of `interior_point` if the first fails, replaces the corrections. The kernels then recompute
-velocities, measure the residual and check the list (kernels/residual.py).
+velocities, measure the residual and check the list (kernels/sweeps/residual.py).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A step with friction: a path is followed to a solution (MODEL.md, "The exact method with friction").
 
-A pass (kernels/path.py) begins at corrections, with a compliance eps of the contacts. It ends at better
+A pass (kernels/exact/path.py) begins at corrections, with a compliance eps of the contacts. It ends at better
 corrections, or at a fold of the path. In the first case the next pass has a smaller eps, with which it comes
 nearer to rigid contacts. In the second case it has a larger eps, with which there are fewer folds.
 """
@@ -15,8 +15,8 @@ from scipy import sparse
 
 from warpgrains.base.arrays import BoolArray, FloatArray, Indices
 from warpgrains.base.host_kernels import Array, launch, shared
-from warpgrains.kernels import path as kernels
-from warpgrains.kernels.block_lu import Factors
+from warpgrains.kernels.exact import path as kernels
+from warpgrains.kernels.exact.block_lu import Factors
 from warpgrains.solver.exact.constraints import StepConstraints
 
 FIRST, FINEST, COARSEST = 1e-3, 1e-6, 10.0  # compliances

@@ -1,0 +1,1 @@
+"""The exact method: factorizations and the path."""

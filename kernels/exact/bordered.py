@@ -1,0 +1,202 @@
+"""Triangular solves with the factors L D L^T of a sparse matrix M, and with borders of M.
+
+A border c adds the row a_c to M, and the same column. Its row of the factors is y_c = L^-1 a_c. In the
+elimination tree, the parent of a column of L is the row of its first entry. y_c is 0 but on the paths from
+the entries of a_c to the root of this tree (Liu 1990), and only there it is computed. The borders leave the
+Schur complement y_c . D^-1 y_d, which is small and dense. It is factored row by row.
+"""
+
+import warp as wp
+
+from ..access import at, put
+from ..types import Floats, Ints
+
+f64 = wp.float64
+ENTRIES = wp.constant(4)  # of a_c that are not 0, at most
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.struct
+class Factors:
+    """L without its diagonal of ones, by columns with ascending rows, and D."""
+
+    start: Ints
+    row: Ints
+    value: Floats
+    pivot: Floats  # D
+
+
+@wp.struct
+class Borders:
+    """Vectors y_c, one after the other, and the Schur complement of all borders and that of those in use."""
+
+    most: int  # borders
+    count: Ints  # number of borders, shape (1,)
+    start: Ints
+    index: Ints
+    value: Floats
+    schur: Floats  # lower triangle, shape (most, most)
+    used: Ints  # the borders in use, in the order of the rows of `lower`
+    shift: Floats  # added to the diagonal
+    lower: Floats  # L without its diagonal of ones, and D on the diagonal, shape (most, most)
+    force: Floats  # unknowns of the borders in use
+    y: Floats  # L^-1 r
+    scaled: Floats  # D^-1 L^-1 r
+    work: Floats  # a column; 0 between two launches
+    x: Floats  # the solution
+
+
+@wp.func
+def column_above(factors: Factors, j: int) -> int:
+    """Return the parent of a column in the elimination tree, or the number of columns at a root."""
+    if at(factors.start, j) < at(factors.start, j + 1):
+        return at(factors.row, at(factors.start, j))
+    return factors.pivot.shape[0]
+
+
+@wp.func
+def eliminate(factors: Factors, x: Floats, j: int):
+    """Subtract x_j times a column of L from x."""
+    amount = at(x, j)
+    p = at(factors.start, j)
+    end = at(factors.start, j + 1)
+    while p < end:
+        i = at(factors.row, p)
+        put(x, i, at(x, i) - at(factors.value, p) * amount)
+        p += 1
+
+
+@wp.func
+def dot(borders: Borders, k: int, x: Floats) -> f64:
+    """Return y_k . x."""
+    total = f64(0.0)
+    p = at(borders.start, k)
+    end = at(borders.start, k + 1)
+    while p < end:
+        total += at(borders.value, p) * at(x, at(borders.index, p))
+        p += 1
+    return total
+
+
+@wp.kernel
+def forward(factors: Factors, borders: Borders):
+    """Replace the right-hand side r in y by L^-1 r."""
+    j = int(0)
+    while j < factors.pivot.shape[0]:
+        eliminate(factors, borders.y, j)
+        put(borders.scaled, j, at(borders.y, j) / at(factors.pivot, j))
+        j += 1
+
+
+@wp.kernel
+def add_borders(factors: Factors, borders: Borders, column: Ints, entry: Floats, done: int):
+    """Add borders while there is memory for them, from number `done` of those given.
+
+    Their entries and the columns of these are in `column` and `entry`, ENTRIES each; some may be 0.
+    """
+    size = factors.pivot.shape[0]
+    work = borders.work
+    k = at(borders.count, 0)
+    end = at(borders.start, k)
+    base = done * ENTRIES
+    while base < column.shape[0] and end + size <= borders.index.shape[0]:
+        heads = wp.vec4i(0)
+        for e in range(ENTRIES):
+            heads[e] = at(column, base + e)
+            put(work, heads[e], at(work, heads[e]) + at(entry, base + e))
+        base += ENTRIES
+        begin = end
+        j = wp.min(heads)
+        while j < size:
+            put(borders.index, end, j)
+            put(borders.value, end, at(work, j))
+            end += 1
+            eliminate(factors, work, j)
+            put(work, j, at(work, j) / at(factors.pivot, j))
+            above = column_above(factors, j)
+            for e in range(ENTRIES):
+                if heads[e] == j:
+                    heads[e] = above
+            j = wp.min(heads)
+        k += 1
+        put(borders.start, k, end)
+        for other in range(k):
+            put(borders.schur, (k - 1) * borders.most + other, dot(borders, other, work))
+        for p in range(begin, end):
+            put(work, at(borders.index, p), f64(0.0))
+    put(borders.count, 0, k)
+
+
+@wp.func
+def schur_at(borders: Borders, c: int, d: int) -> f64:
+    """Return y_c . D^-1 y_d."""
+    return at(borders.schur, wp.max(c, d) * borders.most + wp.min(c, d))
+
+
+@wp.func
+def factor_row(borders: Borders, k: int):
+    """Factor row k of the Schur complement of the borders in use."""
+    row = k * borders.most
+    border = at(borders.used, k)
+    for c in range(k):
+        other = c * borders.most
+        scaled = schur_at(borders, border, at(borders.used, c))  # the entry of L times D
+        for t in range(c):
+            scaled -= at(borders.lower, row + t) * at(borders.lower, other + t)
+        put(borders.lower, row + c, scaled)
+    pivot = schur_at(borders, border, border) + at(borders.shift, k)
+    for c in range(k):
+        scaled = at(borders.lower, row + c)
+        value = scaled / at(borders.lower, c * borders.most + c)
+        pivot -= scaled * value
+        put(borders.lower, row + c, value)
+    put(borders.lower, row + k, pivot)
+
+
+@wp.func
+def solve_borders(borders: Borders, count: int):
+    """Replace the right-hand sides of the borders in use by their unknowns."""
+    force = borders.force
+    for k in range(count):
+        total = at(force, k) + dot(borders, at(borders.used, k), borders.scaled)
+        for t in range(k):
+            total -= at(borders.lower, k * borders.most + t) * at(force, t)
+        put(force, k, total)
+    for k in range(count):
+        put(force, k, at(force, k) / at(borders.lower, k * borders.most + k))
+    k = count - 1
+    while k >= 0:
+        for t in range(k):
+            put(force, t, at(force, t) - at(borders.lower, k * borders.most + t) * at(force, k))
+        k -= 1
+
+
+@wp.kernel
+def solve(factors: Factors, borders: Borders, factored: int, count: int):
+    """Solve the system with the borders in use, of which some rows are factored already.
+
+    `force` holds their right-hand sides, and becomes their unknowns f. Then M x = r - sum_c f_c a_c.
+    """
+    for k in range(factored, count):
+        factor_row(borders, k)
+    solve_borders(borders, count)
+    x = borders.x
+    j = int(0)
+    while j < x.shape[0]:
+        put(x, j, at(borders.y, j))
+        j += 1
+    for k in range(count):
+        c = at(borders.used, k)
+        for p in range(at(borders.start, c), at(borders.start, c + 1)):
+            i = at(borders.index, p)
+            put(x, i, at(x, i) - at(borders.force, k) * at(borders.value, p))
+    while j > 0:
+        j -= 1
+        left = at(x, j) / at(factors.pivot, j)
+        p = at(factors.start, j)
+        end = at(factors.start, j + 1)
+        while p < end:
+            left -= at(factors.value, p) * at(x, at(factors.row, p))
+            p += 1
+        put(x, j, left)

@@ -1,0 +1,98 @@
+"""The dual 1/2 |u0 - A^T q|^2 + b . q of a step's convex problem, along a direction projected onto q >= 0."""
+
+import warp as wp
+
+from ..access import at, put
+from ..types import Floats, Ints
+
+f64 = wp.float64
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.struct
+class Dual:
+    """A by rows, and a point q with its slack s = b - A u(q)."""
+
+    start: Ints
+    column: Ints
+    entry: Floats
+    q: Floats
+    slack: Floats
+    target: Floats  # z: the direction is z - q
+    ahead: Floats  # A^T (z - q)
+    spread: Floats  # A^T of the way from q
+
+
+@wp.func
+def add_row(dual: Dual, c: int, amount: f64, total: Floats):
+    """Add a row of A, times a number, to a vector."""
+    p = at(dual.start, c)
+    end = at(dual.start, c + 1)
+    while p < end:
+        j = at(dual.column, p)
+        put(total, j, at(total, j) + at(dual.entry, p) * amount)
+        p += 1
+
+
+@wp.func
+def clear(x: Floats):
+    """Set all elements to 0."""
+    j = int(0)
+    while j < x.shape[0]:
+        put(x, j, f64(0.0))
+        j += 1
+
+
+@wp.func
+def fall_at(dual: Dual, a: f64) -> f64:
+    """Compute the spread at the step a; return the change of the dual."""
+    clear(dual.spread)
+    total = f64(0.0)
+    c = int(0)
+    while c < dual.q.shape[0]:
+        q = at(dual.q, c)
+        way = a * (at(dual.target, c) - q)
+        if q + way < f64(0.0):
+            add_row(dual, c, -q - way, dual.spread)
+            way = -q
+        total += way * at(dual.slack, c)
+        c += 1
+    square = f64(0.0)
+    j = int(0)
+    while j < dual.spread.shape[0]:
+        spread = at(dual.spread, j) + a * at(dual.ahead, j)
+        put(dual.spread, j, spread)
+        square += spread * spread
+        j += 1
+    return total + f64(0.5) * square
+
+
+@wp.kernel
+def descend(dual: Dual, first: f64):
+    """Move q by the step `first`, which is doubled while the dual falls, and update its slack."""
+    clear(dual.ahead)
+    c = int(0)
+    while c < dual.q.shape[0]:
+        add_row(dual, c, at(dual.target, c) - at(dual.q, c), dual.ahead)
+        c += 1
+    a = first
+    here = fall_at(dual, a)
+    further = fall_at(dual, f64(2.0) * a)
+    while further < here and a < f64(0.5):
+        a = f64(2.0) * a
+        here = further
+        further = fall_at(dual, f64(2.0) * a)
+    fall_at(dual, a)
+    c = int(0)
+    while c < dual.q.shape[0]:
+        q = at(dual.q, c)
+        put(dual.q, c, wp.max(q + a * (at(dual.target, c) - q), f64(0.0)))
+        total = at(dual.slack, c)
+        p = at(dual.start, c)
+        end = at(dual.start, c + 1)
+        while p < end:
+            total += at(dual.entry, p) * at(dual.spread, at(dual.column, p))
+            p += 1
+        put(dual.slack, c, total)
+        c += 1

@@ -1,0 +1,473 @@
+"""Path following for a step with friction (MODEL.md, "The exact method with friction").
+
+A contact answers to its velocities by a piecewise linear law with a small compliance eps around given
+corrections (`carried`). On a piece of it, the equations of all contacts are linear. The given corrections
+solve them for gaps and surface speeds that are changed by errors, times s = 1. `follow` takes s to 0, from
+piece to piece.
+"""
+
+import warp as wp
+
+from .. import law
+from ..access import at, put
+from ..types import Floats, Ints, Vectors
+from .block_lu import Factors, Triples, factor, solve
+
+f64 = wp.float64
+OPEN, STICK, FORWARD, BACKWARD = (wp.constant(k) for k in range(4))
+"""Pieces of the law of a contact. It slips on two of them: with dv_t > 0, and with dv_t < 0."""
+FOLLOWING, DONE, AT_FOLD, SPENT, UNBOUNDED = (wp.constant(k) for k in range(5))
+"""Outcomes of a pass: not known yet; s = 0; at a fold that was not passed; without pivots; no piece ends."""
+PIVOTS, FACTORIZATIONS, OUTCOME = (wp.constant(k) for k in range(3))
+"""Counts of a pass."""
+UPDATES = wp.constant(40)  # changes of pieces between two factorizations
+LOCAL = wp.constant(20)  # pivots in which a fold must be passed
+NEARBY = wp.constant(2)  # grains from a fold within which gaps are opened
+SLIPPING = wp.constant(f64(1.0 - 1e-12))  # of mu dv_c, from which on a contact slips
+INSIDE = wp.constant(f64(1.0 - 1e-9))  # of mu dv_c, to which a contact is put that sticks again
+CLEAR = wp.constant(f64(1e-13))  # [m/s] by which contacts that carry nothing are clear of their gap
+TYPES = {(2,): wp.vec2d, (3,): wp.vec3d, (3, 3): wp.mat33d}
+"""Types of the elements of an array of this shape but for the first axis."""
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.struct
+class Step:
+    """A step with friction: its m contacts, and its n grains in the order of elimination.
+
+    A contact that resists rolling has another entry of the same normal, for which vr, dv_r and mu_r (eq. 37)
+    stand for vt, dv_t and mu. It passes on no normal correction, whose limits it knows alone.
+    """
+
+    first: Ints
+    second: Ints  # -1 at walls that no force drives; driven walls follow the grains
+    normal: Vectors
+    gap_rate: Floats  # gap / dt [m/s]
+    circle: Floats  # A / dt at a round wall, or inf [m/s] (eq. 18)
+    friction: Floats
+    surface: Floats  # speed of the surface along the tangent [m/s]
+    lever: Vectors  # g, g_t at driven walls (eqs. 28, 30b)
+    parts: Triples  # of slip and of the rim speeds of both grains in vt: 1, 1, 1, or 0, c_i, -c_j (eq. 37)
+    k_n: Floats  # K (eq. 28)
+    k_t: Floats  # K_t or K_r (eqs. 22, 30b, 37)
+    mass: Floats  # mu_c [kg]
+    block: Ints  # of a pair in the factors
+    contact_start: Ints  # contacts of grain i: contact[k], contact_start[i] <= k < contact_start[i + 1]
+    contact: Ints
+    inertia: Triples  # M, M, J / 2 [kg]; of a driven wall its mass, and ones
+    free: Triples  # free velocity and rim speed [m/s]; of a driven wall its speed, and zeros
+
+
+@wp.struct
+class Path:
+    """A point on the path, and where it leads."""
+
+    dv: Floats  # corrections: of the center, and then those that are found [m/s]
+    dvt: Floats
+    gap: Floats  # gap / dt for the velocities of the center [m/s]
+    piece: Ints
+    error: Vectors  # of gap / dt, and of the speed of the surface [m/s]
+    opening: Vectors  # what is added to them around a fold
+    excess: Vectors  # A, B: arguments of the law [m/s]
+    rate: Vectors  # their rates along the way
+    velocity: Triples  # and rim speed [m/s]
+    saved: Triples  # those at a fold
+    way: Triples  # rate of the velocity
+    change: Triples  # of the way by a change of a piece, or of the velocity
+    updates: Triples  # changes since the last factorization, one after the other
+    updated: Ints  # contacts whose pieces changed
+    gradient: Vectors  # of the margin that became 0
+    pivot: Floats
+    near: Ints  # whether grains are near a fold
+    found: Ints  # those that are
+    count: Ints  # by PIVOTS, ...
+    residual: Floats  # [m/s]
+
+
+@wp.func
+def is_grain(step: Step, j: int) -> bool:
+    """Return whether a second body is a grain, and no wall."""
+    return j >= 0 and j < step.contact_start.shape[0] - 1
+
+
+@wp.func
+def relative(u: Triples, step: Step, c: int) -> wp.vec2d:
+    """Return vn and vt of a contact, for a surface at rest."""
+    own, j, n, parts = at(u, at(step.first, c)), at(step.second, c), at(step.normal, c), at(step.parts, c)
+    x, y, rim = own[0], own[1], parts[1] * own[2]
+    if is_grain(step, j):
+        other = at(u, j)
+        x, y, rim = x - other[0], y - other[1], rim + parts[2] * other[2]
+    v = wp.vec2d(x * n[0] + y * n[1], parts[0] * (y * n[0] - x * n[1]) + rim)
+    if j >= 0 and not is_grain(step, j):
+        lever = at(step.lever, c)
+        v = v - at(u, j)[0] * wp.vec2d(lever[0], parts[0] * lever[1])
+    return v
+
+
+@wp.func
+def push(force: Triples, step: Step, c: int, amount: wp.vec2d):
+    """Add the transpose of `relative` times mu_c and an amount; the entry of rolling has a moment alone."""
+    i, j, n, f = at(step.first, c), at(step.second, c), at(step.normal, c), at(step.mass, c) * amount
+    parts = at(step.parts, c)
+    along = parts[0] * f
+    x, y = along[0] * n[0] - along[1] * n[1], along[0] * n[1] + along[1] * n[0]
+    put(force, i, at(force, i) + wp.vec3d(x, y, parts[1] * f[1]))
+    if is_grain(step, j):
+        put(force, j, at(force, j) + wp.vec3d(-x, -y, parts[2] * f[1]))
+    elif j >= 0:
+        put(force, j, at(force, j) - wp.vec3d(wp.dot(at(step.lever, c), along), f64(0.0), f64(0.0)))
+
+
+@wp.func
+def carried(piece: int, excess: wp.vec2d, friction: f64, eps: f64) -> wp.vec2d:
+    """Return dv_c and dv_t on a piece of the law, for A = excess[0] and B = excess[1] (eq. 32)."""
+    if piece == OPEN:
+        return wp.vec2d(f64(0.0), f64(0.0))
+    a = excess[0] / eps
+    if piece == STICK:
+        return wp.vec2d(a, excess[1] / eps)
+    return wp.vec2d(a, wp.where(piece == FORWARD, friction * a, -friction * a))
+
+
+@wp.func
+def margin(piece: int, side: int, excess: wp.vec2d, friction: f64) -> f64:
+    """Return the distance from side 0 or 1 of a piece, linear and > 0 within; 0 if there is no side 1."""
+    if piece == STICK:
+        return friction * excess[0] + wp.where(side == 0, -excess[1], excess[1])
+    if side == 0:
+        return wp.where(piece == OPEN, -excess[0], excess[0])
+    if piece == OPEN or friction == f64(0.0):
+        return f64(0.0)
+    return wp.where(piece == FORWARD, excess[1], -excess[1]) - friction * excess[0]
+
+
+@wp.func
+def beyond(piece: int, side: int, excess: wp.vec2d) -> int:
+    """Return the piece on the other side."""
+    if piece == OPEN:
+        return wp.where(excess[1] >= f64(0.0), FORWARD, BACKWARD)
+    if piece == STICK:
+        return wp.where(side == 0, FORWARD, BACKWARD)
+    return wp.where(side == 0, OPEN, STICK)
+
+
+@wp.func
+def clear(x: Triples):
+    """Set all elements to 0."""
+    for g in range(x.shape[0]):
+        put(x, g, wp.vec3d())
+
+
+@wp.func
+def add(x: Triples, amount: f64, change: Triples, first: int):
+    """Add a multiple of a change, which begins at an index."""
+    g = int(0)
+    while g < x.shape[0]:
+        put(x, g, at(x, g) + amount * at(change, first + g))
+        g += 1
+
+
+@wp.func
+def copy(target: Triples, first: int, source: Triples):
+    """Copy into an array, from an index on."""
+    for g in range(source.shape[0]):
+        put(target, first + g, at(source, g))
+
+
+@wp.func
+def gap_now(step: Step, c: int, u: Triples) -> f64:
+    """Return gap / dt of a contact for the velocity of its first grain (eq. 18)."""
+    own = at(u, at(step.first, c))
+    along = law.speed_along(wp.vec2d(own[0], own[1]), at(step.normal, c))
+    return law.round_gap_rate(at(step.gap_rate, c), along, at(step.circle, c))
+
+
+@wp.func
+def find_velocity(step: Step, path: Path):
+    """Compute the velocities that the corrections make of the free ones."""
+    clear(path.change)
+    for c in range(step.first.shape[0]):
+        push(path.change, step, c, wp.vec2d(at(path.dv, c), at(path.dvt, c)))
+    for g in range(step.free.shape[0]):
+        put(path.velocity, g, at(step.free, g) - wp.cw_div(at(path.change, g), at(step.inertia, g)))
+
+
+@wp.func
+def begin(step: Step, path: Path):
+    """Begin at the corrections: find gaps for their velocities, and piece and error of every contact."""
+    find_velocity(step, path)
+    for c in range(step.first.shape[0]):
+        v, gap = relative(path.velocity, step, c), gap_now(step, c, path.velocity)
+        a, b, slip = at(path.dv, c), at(path.dvt, c), v[1] - at(step.surface, c)
+        piece, limit = int(OPEN), at(step.friction, c) * a
+        error = wp.vec2d(wp.max(f64(0.0), v[0] - gap + CLEAR), f64(0.0))
+        if a > f64(0.0):
+            error[0] = v[0] - gap
+            if wp.abs(b) >= limit * SLIPPING and slip * b >= f64(0.0):
+                piece = wp.where(b >= f64(0.0), FORWARD, BACKWARD)
+            else:
+                piece = int(STICK)
+                error[1] = slip
+                put(path.dvt, c, wp.clamp(b, -limit * INSIDE, limit * INSIDE))
+        put(path.gap, c, gap)
+        put(path.piece, c, piece)
+        put(path.error, c, error)
+        put(path.opening, c, wp.vec2d())
+
+
+@wp.func
+def coupling(n: wp.vec3d, t: wp.vec3d, other_n: wp.vec3d, other_t: wp.vec3d, slope: wp.vec3d) -> wp.mat33d:
+    """Return the block of two grains that a contact adds, for the derivatives of its law."""
+    return wp.outer(n, slope[0] * other_n) + wp.outer(t, slope[1] * other_n + slope[2] * other_t)
+
+
+@wp.func
+def assemble(step: Step, path: Path, factors: Factors, eps: f64):
+    """Write the matrix of the present pieces."""
+    for k in range(factors.lower.shape[0]):
+        put(factors.lower, k, wp.mat33d())
+        put(factors.upper, k, wp.mat33d())
+    for g in range(step.free.shape[0]):
+        put(factors.diagonal, g, wp.diag(at(step.inertia, g)))
+    for c in range(step.first.shape[0]):
+        piece = at(path.piece, c)
+        if piece != OPEN:
+            x, friction, share = at(step.normal, c), at(step.friction, c), f64(1.0) / at(step.k_t, c)
+            by_n = at(step.mass, c) * carried(piece, wp.vec2d(f64(1.0), f64(0.0)), friction, eps)
+            by_t = at(step.mass, c) * carried(piece, wp.vec2d(f64(0.0), share), friction, eps)
+            parts = at(step.parts, c)
+            slope = wp.vec3d(parts[0] * by_n[0], by_n[1], by_t[1])
+            n, t = wp.vec3d(x[0], x[1], f64(0.0)), wp.vec3d(-parts[0] * x[1], parts[0] * x[0], parts[1])
+            i, j, k = at(step.first, c), at(step.second, c), at(step.block, c)
+            put(factors.diagonal, i, at(factors.diagonal, i) + coupling(n, t, n, t, slope))
+            if j >= 0:
+                m, s = -n, wp.vec3d(parts[0] * x[1], -parts[0] * x[0], parts[2])
+                if not is_grain(step, j):
+                    m = wp.vec3d(-at(step.lever, c)[0], f64(0.0), f64(0.0))
+                    s = wp.vec3d(-parts[0] * at(step.lever, c)[1], f64(0.0), f64(0.0))
+                put(factors.diagonal, j, at(factors.diagonal, j) + coupling(m, s, m, s, slope))
+                above, below = coupling(n, t, m, s, slope), coupling(m, s, n, t, slope)
+                if i > j:
+                    above, below = coupling(m, s, n, t, slope), coupling(n, t, m, s, slope)
+                put(factors.upper, k, at(factors.upper, k) + above)
+                put(factors.lower, k, at(factors.lower, k) + below)
+
+
+@wp.func
+def find_excess(step: Step, path: Path, s: f64, sigma: f64, eps: f64):
+    """Compute the arguments of the laws at a point of the path."""
+    for c in range(step.first.shape[0]):
+        v, error = relative(path.velocity, step, c), s * at(path.error, c) + sigma * at(path.opening, c)
+        a = eps * at(path.dv, c) + v[0] - at(path.gap, c) - error[0]
+        b = eps * at(path.dvt, c) + (v[1] - at(step.surface, c) - error[1]) / at(step.k_t, c)
+        put(path.excess, c, wp.vec2d(a, b))
+
+
+@wp.func
+def correct(step: Step, path: Path, factors: Factors, s: f64, sigma: f64, eps: f64):
+    """Solve the equations of the present pieces for the velocity, by a Newton step."""
+    find_excess(step, path, s, sigma, eps)
+    for g in range(step.free.shape[0]):
+        put(path.change, g, wp.cw_mul(at(step.inertia, g), at(path.velocity, g) - at(step.free, g)))
+    for c in range(step.first.shape[0]):
+        push(path.change, step, c, carried(at(path.piece, c), at(path.excess, c), at(step.friction, c), eps))
+    solve(factors, path.change)
+    add(path.velocity, f64(-1.0), path.change, 0)
+
+
+@wp.func
+def solve_updated(step: Step, path: Path, factors: Factors, x: Triples, updates: int):
+    """Replace a right-hand side by the solution with the matrix as some updates have made it."""
+    solve(factors, x)
+    for k in range(updates):
+        along = wp.dot(at(path.gradient, k), relative(x, step, at(path.updated, k)))
+        if along != f64(0.0):
+            add(x, -along / at(path.pivot, k), path.updates, k * x.shape[0])
+
+
+@wp.func
+def find_way(step: Step, path: Path, factors: Factors, drive: Vectors, updates: int, eps: f64):
+    """Compute the rate of the velocity for gaps and surface speeds that change at the rates of the drive."""
+    clear(path.way)
+    for c in range(step.first.shape[0]):
+        rate = at(drive, c)
+        if rate[0] != f64(0.0) or rate[1] != f64(0.0):
+            rate[1] = rate[1] / at(step.k_t, c)
+            push(path.way, step, c, carried(at(path.piece, c), rate, at(step.friction, c), eps))
+    solve_updated(step, path, factors, path.way, updates)
+
+
+@wp.func
+def next_kink(step: Step, path: Path, drive: Vectors, lead: f64, last: int):
+    """Return the contact that reaches a side of its piece first, that side, and the way to it.
+
+    The contact whose piece was changed last is at a side, and does not count.
+    """
+    hit, hit_side, way = int(-1), int(0), f64(wp.inf)
+    c = int(0)
+    while c < step.first.shape[0]:
+        v = relative(path.way, step, c) - at(drive, c)
+        rate = wp.vec2d(lead * v[0], lead * v[1] / at(step.k_t, c))
+        put(path.rate, c, rate)
+        piece, friction = at(path.piece, c), at(step.friction, c)
+        if c != last:
+            for side in range(2):
+                falls = -margin(piece, side, rate, friction)
+                if falls > f64(0.0):
+                    left = margin(piece, side, at(path.excess, c), friction) / falls
+                    if left < way:
+                        hit, hit_side, way = c, side, left
+        c += 1
+    return hit, hit_side, wp.max(f64(0.0), way)
+
+
+@wp.func
+def open_around(step: Step, path: Path, c: int):
+    """Choose the contacts that are at most NEARBY grains from a contact, whose gaps open at a fold."""
+    for e in range(step.first.shape[0]):
+        put(path.opening, e, wp.vec2d())
+    for g in range(step.free.shape[0]):
+        put(path.near, g, 0)
+    begun, count = int(0), int(0)
+    for side in range(2):
+        g = wp.where(side == 0, at(step.first, c), at(step.second, c))
+        if side == 0 or is_grain(step, g):
+            put(path.near, g, 1)
+            put(path.found, count, g)
+            count += 1
+    for _ in range(NEARBY):
+        end = int(count)
+        while begun < end:
+            g = at(path.found, begun)
+            for k in range(at(step.contact_start, g), at(step.contact_start, g + 1)):
+                e = at(step.contact, k)
+                put(path.opening, e, wp.vec2d(f64(1.0), f64(0.0)))
+                other = at(step.first, e) + at(step.second, e) - g
+                if is_grain(step, at(step.second, e)) and at(path.near, other) == 0:
+                    put(path.near, other, 1)
+                    put(path.found, count, other)
+                    count += 1
+            begun += 1
+
+
+@wp.func
+def rate_of_margin(step: Step, path: Path, c: int, gradient: wp.vec2d, drive: Vectors) -> f64:
+    """Return the rate of the margin of this gradient along the way."""
+    return wp.dot(gradient, relative(path.way, step, c) - at(drive, c))
+
+
+@wp.kernel
+def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int):
+    """Follow the path from the given corrections, for `most` pivots at most, and replace them by others."""
+    begin(step, path)
+    s, sigma, lead = f64(1.0), f64(0.0), f64(-1.0)  # lead: sign of the rate of s or sigma
+    drive = path.error
+    snapping, local = bool(False), int(0)
+    updates, pivots, factorizations, last = int(UPDATES), int(0), int(0), int(-1)
+    outcome = int(FOLLOWING)
+    while outcome == FOLLOWING:
+        if updates == UPDATES:
+            assemble(step, path, factors, eps)
+            lead = -factor(factors)
+            factorizations += 1
+            updates = 0
+            if lead > f64(0.0) and not snapping:
+                outcome = int(AT_FOLD)
+                break
+            correct(step, path, factors, s, sigma, eps)
+            correct(step, path, factors, s, sigma, eps)
+            find_excess(step, path, s, sigma, eps)
+            find_way(step, path, factors, drive, updates, eps)
+        c, side, way = next_kink(step, path, drive, lead, last)
+        left = wp.where(snapping, sigma, s)
+        ends = lead < f64(0.0) and way >= left
+        if ends:
+            way = left
+        elif c < 0:
+            outcome = int(UNBOUNDED)
+            break
+        add(path.velocity, lead * way, path.way, 0)
+        for e in range(step.first.shape[0]):
+            put(path.excess, e, at(path.excess, e) + way * at(path.rate, e))
+        if snapping:
+            sigma = sigma + lead * way
+            local += 1
+        else:
+            s = s + lead * way
+        if ends and not snapping:
+            s = f64(0.0)
+            outcome = int(DONE)
+            break
+        if ends:  # snapped to another branch
+            snapping, sigma, lead, last = False, f64(0.0), f64(-1.0), int(-1)
+            drive = path.error
+            find_way(step, path, factors, drive, updates, eps)
+            continue
+        if pivots >= most or local > LOCAL:
+            outcome = int(SPENT)
+            if snapping:
+                copy(path.velocity, 0, path.saved)
+                sigma, outcome = f64(0.0), int(AT_FOLD)
+            break
+        friction, old = at(step.friction, c), at(path.piece, c)
+        new = beyond(old, side, at(path.excess, c))
+        p = margin(old, side, wp.vec2d(f64(1.0), f64(0.0)), friction)
+        q = margin(old, side, wp.vec2d(f64(0.0), f64(1.0)), friction)
+        across = wp.vec2d(p, q) / (p * p + q * q)  # by which the margin changes by 1
+        gradient = wp.vec2d(p, q / at(step.k_t, c))
+        clear(path.change)
+        push(path.change, step, c, carried(new, across, friction, eps) - carried(old, across, friction, eps))
+        solve_updated(step, path, factors, path.change, updates)
+        pivot = f64(1.0) + wp.dot(gradient, relative(path.change, step, c))  # ratio of the determinants
+        rate = rate_of_margin(step, path, c, gradient, drive)
+        if pivot < f64(0.0) and not snapping:  # a fold in s
+            snapping, local, before = True, int(0), lead * rate
+            copy(path.saved, 0, path.velocity)
+            open_around(step, path, c)
+            drive = path.opening
+            find_way(step, path, factors, drive, updates, eps)
+            rate = rate_of_margin(step, path, c, gradient, drive)
+            if rate * before > f64(0.0):  # gaps have to close for the far side
+                rate = -rate
+                add(path.way, f64(-2.0), path.way, 0)
+                for e in range(step.first.shape[0]):
+                    put(path.opening, e, -at(path.opening, e))
+            lead = f64(1.0)
+        elif pivot < f64(0.0):
+            lead = -lead
+        add(path.way, -rate / pivot, path.change, 0)
+        copy(path.updates, updates * step.free.shape[0], path.change)
+        put(path.updated, updates, c)
+        put(path.gradient, updates, gradient)
+        put(path.pivot, updates, pivot)
+        put(path.piece, c, new)
+        if old == OPEN or new == OPEN:
+            put(path.excess, c, wp.vec2d(f64(0.0), at(path.excess, c)[1]))
+        updates += 1
+        pivots += 1
+        last = int(c)
+    find_excess(step, path, s, sigma, eps)
+    for e in range(step.first.shape[0]):
+        a = wp.max(f64(0.0), at(path.excess, e)[0] / eps)
+        limit = at(step.friction, e) * a
+        put(path.dv, e, a)
+        put(path.dvt, e, wp.clamp(at(path.excess, e)[1] / eps, -limit, limit))
+    put(path.count, PIVOTS, pivots)
+    put(path.count, FACTORIZATIONS, factorizations)
+    put(path.count, OUTCOME, outcome)
+
+
+@wp.kernel
+def measure(step: Step, path: Path):
+    """Measure the residual of the corrections (eqs. 25, 30 and 38)."""
+    find_velocity(step, path)
+    worst = f64(0.0)
+    for c in range(step.first.shape[0]):
+        v, k_n, k_t = relative(path.velocity, step, c), at(step.k_n, c), at(step.k_t, c)
+        change = law.driven_change(v[0] - gap_now(step, c, path.velocity), at(path.dv, c), k_n)
+        limit = at(step.friction, c) * (at(path.dv, c) + change)
+        slip = law.tangential_change((v[1] - at(step.surface, c)) / k_t, at(path.dvt, c), limit)
+        worst = wp.max(worst, wp.max(k_n * wp.abs(change), k_t * wp.abs(slip)))
+    put(path.residual, 0, worst)

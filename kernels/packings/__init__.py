@@ -1,0 +1,1 @@
+"""Kernels of packings: grains at random places, moved apart."""

@@ -1,0 +1,134 @@
+"""Random sequential addition: discs are placed at random, one after the other, without overlap.
+
+Discs come in order of size, the largest first. Those of a level are less than a factor of two apart and share
+a grid, whose cells are no narrower than the largest of them. So a disc is checked against nine cells of its
+level and of every level before. In periodic directions the first cells are next to the last ones.
+"""
+
+import warp as wp
+
+from ..walls.walls import Walls, way, worst_overlap
+
+f64 = wp.float64
+NOBODY = wp.constant(-1)
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.struct
+class Bounds:
+    """Lowest and highest coordinates of discs, in addition to the walls [m]; infinite where periodic."""
+
+    low: wp.vec2d
+    high: wp.vec2d
+
+
+@wp.struct
+class DiscsRecord:
+    """Discs in the order in which they are placed, and the cells in which their centres are."""
+
+    radius: wp.array(dtype=f64)  # [m]
+    level: wp.array(dtype=wp.int32)
+    position: wp.array(dtype=wp.vec2d)  # [m], of those that have a place
+    follower: wp.array(dtype=wp.int32)  # the next disc in the same cell
+    newest: wp.array(dtype=wp.int32)  # by cell
+    cell: wp.array(dtype=wp.vec2d)  # width and height of the cells of a level [m]
+    width: wp.array(dtype=wp.vec2i)  # columns and rows
+    first: wp.array(dtype=wp.int32)  # cell of a level
+    corner: wp.vec2d  # lower left one of the grids [m]
+    walls: Walls
+    bounds: Bounds
+    places: wp.array(dtype=wp.vec2d)  # that are to be tried [m]
+    placed: wp.int32  # discs that have a place
+    tries: wp.int32  # in a row, of the next one
+
+
+Discs = wp.ref[DiscsRecord]
+
+
+@wp.func
+def cell_of(x: wp.vec2d, discs: Discs, level: int) -> wp.vec2i:
+    """Return column and row of the cell that a point is in."""
+    cell, most = discs.cell[level], discs.width[level] - wp.vec2i(1, 1)
+    column, row = int((x[0] - discs.corner[0]) / cell[0]), int((x[1] - discs.corner[1]) / cell[1])
+    return wp.vec2i(wp.clamp(column, 0, most[0]), wp.clamp(row, 0, most[1]))
+
+
+@wp.func
+def beside(place: int, step: int, width: int, period: f64) -> int:
+    """Return the column, or row, a step from another one; NOBODY where there is none."""
+    other = place + step
+    if period > f64(0.0):
+        return (other + width) % width
+    return wp.where(other >= 0 and other < width, other, NOBODY)
+
+
+@wp.func
+def is_clear_of_cell(x: wp.vec2d, radius: f64, discs: Discs, cell: int) -> bool:
+    """Return whether a disc at x overlaps no disc of a cell."""
+    clear = bool(True)
+    j = discs.newest[cell]
+    while clear and j != NOBODY:
+        d = way(x, discs.position[j], discs.walls)
+        reach = radius + discs.radius[j]
+        clear = d[0] * d[0] + d[1] * d[1] >= reach * reach
+        j = discs.follower[j]
+    return clear
+
+
+@wp.func
+def is_clear(x: wp.vec2d, radius: f64, discs: Discs, level: int) -> bool:
+    """Return whether a disc at x overlaps no disc of a level of the grid; its own cell is checked first."""
+    width, own, first, period = (
+        discs.width[level],
+        cell_of(x, discs, level),
+        discs.first[level],
+        discs.walls.period,
+    )
+    clear = is_clear_of_cell(x, radius, discs, first + own[0] * width[1] + own[1])
+    for c in range(-1, 2):
+        column = beside(own[0], c, width[0], period[0])
+        for r in range(-1, 2):
+            row = beside(own[1], r, width[1], period[1])
+            if clear and column != NOBODY and row != NOBODY:
+                clear = is_clear_of_cell(x, radius, discs, first + column * width[1] + row)
+    return clear
+
+
+@wp.func
+def fits(x: wp.vec2d, discs: Discs, i: int) -> bool:
+    """Return whether disc i at x is within walls and bounds, and overlaps no earlier disc."""
+    r, bounds = discs.radius[i], discs.bounds
+    if wp.min(x - bounds.low) < r or wp.min(bounds.high - x) < r:
+        return False
+    if worst_overlap(x, discs.radius[i], discs.walls) > f64(0.0):
+        return False
+    clear = bool(True)
+    for level in range(discs.level[i] + 1):
+        clear = clear and is_clear(x, discs.radius[i], discs, level)
+    return clear
+
+
+@wp.func
+def try_places(discs: Discs):
+    """Try the places in order until all discs are placed."""
+    for k in range(discs.places.shape[0]):
+        i, x = discs.placed, discs.places[k]
+        if i == discs.radius.shape[0]:
+            return
+        discs.tries = discs.tries + 1
+        if fits(x, discs, i):
+            level = discs.level[i]
+            own = cell_of(x, discs, level)
+            cell = discs.first[level] + own[0] * discs.width[level][1] + own[1]
+            discs.position[i] = x
+            discs.follower[i] = discs.newest[cell]
+            discs.newest[cell] = i
+            discs.placed = i + 1
+            discs.tries = 0
+
+
+@wp.kernel
+def place(records: wp.array(dtype=DiscsRecord)):
+    """Try the places of each record."""
+    try_places(records[wp.tid()])

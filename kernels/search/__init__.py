@@ -1,0 +1,1 @@
+"""The search of contacts: cells, neighbors, the list and its order."""

@@ -1,0 +1,229 @@
+"""A new list of contacts: found ones sorted, the old list saved, its corrections transferred (warm start)."""
+
+import warp as wp
+
+from .. import law
+from ..access import add, at, put, raise_to
+from ..contacts import value_at
+from ..record import (
+    Phase,
+    Scene,
+    grain_count,
+    has_friction,
+    has_rolling,
+    has_swept,
+    has_weights,
+    is_accelerated,
+)
+from ..sweeps.rolling import find_roll_weights
+from ..types import Contact, NeighborList
+from ..walls.walls import way
+from .cells import clear, prefix_sum
+
+f64 = wp.float64
+ROOT_TWO = wp.constant(f64(2.0**0.5))
+
+
+@wp.func
+def listed_count(s: Scene) -> int:
+    """Return the number of contacts in the rows of the list."""
+    return at(s.neighbors.start, grain_count(s))
+
+
+@wp.func
+def pair_end(rows: NeighborList, i: int) -> int:
+    """Return the end of the pairs of row i: contacts with walls follow."""
+    n = rows.start.shape[0] - 1
+    begin, k = at(rows.start, i), at(rows.start, i + 1)
+    while k > begin and at(rows.neighbor, wp.max(k - 1, 0)) >= n:
+        k -= 1
+    return k
+
+
+@wp.func
+def save_row(s: Scene, i: int):
+    """Save where the row of a grain begins."""
+    put(s.workspace.old.start, i, at(s.neighbors.start, i))
+
+
+@wp.func
+def save_contact(s: Scene, k: int):
+    """Save contact k of the list, with its corrections."""
+    c, contacts = at(s.workspace.sweep_index, k), s.contacts
+    dv = wp.vec3d(at(contacts.dv, c), at(contacts.dv_start, c), value_at(contacts.last_dv, c))
+    put(s.workspace.old_dv, k, dv)
+    put(s.workspace.old.neighbor, k, at(s.neighbors.neighbor, k))
+    if has_friction(s):
+        dvt = wp.vec3d(at(contacts.dvt, c), at(contacts.dvt_start, c), value_at(contacts.last_dvt, c))
+        put(s.workspace.old_dvt, k, dvt)
+    if has_rolling(s):
+        dvr = wp.vec3d(at(contacts.dvr, c), at(contacts.dvr_start, c), value_at(contacts.last_dvr, c))
+        put(s.workspace.old_dvr, k, dvr)
+
+
+@wp.func
+def expire(s: Scene):
+    """Ask for a new list in the same step. Accelerated sweeps resume with it, others begin again."""
+    n = grain_count(s)
+    put(s.workspace.old.start, n, at(s.neighbors.start, n))
+    s.step.rebuilds = s.step.rebuilds + 1
+    s.control.resuming = 0
+    if has_swept(s):
+        if is_accelerated(s):
+            s.control.resuming = 1
+        else:
+            s.step.restarts = s.step.restarts + 1
+
+
+@wp.func
+def fill_rows(s: Scene):
+    """Sort the contacts found into rows, by first and then by second body (two counting sorts).
+
+    The end of each bucket is counted down to its start.
+    """
+    found, by_second, start, second = (
+        s.neighbors.found,
+        s.neighbors.by_second,
+        s.neighbors.start,
+        s.neighbors.second,
+    )
+    clear(start)
+    clear(second)
+    k, slots = int(0), at(s.neighbors.slots, 0)
+    while k < slots:
+        pair = at(found, k)
+        if pair[0] >= 0:
+            add(start, pair[0], 1)
+            add(second, pair[1], 1)
+        k += 1
+    prefix_sum(start, start)
+    prefix_sum(second, second)
+    while k > 0:
+        k -= 1
+        pair = at(found, k)
+        if pair[0] >= 0:
+            put(by_second, add(second, pair[1], -1) - 1, pair)
+    k = int(at(s.neighbors.total, 0))
+    while k > 0:
+        k -= 1
+        pair = at(by_second, k)
+        put(s.neighbors.neighbor, add(start, pair[0], -1) - 1, pair[1])
+
+
+@wp.func
+def is_active(dv: wp.vec3d) -> bool:
+    """Return whether a contact carries a correction, or did at the step's start or a sweep back."""
+    return dv[0] != f64(0.0) or dv[1] != f64(0.0) or dv[2] != f64(0.0)
+
+
+@wp.func
+def keep_pair(s: Scene, i: int, j: int, k_old: int):
+    """Keep a pair of the old list that carries a correction: widen both skins, and search again."""
+    if is_active(at(s.workspace.old_dv, k_old)):
+        half = f64(0.5) * wp.length(way(at(s.grains.position, i), at(s.grains.position, j), s.walls))
+        raise_to(s.verlet.skin, i, half)
+        raise_to(s.verlet.skin, j, half)
+        s.control.phase = Phase.SEARCH
+
+
+@wp.func
+def match_rows(s: Scene, i: int):
+    """Find a grain's contacts in the old list, and search again if one that carries a correction is lost."""
+    rows, old = s.neighbors, s.workspace.old
+    k_old, end_old = at(old.start, i), at(old.start, i + 1)
+    k, end = at(rows.start, i), at(rows.start, i + 1)
+    while k < end:
+        j = at(rows.neighbor, k)
+        while k_old < end_old and at(old.neighbor, k_old) < j:
+            keep_pair(s, i, at(old.neighbor, k_old), k_old)
+            k_old += 1
+        k_found = int(-1)
+        if k_old < end_old and at(old.neighbor, k_old) == j:
+            k_found = k_old
+            k_old += 1
+        put(s.workspace.old_index, k, k_found)
+        k += 1
+    while k_old < end_old:
+        keep_pair(s, i, at(old.neighbor, k_old), k_old)
+        k_old += 1
+
+
+@wp.func
+def transfer_warm_start(s: Scene, i: int):
+    """Write a grain's contacts in sweeping order, with the corrections of the old list, or zero."""
+    k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
+    while k < end:
+        j = at(s.neighbors.neighbor, k)
+        c = at(s.workspace.sweep_index, k)
+        k_old = at(s.workspace.old_index, k)
+        dv, dvt, dvr = wp.vec3d(), wp.vec3d(), wp.vec3d()
+        if k_old >= 0:
+            dv = at(s.workspace.old_dv, k_old)
+            if has_friction(s):
+                dvt = at(s.workspace.old_dvt, k_old)
+            if has_rolling(s):
+                dvr = at(s.workspace.old_dvr, k_old)
+        contact = Contact()
+        contact.i = wp.uint32(2 * i)
+        contact.j = wp.uint32(2 * j)
+        put(s.contacts.contact, c, contact)
+        put(s.contacts.dv, c, dv[0])
+        put(s.contacts.dv_start, c, dv[1])
+        if has_friction(s):
+            put(s.contacts.dvt, c, dvt[0])
+            put(s.contacts.dvt_start, c, dvt[1])
+        if is_accelerated(s):
+            put(s.contacts.last_dv, c, dv[2])
+            if has_friction(s):
+                put(s.contacts.last_dvt, c, dvt[2])
+        if has_weights(s):
+            find_weights(s, c, i, j)
+        if has_rolling(s):
+            put(s.contacts.dvr, c, dvr[0])
+            put(s.contacts.dvr_start, c, dvr[1])
+            if is_accelerated(s):
+                put(s.contacts.last_dvr, c, dvr[2])
+            find_roll_weights(s, c, i, j)
+        k += 1
+
+
+@wp.func
+def find_weights(s: Scene, c: int, i: int, j: int):
+    """Write how much of the corrections of contact c grain i, and grain or wall j, take (eqs. 7 and 22)."""
+    mass_i, mass_j = at(s.grains.contact_mass, i), f64(0.0)
+    weight = wp.vec2d(f64(1.0), f64(0.0))
+    if j < grain_count(s):
+        mass_j = at(s.grains.contact_mass, j)
+        weight = wp.vec2d(law.mass_share(mass_i, mass_j), law.mass_share(mass_j, mass_i))
+    put(s.contacts.weights, c, weight)
+    if has_friction(s):
+        rim_i, rim_j = weight[0] * (f64(2.0) * mass_i / at(s.grains.rim_mass, i)), f64(0.0)
+        if j < grain_count(s):
+            rim_j = weight[1] * (f64(2.0) * mass_j / at(s.grains.rim_mass, j))
+        put(s.contacts.rim_weights, c, wp.vec3d(f64(1.0) / (f64(1.0) + rim_i + rim_j), rim_i, rim_j))
+
+
+@wp.func
+def find_row_sums(s: Scene):
+    """Find the largest sum of a grain's shares of its contacts, if it is monitored; that at a wall is 1."""
+    if is_accelerated(s):
+        return
+    n, row_sum, largest = grain_count(s), s.workspace.row_sum, f64(0.0)
+    for i in range(n):
+        put(row_sum, i, f64(0.0))
+    for i in range(n):
+        own = at(row_sum, i)  # of pairs with earlier grains
+        k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
+        while k < end:
+            j = at(s.neighbors.neighbor, k)
+            weight = wp.vec2d(wp.where(j < n, f64(0.5), f64(1.0)), f64(0.5))
+            if has_weights(s):
+                weight = at(s.contacts.weights, at(s.workspace.sweep_index, k))
+            own = own + weight[0]
+            if j < n:
+                put(row_sum, j, at(row_sum, j) + weight[1])
+            k += 1
+        largest = wp.max(largest, own)
+    if has_friction(s):
+        largest = ROOT_TWO * largest  # tangential corrections may be as large as normal ones
+    s.verlet.work.max_row_sum = largest

@@ -1,0 +1,96 @@
+"""How far a new list reaches: its skins and its lifetime (MODEL.md, eq. 11).
+
+The base skin adapts to how long lists last. To it a grain adds a multiple of what it has needed so far.
+"""
+
+import warp as wp
+
+from ..access import at, larger, put
+from ..record import Scene, body_count, has_swept, is_accelerated
+from .verlet import peak_of
+
+f64 = wp.float64
+FORESEEN, FOUND_OUT = wp.constant(f64(1.2)), wp.constant(f64(2.0))  # skin over need, before and after a miss
+NARROWEST, WIDEST = wp.constant(f64(0.02)), wp.constant(f64(0.2))  # base skin, in radii
+WIDEST_AFTER_MISS = wp.constant(f64(0.25))  # where plain sweeps begin again
+WIDEST_UNSWEPT = wp.constant(f64(0.4))  # where sweeps touch the working set alone
+STILL_TO_COME = wp.constant(f64(0.6))  # skin over need so far, where a working set is swept
+LONGEST = wp.constant(f64(64.0))  # steps that a list is built for at most
+
+
+@wp.func
+def adapt_base_skin(s: Scene):
+    """Widen the base skin [m] after a list that did not last, narrow it after one that did."""
+    radius = s.tuning.smallest_radius
+    skin = s.verlet.numbers.base_skin
+    steps = s.verlet.numbers.elapsed / s.dt
+    if steps < f64(4.5):
+        widest = WIDEST
+        if is_accelerated(s):
+            widest = WIDEST_UNSWEPT
+        elif has_swept(s):
+            widest = WIDEST_AFTER_MISS
+        skin = wp.max(skin, wp.min(f64(1.25) * skin, widest * radius))
+    elif steps > f64(20.5):
+        skin = wp.max(f64(0.7) * skin, NARROWEST * radius)
+    s.verlet.numbers.base_skin = skin
+
+
+@wp.func
+def renew_skin(s: Scene, i: int):
+    """Choose v0_i, and skin_i: the base skin plus a multiple of the need of this step or of the last.
+
+    v0_i is the grain's velocity now; where plain sweeps begin again, it becomes v0_i + v_f. Where accelerated
+    sweeps resume, the list is for those that are left, and the multiple is smaller.
+    """
+    w = at(s.grains.next_velocity, i)
+    needed = at(s.verlet.recent_deviation, i)
+    margin = FORESEEN
+    if has_swept(s):
+        seen = peak_of(s, i)
+        needed = wp.max(needed, seen)
+        if is_accelerated(s):
+            margin = STILL_TO_COME
+            put(s.verlet.peak_square, i, f64(0.0))
+        else:
+            margin = FOUND_OUT
+            w = at(s.verlet.reference_velocity, i) + s.verlet.work.frame_velocity
+            put(s.verlet.recent_deviation, i, needed)  # so that skins only grow as long as the step goes on
+    put(s.verlet.skin, i, s.verlet.numbers.base_skin + margin * s.dt * needed)
+    put(s.verlet.reference_position, i, at(s.grains.position, i))
+    put(s.verlet.reference_velocity, i, w)
+
+
+@wp.func
+def widen_for_start(s: Scene, i: int):
+    """Let skin_i cover the velocity at the end of the last step, too (`verlet.monitor_start`)."""
+    away = wp.length(at(s.grains.velocity, i) - at(s.verlet.reference_velocity, i))
+    put(s.verlet.skin, i, larger(at(s.verlet.skin, i), s.verlet.numbers.base_skin + FORESEEN * s.dt * away))
+
+
+@wp.func
+def renew_numbers(s: Scene):
+    """Renew the numbers of the list, so that its paths and its time begin now.
+
+    The lifetime is that of the steps in which no grain moves further than `Tuning.room` from the mean. The
+    frame's skin allows for a free fall of that duration.
+    """
+    n = body_count(s)
+    mean = wp.vec2d(f64(0.0), f64(0.0))
+    i = int(0)
+    while i < n:
+        mean = mean + at(s.verlet.reference_velocity, i) / f64(n)
+        i += 1
+    spread = f64(0.0)
+    i = int(0)
+    while i < n:
+        spread = larger(spread, wp.length_sq(at(s.verlet.reference_velocity, i) - mean))
+        i += 1
+    steps = wp.clamp(wp.floor(s.tuning.room / (s.dt * wp.sqrt(spread))), f64(1.0), LONGEST)
+    lifetime = steps * s.dt
+    fall = f64(1.2) * s.tuning.acceleration * lifetime * (f64(0.5) * lifetime + s.dt)
+    s.verlet.numbers.frame_shift = wp.vec2d(f64(0.0), f64(0.0))
+    s.verlet.numbers.elapsed = f64(0.0)
+    s.verlet.work.mean_velocity = mean
+    s.verlet.numbers.lifetime = lifetime
+    s.verlet.numbers.frame_skin = s.verlet.numbers.base_skin + fall

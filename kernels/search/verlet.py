@@ -1,0 +1,244 @@
+"""The Verlet list's check: the proof that a pair or wall left out of the list would have done nothing.
+
+When the list was built, grain i had about the reference velocity v0_i. In a frame that moves with velocity
+v_f in addition to the v0_i, let s_i be its displacement since from its straight path, and p_i its peak
+deviation, the largest |v_i - v0_i - v_f| that it has had in the contact iteration. The list holds every pair
+with
+
+    gap <= lifetime |v0_i - v0_j| + skin_i + skin_j
+
+as the gaps were then. A pair acts only if (v_i - v_j) . n > gap / dt. So as long as
+
+    s_i + dt p_i <= skin_i  for every grain i,    and    elapsed + dt <= lifetime,
+
+an absent pair has gap >= dt (|v0_i - v0_j| + p_i + p_j) >= dt (v_i - v_j) . n at all times and stays silent;
+leaving it out gives the same bits (MODEL.md, eq. 11). The walls do not move with the frame: for them the path
+of the frame itself is added. A wall that a force drives (driven.py) has a v0, a displacement, a peak and a
+skin like a grain, and there is no frame: v_f = 0.
+
+p_i is updated after every correction that is large. The small ones of a sweep change no velocity by more than
+max_row_sum times the largest of them, where max_row_sum is the largest sum of a grain's shares of its
+contacts; these changes add up to `unmonitored_change`, with which all grains are sampled from time to time.
+
+The accelerated method sweeps no contact that it has not selected; p_i is then updated when it selects, and
+when the residual is measured (working_set.py).
+"""
+
+import warp as wp
+
+from ..access import at, larger, put
+from ..record import EXPIRED, NOT_FINITE, SOLVED, Scene, body_count, grain_count, is_driven
+
+f64 = wp.float64
+IN_MEAN = wp.constant(1024)  # grains, at most, of the mean velocity of the frame
+MOST_RADII = wp.constant(f64(1e12))  # longest way in a step, as walls/annulus.py has it of the domain
+ROUNDED = wp.constant(f64(1.0 + 1e-13))  # above the rounding of `elapsed`, a sum of at most 64 steps
+
+
+@wp.func
+def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
+    """Return v_i - v0_i - v_f [m/s]."""
+    return velocity - at(s.verlet.reference_velocity, i) - s.verlet.work.frame_velocity
+
+
+@wp.func
+def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
+    """Return s_i [m]."""
+    verlet = s.verlet.numbers
+    w = at(s.verlet.reference_velocity, i)
+    straight = at(s.verlet.reference_position, i) + verlet.elapsed * w
+    return wp.length(position - straight - verlet.frame_shift)
+
+
+@wp.func
+def is_finite(x: wp.vec2d) -> bool:
+    """Return whether the square of a vector is finite: infinity - infinity is NaN."""
+    square = wp.length_sq(x)
+    return square - square == f64(0.0)
+
+
+@wp.func
+def least_monitored(s: Scene) -> f64:
+    """Return the change of a grain's velocity from which it is monitored [m/s]."""
+    return s.tuning.monitor_threshold * s.verlet.numbers.base_skin
+
+
+@wp.func
+def least_monitored_correction(s: Scene) -> f64:
+    """Return the correction from which both grains are monitored [m/s]."""
+    return least_monitored(s) / s.verlet.work.max_row_sum
+
+
+@wp.func
+def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
+    """Update the peak deviation of grain i, which has this velocity now. Returns its square."""
+    peak = larger(at(s.verlet.peak_square, i), wp.length_sq(deviation(s, velocity, i)))
+    put(s.verlet.peak_square, i, peak)
+    return peak
+
+
+@wp.func
+def monitor(s: Scene, i: int, velocity: wp.vec2d):
+    """Update the peak deviation of grain i; the list expires if the skin does not allow it."""
+    limit = at(s.verlet.peak_limit, i)
+    if keep_peak(s, i, velocity) > limit * limit:
+        s.verlet.flags.list_expired = 1
+
+
+@wp.func
+def peak_of(s: Scene, i: int) -> f64:
+    """Return p_i [m/s], with the changes that were not monitored since."""
+    return wp.sqrt(at(s.verlet.peak_square, i)) + s.verlet.work.unmonitored_change
+
+
+@wp.func
+def sample(s: Scene, i: int):
+    """Raise the peak of grain i to the most that it may have reached unmonitored."""
+    v = at(s.grains.next_velocity, i)
+    peak = wp.length(deviation(s, v, i)) + s.verlet.work.unmonitored_change
+    put(s.verlet.peak_square, i, larger(at(s.verlet.peak_square, i), peak * peak))
+
+
+@wp.func
+def clear_check(s: Scene):
+    """Reset the findings of the check."""
+    s.verlet.work.unmonitored_change = f64(0.0)
+    s.verlet.flags.list_expired = 0
+    s.verlet.flags.bad_body = -1
+
+
+@wp.func
+def find_frame(s: Scene):
+    """Find v_f, the mean of v_i - v0_i: a motion common to all grains, such as a fall, changes no gap.
+
+    Any v_f will do, so that it is the mean of some grains. In an attempt that resumes with a new list, the
+    v0_i include it already. Driven walls do not move with it.
+    """
+    n = grain_count(s)
+    u = wp.vec2d(f64(0.0), f64(0.0))
+    if s.control.resuming == 0 and not is_driven(s):
+        stride = 1 + (n - 1) // IN_MEAN
+        count = 1 + (n - 1) // stride
+        i = int(0)
+        while i < n:
+            w = at(s.verlet.reference_velocity, i)
+            u = u + (at(s.grains.next_velocity, i) - w) / f64(count)
+            i += stride
+    s.verlet.work.frame_velocity = u
+
+
+@wp.func
+def is_resolved(s: Scene, i: int) -> bool:
+    """Return whether a body's place after the step is finite, and rounded by less than its radius."""
+    way = s.dt * at(s.grains.next_velocity, i)
+    most = MOST_RADII * s.tuning.smallest_radius
+    return is_finite(at(s.grains.position, i) + way) and wp.length_sq(way) <= most * most
+
+
+@wp.func
+def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
+    """Check that a skin leaves `least` [m], also for `foreseen` times the last step's deviation."""
+    x = at(s.grains.position, i)
+    peak = wp.max(peak_of(s, i), foreseen * at(s.verlet.recent_deviation, i))
+    used = displacement(s, x, i) + s.dt * peak
+    if not is_resolved(s, i):
+        s.verlet.flags.bad_body = i  # check_all finds the last one
+    elif not (used + least <= at(s.verlet.skin, i)):
+        s.verlet.flags.list_expired = 1
+
+
+@wp.func
+def spare_skin(s: Scene) -> f64:
+    """Return the part of a skin that must be left before the iteration [m]."""
+    return s.tuning.rounding + s.tuning.reserve * s.verlet.numbers.base_skin
+
+
+@wp.func
+def begin_peak(s: Scene, i: int):
+    """Begin with a grain's deviation now, or its peak so far; find the peak that its skin allows."""
+    peak = wp.length_sq(deviation(s, at(s.grains.next_velocity, i), i))
+    if s.control.resuming != 0:
+        peak = wp.max(peak, at(s.verlet.peak_square, i))
+    put(s.verlet.peak_square, i, peak)
+    path = displacement(s, at(s.grains.position, i), i)
+    allowed = (at(s.verlet.skin, i) - path) / s.dt
+    put(s.verlet.peak_limit, i, wp.max(f64(0.0), allowed))
+
+
+@wp.func
+def begin_check(s: Scene, i: int):
+    """Begin with the peak deviation, and check that the skin is likely to suffice."""
+    begin_peak(s, i)
+    check_skin(s, i, spare_skin(s), wp.where(s.control.resuming != 0, f64(0.0), f64(1.0)))
+
+
+@wp.func
+def monitor_start(s: Scene, i: int):
+    """Take the velocity at the end of the last step into the peak: contacts bounce by it (eq. 35)."""
+    monitor(s, i, at(s.grains.velocity, i))
+
+
+@wp.func
+def verify(s: Scene, i: int):
+    """Check, after the iteration, that the skin has sufficed."""
+    check_skin(s, i, s.tuning.rounding, f64(0.0))
+
+
+@wp.func
+def check_all(s: Scene, least: f64):
+    """Check the frame's skin and the list's lifetime; find the last body that is not finite."""
+    numbers = s.verlet.numbers
+    path = wp.length(numbers.frame_shift) + s.dt * wp.length(s.verlet.work.frame_velocity)
+    if not (path + least <= numbers.frame_skin):
+        s.verlet.flags.list_expired = 1
+    if not (numbers.elapsed + s.dt <= ROUNDED * numbers.lifetime):
+        s.verlet.flags.list_expired = 1
+    if s.verlet.flags.bad_body >= 0:
+        for i in range(body_count(s)):
+            if not is_resolved(s, i):
+                s.verlet.flags.bad_body = i
+
+
+@wp.func
+def outcome_of_check(s: Scene) -> int:
+    """Return SOLVED if no contact was missing and every number is finite, or what was found."""
+    if s.verlet.flags.bad_body >= 0:
+        return NOT_FINITE
+    if s.verlet.flags.list_expired != 0:
+        return EXPIRED
+    return SOLVED
+
+
+@wp.func
+def add_unmonitored(s: Scene):
+    """Add the largest change of a velocity by a sweep that may not have been monitored."""
+    work = s.verlet.work
+    most = least_monitored(s)
+    change = work.unmonitored_change + wp.min(work.max_row_sum * s.step.zeta, most)
+    s.verlet.work.unmonitored_change = change
+
+
+@wp.func
+def is_sampling_due(s: Scene) -> bool:
+    """Return whether the changes that were not monitored have added up to one that is."""
+    return s.verlet.work.unmonitored_change > least_monitored(s)
+
+
+@wp.func
+def end_sampling(s: Scene):
+    """Reset the sum of changes that were not monitored."""
+    s.verlet.work.unmonitored_change = f64(0.0)
+
+
+@wp.func
+def remember(s: Scene, i: int):
+    """Save the peak of the step, for the skins of the next list."""
+    put(s.verlet.recent_deviation, i, peak_of(s, i))
+
+
+@wp.func
+def shift_frame(s: Scene):
+    """Move the frame by v_f dt."""
+    numbers = s.verlet.numbers
+    s.verlet.numbers.frame_shift = numbers.frame_shift + s.dt * s.verlet.work.frame_velocity
+    s.verlet.numbers.elapsed = numbers.elapsed + s.dt

@@ -1,0 +1,1 @@
+"""Sweeps of the Gauss-Seidel loop, and when they end."""

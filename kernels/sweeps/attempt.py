@@ -1,0 +1,175 @@
+"""How an attempt to solve a step begins, and whether the step is taken."""
+
+import warp as wp
+
+from .. import law
+from ..access import at, bodies_of, contact_at
+from ..contacts import limits_at
+from ..record import (
+    CANCELLED,
+    EXPIRED,
+    NOT_CONVERGED,
+    SLOW,
+    SOLVED,
+    TOO_FAR,
+    Asking,
+    Phase,
+    Scene,
+    grain_count,
+    is_accelerated,
+    is_cancelled,
+    is_driven,
+    pair_count,
+)
+from ..search.verlet import check_all, outcome_of_check, spare_skin
+from ..walls.driven import closing_speed
+from ..walls.walls import is_periodic, wall_velocity, way
+from .stopping import is_measured, meets_tolerance, phase_of_next_sweep
+
+f64 = wp.float64
+
+
+@wp.func
+def begin(s: Scene):
+    """Begin a step, or continue one that waited for the host.
+
+    Sweeps resume where they were if the host has declined to solve the step.
+    """
+    if s.control.phase == Phase.FULL:
+        s.control.phase = Phase.SEARCH
+    elif s.control.phase == Phase.CORRECTED:
+        s.control.resuming = 0
+    elif s.control.phase == Phase.DECLINED:
+        s.control.resuming = 1
+    else:
+        s.control.phase = Phase.BEGIN
+        s.control.resuming = 0
+        s.step.asking = Asking.EARLY if s.stopping.patience > 0 else Asking.NEVER
+        s.step.rebuilds = 0
+        s.step.restarts = 0
+        s.step.factorizations = 0
+
+
+@wp.func
+def start(s: Scene):
+    """Start an attempt to solve the step, with a list that is sorted now, unless the list does not fit."""
+    s.control.unordered = 0
+    if s.control.phase == Phase.BEGIN:
+        s.control.phase = Phase.START
+    if s.control.phase == Phase.START:
+        s.verlet.flags.without_normal = 0
+
+
+@wp.func
+def begin_iterating(s: Scene):
+    """Iterate if the list is likely to hold for the velocities before the first iteration.
+
+    An accelerated attempt that may stop is measured again, with the list that it has now.
+    """
+    check_all(s, spare_skin(s))
+    if s.control.resuming == 0:
+        s.step.iterations = 0
+        s.step.measured = 0
+        s.control.may_stop = 0
+        s.control.rejected = 0
+    if outcome_of_check(s) != SOLVED:
+        s.control.phase = Phase.VERIFY
+    elif is_accelerated(s):
+        s.control.phase = Phase.CHECK_LIST
+    else:
+        s.control.phase = phase_of_next_sweep(s)
+
+
+@wp.func
+def grain_beyond_wall(s: Scene) -> int:
+    """Return the first grain that moves beyond a wall, or -1.
+
+    It moves along a round wall by more than its circle is wide, or at all by more than its gap to a wall that
+    has no normal where it is.
+    """
+    found, velocity = int(-1), s.grains.next_velocity
+    for w in range(s.contacts.count.walls):
+        contact = contact_at(s.contacts.contact, pair_count(s) + w)
+        i, j = bodies_of(contact)
+        v, n = at(velocity, i), contact.n
+        path, most = wp.abs(law.speed_along(v, n)), limits_at(s.contacts.limits, w)[1]
+        if wp.length_sq(n) == f64(0.0):
+            x, b = at(s.grains.position, i), j - grain_count(s)
+            path, most = wp.length(v - wall_velocity(b, x, s.walls)), f64(contact.gap_rate)
+            if is_driven(s):
+                path = path + closing_speed(s, velocity, i, j, n)
+        if path > most and found < 0:
+            found = i
+    return found
+
+
+@wp.func
+def meets_other_image(s: Scene, i: int, j: int, d: wp.vec2d, move: wp.vec2d) -> bool:
+    """Return whether grains meet that are d and some periods apart, and approach by a move (eq. 36b)."""
+    period, reach = s.walls.period, at(s.grains.radius, i) + at(s.grains.radius, j)
+    k = int(0)
+    while k < 9:
+        image = d + wp.vec2d(f64(k % 3 - 1) * period[0], f64(k // 3 - 1) * period[1])
+        if wp.length_sq(image - d) > f64(0.0):
+            share = wp.clamp(wp.dot(image, move) / wp.length_sq(move), f64(0.0), f64(1.0))
+            if wp.length(image - share * move) < reach:
+                return True
+        k += 1
+    return False
+
+
+@wp.func
+def grain_at_other_image(s: Scene) -> int:
+    """Return the first grain that meets a later one by an image that is not the nearest, or -1.
+
+    None does unless velocities differ by half a period, less two radii, over dt.
+    """
+    velocity, largest = s.grains.next_velocity, f64(0.0)
+    low, high = at(velocity, 0), at(velocity, 0)
+    for i in range(grain_count(s)):
+        low, high = wp.min(low, at(velocity, i)), wp.max(high, at(velocity, i))
+        largest = wp.max(largest, at(s.grains.radius, i))
+    path, period = s.dt * (high - low), s.walls.period
+    free = f64(0.5) * period - wp.vec2d(f64(2.0) * largest, f64(2.0) * largest)
+    across_x = period[0] > f64(0.0) and path[0] > free[0]
+    across_y = period[1] > f64(0.0) and path[1] > free[1]
+    if not (across_x or across_y):
+        return -1
+    for i in range(grain_count(s)):
+        for j in range(i + 1, grain_count(s)):
+            d = way(at(s.grains.position, i), at(s.grains.position, j), s.walls)
+            if meets_other_image(s, i, j, d, s.dt * (at(velocity, i) - at(velocity, j))):
+                return i
+    return -1
+
+
+@wp.func
+def judge(s: Scene):
+    """Accept the step, repeat it with a new list, or refuse it."""
+    check_all(s, s.tuning.rounding)
+    converged = meets_tolerance(s)
+    outcome = outcome_of_check(s)
+    if outcome == SOLVED and not converged:
+        if s.step.asking != Asking.NEVER:
+            outcome = SLOW
+        elif s.stopping.raise_on_unconverged != 0:
+            outcome = NOT_CONVERGED
+    if outcome == SOLVED and (s.walls.annulus.round != 0 or s.verlet.flags.without_normal != 0):
+        s.verlet.flags.bad_body = grain_beyond_wall(s)
+        if s.verlet.flags.bad_body >= 0:
+            outcome = TOO_FAR
+    if outcome == SOLVED and is_periodic(s.walls):
+        s.verlet.flags.bad_body = grain_at_other_image(s)
+        if s.verlet.flags.bad_body >= 0:
+            outcome = TOO_FAR
+    if outcome == SOLVED and is_driven(s):
+        outer = grain_count(s)
+        radius = at(s.grains.position, outer)[0] + s.dt * at(s.grains.next_velocity, outer)[0]
+        if not (radius >= s.tuning.smallest_radius):  # no grain fits into the outer circle
+            s.verlet.flags.bad_body = outer
+            outcome = TOO_FAR
+    if is_cancelled(s) and not (converged and is_measured(s)):
+        outcome = CANCELLED  # perhaps during a scan, with the residual of another iteration
+    s.step.converged = 1 if converged else 0
+    s.step.outcome = outcome
+    s.control.phase = Phase.SEARCH if outcome == EXPIRED else Phase.ENDED

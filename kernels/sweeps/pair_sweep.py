@@ -1,0 +1,236 @@
+"""The sweep over pairs: corrections contact by contact, in place (MODEL.md, eqs. 5 to 7, 13 and 23).
+
+One loop serves all methods, by static flags. A plain sweep visits all pairs, one at a time, from the
+corrections that they have. A sweep `ahead` visits the working set from y, further along, four at a time,
+goes a little too far, and sums what it does to phi (momentum.py). With friction, a visit corrects the
+normal velocity and then the velocity at which the surfaces slip. Neither changes the other in a contact of
+discs, but for Coulomb's bound, so one visit solves the contact exactly. Where rolling is resisted, a visit at
+last corrects the velocity at which grains roll.
+
+Plain sweeps monitor grains where a correction is large (verlet.py), a block of pairs at a time: whether a
+correction is large cannot be foreseen, and to find it out pair by pair costs a processor as much as the
+correction.
+"""
+
+import warp as wp
+
+from .. import law
+from ..access import at, bodies_of, checked, contact_at, larger, lowest_bit
+from ..contacts import EQUAL_RIMS
+from ..record import Scene, has_weights
+from ..search.verlet import least_monitored_correction, monitor
+from ..types import ContactsByRef, Floats, Vectors
+from .lanes import FOUR, end_of_fours, lanes
+from .momentum import ENOUGH, relaxation_factor
+
+f64 = wp.float64
+BLOCK = wp.constant(64)  # pairs that a thread corrects before it monitors the grains of large corrections
+KEPT = wp.constant(2 * BLOCK + 8)  # velocities of a thread: two a pair, and a gap that no cache line bridges
+NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
+
+
+@wp.func_native(
+    checked("""
+#if defined(__CUDA_ARCH__)
+    return velocity.data[i];
+#else
+    return kept.data[k];
+#endif
+""")
+)
+def kept_velocity(kept: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
+    """Return a kept velocity. A GPU, which sweeps one independent set at a time, reads that of grain i."""
+    ...
+
+
+def sweeping_pairs(
+    count: int, weighted: bool, friction: bool, resists_rolling: bool, ahead: bool
+) -> wp.Function:
+    """Return the function that corrects pairs, `count` at a time: `(scene, contacts, begin, end, kept)`.
+
+    It returns the largest change of a correction, the sums of momentum.py, and bits of the pairs of large
+    changes, whose velocities are kept from index `kept` on. A plain sweep has no sums, one ahead no bits.
+    """
+    several = lanes(count, friction, resists_rolling, keep=not ahead)
+    vector, numbers_at, set_numbers = several.vector, several.numbers_at, several.set_numbers
+    sum_of, product_of, larger_of = several.sum_of, several.product_of, several.larger_of
+    approach, gap_rates, slip, push = several.approach, several.gap_rates, several.slip, several.push
+    roll = several.roll
+
+    @wp.func
+    def bounded(dv: Floats, last: Floats, c: int, beta: f64, speed: vector, inverse_k: vector, bound: vector):
+        """Correct dv_t or dv_r within a bound; return the change, and the step ahead before it."""
+        x = numbers_at(dv, c)
+        y, step, change = x, vector(), vector()
+        if wp.static(ahead):
+            step = beta * (x - numbers_at(last, c))
+            y = x + step
+            set_numbers(last, c, x)
+        for k in range(wp.static(count)):
+            change[k] = law.tangential_change(inverse_k[k] * speed[k], y[k], bound[k])
+        set_numbers(dv, c, y + change)
+        return change, step
+
+    @wp.func
+    def sweep(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int):
+        velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every pair
+        rim = s.grains.next_rim
+        pairs = contacts.contact
+        dvs = contacts.dv
+        dvts = contacts.dvt
+        last_dvs = contacts.last_dv
+        last_dvts = contacts.last_dvt
+        dvrs = contacts.dvr
+        last_dvrs = contacts.last_dvr
+        roll_weights = contacts.roll_weights
+        weights = contacts.weights
+        rim_weights = contacts.rim_weights
+        masses = s.working.mass
+        kept_v = s.partial.kept_velocity
+        beta, mu, omega = s.momentum.state.beta, f64(s.friction), f64(1.0)
+        mu_r = f64(s.rolling_friction)
+        if wp.static(ahead and not friction):
+            omega = relaxation_factor(s)
+        large, half, one = least_monitored_correction(s), f64(0.5), f64(1.0)
+        share_i, share_j, mass = vector(half), vector(half), vector(half)  # by unit mass where all are equal
+        rim_i, rim_j, inverse_kt = vector(one), vector(one), vector(EQUAL_RIMS[0])
+        zeta, cost, slope, bits = vector(), vector(), vector(), wp.uint64(0)
+        c = int(begin)
+        while c < end:
+            slot = kept + 2 * (c - begin)
+            if wp.static(weighted):
+                for k in range(wp.static(count)):
+                    share = at(weights, c + k)
+                    share_i[k] = share[0]
+                    share_j[k] = share[1]
+                    if wp.static(ahead):
+                        mass[k] = at(masses, c + k)
+                    if wp.static(friction):
+                        rims = at(rim_weights, c + k)
+                        inverse_kt[k] = rims[0]
+                        rim_i[k] = rims[1]
+                        rim_j[k] = rims[2]
+            x = numbers_at(dvs, c)
+            y, step = x, vector()
+            if wp.static(ahead):
+                step = beta * (x - numbers_at(last_dvs, c))
+                y = x + step
+            gap_rate, vn = gap_rates(pairs, c), approach(velocity, pairs, c)
+            excess = vn - gap_rate
+            dv, dvt, dvr, part = vector(), vector(), vector(), vector()
+            for k in range(wp.static(count)):
+                if wp.static(ahead and not friction):
+                    dv[k] = law.normal_change(omega * excess[k], y[k], f64(0.0))
+                else:
+                    dv[k] = law.normal_change(vn[k], y[k], gap_rate[k])
+            change = wp.abs(dv)
+            if wp.static(friction):
+                vt = slip(velocity, rim, pairs, c)
+                dvt, step_t = bounded(dvts, last_dvts, c, beta, vt, inverse_kt, mu * (y + dv))
+                change = larger_of(change, wp.abs(dvt))
+                if wp.static(ahead):
+                    wide_dvt = vector()
+                    for k in range(wp.static(count)):
+                        wide_dvt[k] = dvt[k] / inverse_kt[k]
+                    size = sum_of(product_of(dv, dv), product_of(wide_dvt, dvt))
+                    cost = sum_of(cost, product_of(mass, size))
+                    slope = sum_of(slope, product_of(mass, product_of(wide_dvt, step_t + dvt)))
+            elif wp.static(ahead):
+                gain = product_of(dv, excess - half * dv)
+                cost = sum_of(cost, product_of(mass, product_of(gap_rate, step) - ENOUGH * gain))
+            if wp.static(resists_rolling):
+                bound, step_r, inverse_kr = mu_r * (y + dv), vector(), vector()
+                if wp.static(ahead) or bound[0] > f64(0.0) or at(dvrs, c) != f64(0.0):  # else it does nothing
+                    for k in range(wp.static(count)):
+                        own = at(roll_weights, c + k)
+                        part[k] = own[0]
+                        inverse_kr[k] = own[1]
+                    vr = roll(rim, pairs, c, dvt, rim_i, rim_j, part)
+                    dvr, step_r = bounded(dvrs, last_dvrs, c, beta, vr, inverse_kr, bound)
+                    change = larger_of(change, wp.abs(dvr))
+                if wp.static(ahead):
+                    wide_dvr = vector()
+                    for k in range(wp.static(count)):
+                        wide_dvr[k] = dvr[k] / inverse_kr[k]
+                    cost = sum_of(cost, product_of(mass, product_of(wide_dvr, dvr)))
+                    slope = sum_of(slope, product_of(mass, product_of(wide_dvr, step_r + dvr)))
+            push(velocity, rim, pairs, c, dv, dvt, dvr, share_i, share_j, rim_i, rim_j, part, kept_v, slot)
+            set_numbers(dvs, c, y + dv)
+            zeta = larger_of(zeta, change)
+            if wp.static(ahead):
+                set_numbers(last_dvs, c, x)
+                slope = sum_of(slope, product_of(mass, product_of(dv, step + dv)))
+            else:
+                bits = (bits << ONE) | wp.where(change[0] > large, ONE, NONE)
+            c += wp.static(count)
+        total = wp.vec3d()
+        for k in range(wp.static(count)):
+            total = wp.vec3d(larger(total[0], zeta[k]), total[1] + cost[k], total[2] - slope[k])
+        return total, bits
+
+    return sweep
+
+
+@wp.func
+def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
+    """Monitor both grains of the pairs of a block that have a bit."""
+    velocity, contact, kept = s.grains.next_velocity, s.contacts.contact, s.partial.kept_velocity
+    left = bits
+    while left != NONE:
+        c = end - 1 - lowest_bit(left)
+        left = left & (left - ONE)
+        i, j = bodies_of(contact_at(contact, c))
+        slot = k + 2 * (c - begin)
+        monitor(s, i, kept_velocity(kept, slot, velocity, i))
+        monitor(s, j, kept_velocity(kept, slot + 1, velocity, j))
+
+
+def sweeping_any_pairs(count: int, friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
+    """Return what `sweeping_pairs` does, for scenes with and without weights."""
+    equal, weighted = (
+        sweeping_pairs(count, flag, friction, resists_rolling, ahead) for flag in (False, True)
+    )
+
+    @wp.func
+    def sweep_pairs(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int):
+        if has_weights(s):
+            return weighted(s, contacts, begin, end, kept)
+        return equal(s, contacts, begin, end, kept)
+
+    return sweep_pairs
+
+
+def sweeping_in_fours(friction: bool, resists_rolling: bool) -> wp.Function:
+    """Return the function that corrects pairs of [begin, end) ahead: `(scene, contacts, begin, end, kept)`.
+
+    It returns the largest change of a correction, and the sums of momentum.py.
+    """
+    fours, ones = (sweeping_any_pairs(count, friction, resists_rolling, ahead=True) for count in (FOUR, 1))
+
+    @wp.func
+    def sweep_pairs(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int) -> wp.vec3d:
+        rest = end_of_fours(begin, end)
+        four, _ = fours(s, contacts, begin, rest, kept)
+        one, _ = ones(s, contacts, rest, end, kept)
+        return wp.vec3d(larger(four[0], one[0]), four[1] + one[1], four[2] + one[2])
+
+    return sweep_pairs
+
+
+def sweeping_in_blocks(friction: bool, resists_rolling: bool) -> wp.Function:
+    """Return the function that corrects pairs of [begin, end) and monitors them, with the same arguments."""
+    sweep_block = sweeping_any_pairs(1, friction, resists_rolling, ahead=False)
+
+    @wp.func
+    def sweep_pairs(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int) -> wp.vec3d:
+        zeta = f64(0.0)
+        c = int(begin)
+        while c < end:
+            stop = wp.min(c + BLOCK, end)
+            total, bits = sweep_block(s, contacts, c, stop, kept)
+            zeta = larger(zeta, total[0])
+            monitor_block(s, c, stop, kept, bits)
+            c = stop
+        return wp.vec3d(zeta, f64(0.0), f64(0.0))
+
+    return sweep_pairs

@@ -1,0 +1,120 @@
+"""Iteration 0: normals and gaps are frozen, and the corrections kept from the previous step applied."""
+
+from functools import cache
+
+import warp as wp
+
+from .. import law
+from ..access import at, bodies_of, contact_at, put
+from ..contacts import apply, contacts_of, is_wall_set
+from ..record import Kind, Scene, grain_count, is_driven, pair_count, rotates
+from ..team.threads import Team
+from ..types import Contact
+from ..walls.driven import closing_speed
+from ..walls.walls import are_mobile, surface_velocity, wall_contact, way
+from .rolling import apply_rolling
+
+f64 = wp.float64
+
+
+@wp.func
+def begin_velocity(s: Scene, i: int):
+    """Begin with the free velocity of a body, and the free speed of its rim."""
+    put(s.grains.next_velocity, i, at(s.grains.free_velocity, i))
+    if rotates(s, i):
+        put(s.grains.next_rim, i, at(s.grains.free_rim, i))
+
+
+@wp.func
+def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, surface: f64, rates: wp.vec3d) -> wp.vec3d:
+    """Return gap rates on both sides of wall j for a grain that may bounce, and A / dt [m/s].
+
+    They are given for one that may not, with the normal, and the speed of the surface along it.
+    """
+    v, b, least = at(s.grains.velocity, i), j - grain_count(s), s.restitution_speed
+    vn, e = wp.dot(v, n), at(s.walls.restitution, b)
+    if is_driven(s):
+        vn = closing_speed(s, s.grains.velocity, i, j, n)
+    rate = law.round_gap_rate(rates[0], law.speed_along(v, n), rates[2])
+    front = law.rebound(rates[0], rate, vn, surface, e, least)
+    return wp.vec3d(front, law.rebound(rates[1], rates[1], -vn, -surface, e, least), rates[2])
+
+
+@cache
+def starting(kind: Kind) -> wp.Function:
+    """Return the stage that freezes the contacts of a set, and applies their corrections.
+
+    It applies none if sweeps resume.
+    """
+
+    @wp.func
+    def frozen(s: Scene, c: int, at_wall: bool) -> Contact:
+        """Return a contact with the normal and gap (eq. 4) that it has as grains are placed now."""
+        contact = contact_at(s.contacts.contact, c)
+        i, j = bodies_of(contact)
+        x, radius = at(s.grains.position, i), at(s.grains.radius, i)
+        if at_wall:
+            b = j - grain_count(s)
+            normal, gap, back, circle = wall_contact(b, x, radius, s.walls)
+            if wp.isnan(normal[0]) and wp.min(gap, back) > f64(0.0):
+                normal = wp.vec2d()  # no force: `grain_beyond_wall` checks that none is due
+                s.verlet.flags.without_normal = 1
+            rates, surface = wp.vec3d(gap / s.dt, back / s.dt, circle / s.dt), wp.vec2d()
+            if are_mobile(s.walls):
+                surface = surface_velocity(b, x, radius + gap, normal, s.walls)
+                rates[0] = rates[0] + surface[0]
+            if wp.static(kind.has_restitution):
+                rates = rebound_at_wall(s, i, j, normal, surface[0], rates)
+            contact.n = normal
+            contact.gap_rate = rates[0]
+            if s.contacts.wall_speed.shape[0] > 0:
+                put(s.contacts.wall_speed, c - pair_count(s), at(s.walls.surface, b)[1] + surface[1])
+            if s.contacts.limits.shape[0] > 0:
+                put(s.contacts.limits, c - pair_count(s), wp.vec2d(rates[1], rates[2]))
+        else:
+            normal, distance = law.normal(wp.vec2d(), way(x, at(s.grains.position, j), s.walls))
+            rate = law.pair_gap(distance, radius, at(s.grains.radius, j)) / s.dt
+            if wp.static(kind.has_restitution):
+                vn = wp.dot(at(s.grains.velocity, i) - at(s.grains.velocity, j), normal)
+                rate = law.rebound(rate, rate, vn, f64(0.0), s.restitution, s.restitution_speed)
+            contact.n = normal
+            contact.gap_rate = rate
+        return contact
+
+    @wp.func
+    def start(team: Team, s: Scene, k: int):
+        # Other threads may read the grain of a contact meanwhile (`next_grain`), which is written as it is.
+        c, end = contacts_of(team, s, k)
+        at_wall = is_wall_set(s, k)
+        while c < end:
+            contact = frozen(s, c, at_wall)
+            put(s.contacts.contact, c, contact)
+            if s.control.resuming == 0:
+                dv, dvt = at(s.contacts.dv_start, c), f64(0.0)
+                put(s.contacts.dv, c, dv)
+                if wp.static(kind.has_friction):
+                    dvt = at(s.contacts.dvt_start, c)
+                    put(s.contacts.dvt, c, dvt)
+                apply(s, s.grains.next_velocity, s.grains.next_rim, contact, c, dv, dvt)
+                if wp.static(kind.has_rolling):
+                    dvr = at(s.contacts.dvr_start, c)
+                    put(s.contacts.dvr, c, dvr)
+                    apply_rolling(s, s.grains.next_rim, contact, c, dvr)
+            c += 1
+
+    return start
+
+
+@cache
+def keeping(kind: Kind) -> wp.Function:
+    """Return the stage that lets the next step start with the corrections of a contact."""
+
+    @wp.func
+    def keep(s: Scene, c: int):
+        put(s.contacts.dv_start, c, at(s.contacts.dv, c))
+        if wp.static(kind.has_friction):
+            put(s.contacts.dvt_start, c, at(s.contacts.dvt, c))
+        if wp.static(kind.has_rolling):
+            put(s.contacts.dvr_start, c, at(s.contacts.dvr, c))
+
+    return keep

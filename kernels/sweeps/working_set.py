@@ -1,0 +1,218 @@
+"""The working set of the accelerated method: the contacts that are swept between two scans of all contacts.
+
+A scan finds the contacts that carry a correction, or did one sweep before, and those that the velocities
+violate or nearly do, and copies them to contiguous arrays. Without friction, sweeps touch no other array of
+contacts, so that they stay in the cache. All other contacts have no correction and get none, so velocities
+between two scans do not matter to the list's proof (verlet.py).
+
+The copies of a chunk (contacts.py) begin at the index of its first contact: threads select in parallel.
+"""
+
+import warp as wp
+
+from .. import law
+from ..access import at, bodies_of, contact_at, larger, named, put
+from ..contacts import chunks_of_set, contacts_of_chunk, gap_rates_now, is_wall_set
+from ..record import Scene, has_friction, has_rolling, has_swept, has_weights, is_driven, pair_count
+from ..search.verlet import keep_peak
+from ..team.threads import Team, take_max, thread_range, update_max
+from ..types import Floats, WorkingSet
+from ..walls.driven import closing_speed
+from .lanes import FOUR, end_of_fours, lanes
+from .stopping import stop_or_sweep, stops_on_zeta
+
+f64 = wp.float64
+NEAR = wp.constant(f64(0.25))  # of the largest change of a correction: how near to a violation one is swept
+
+
+@wp.func
+def nearness(s: Scene) -> f64:
+    """Return how near to a violation a wall contact must be to be swept [m/s]; for a pair it is twice that.
+
+    So contacts whose violation changes in the last digits only do not enter and leave the set.
+    """
+    if not has_swept(s):
+        return f64(0.0)
+    return wp.min(NEAR * s.step.zeta, s.tuning.nearest)
+
+
+@wp.func
+def check_peak(s: Scene, i: int):
+    """Update a body's peak; the list expires if its skin does not allow for contacts near a violation."""
+    allowed = at(s.verlet.peak_limit, i) - nearness(s)
+    peak = keep_peak(s, i, at(s.grains.next_velocity, i))
+    if allowed < f64(0.0) or peak > allowed * allowed:
+        s.verlet.flags.list_expired = 1
+
+
+@wp.func
+def empty(s: Scene, k: int):
+    """Empty chunk k of the working set."""
+    put(s.momentum.contact_sums, k, wp.vec2d(f64(0.0), f64(0.0)))
+    put(s.working.range, k, wp.vec2i(0, 0))
+
+
+@wp.func
+def scatter(s: Scene, chunk: int):
+    """Copy the corrections of a chunk of the working set back to all contacts."""
+    working, bounds = s.working, at(s.working.range, chunk)
+    scatter_numbers(working, bounds, s.contacts.dv, working.contacts.dv)
+    scatter_numbers(working, bounds, s.contacts.last_dv, working.contacts.last_dv)
+    if has_friction(s):
+        scatter_numbers(working, bounds, s.contacts.dvt, working.contacts.dvt)
+        scatter_numbers(working, bounds, s.contacts.last_dvt, working.contacts.last_dvt)
+    if has_rolling(s):
+        scatter_numbers(working, bounds, s.contacts.dvr, working.contacts.dvr)
+        scatter_numbers(working, bounds, s.contacts.last_dvr, working.contacts.last_dvr)
+
+
+@wp.func
+def scatter_numbers(working: WorkingSet, bounds: wp.vec2i, target: Floats, source: Floats):
+    """Copy numbers of a chunk of the working set back to those of all contacts."""
+    c = int(bounds[0])
+    while c < bounds[1]:
+        put(target, at(working.index, c), at(source, c))
+        c += 1
+
+
+@wp.func
+def select(s: Scene, c: int, k: int):
+    """Copy contact k to index c of the working set."""
+    listed, swept = s.contacts, s.working.contacts
+    contact = contact_at(listed.contact, k)
+    put(s.working.index, c, k)
+    put(swept.contact, c, contact)
+    put(swept.dv, c, at(listed.dv, k))
+    put(swept.last_dv, c, at(listed.last_dv, k))
+    if has_weights(s):
+        weight = at(listed.weights, k)
+        put(swept.weights, c, weight)
+        i, _ = bodies_of(contact)
+        put(s.working.mass, c, weight[0] * at(s.grains.contact_mass, i))
+    if has_friction(s):
+        put(swept.dvt, c, at(listed.dvt, k))
+        put(swept.last_dvt, c, at(listed.last_dvt, k))
+        if has_weights(s):
+            put(swept.rim_weights, c, at(listed.rim_weights, k))
+    if has_rolling(s):
+        put(swept.dvr, c, at(listed.dvr, k))
+        put(swept.last_dvr, c, at(listed.last_dvr, k))
+        put(swept.roll_weights, c, at(listed.roll_weights, k))
+
+
+def selecting(count: int) -> wp.Function:
+    """Return the function that selects pairs of [begin, end), `count` at a time (lanes.py).
+
+    It takes `(scene, begin, end, first)`, the first index in the working set, and returns the index after the
+    last pair, and the largest violation of pairs that carry no correction.
+    """
+    numbers_at, approach, gap_rates = lanes(count).numbers_at, lanes(count).approach, lanes(count).gap_rates
+
+    @wp.func
+    def select_some(s: Scene, begin: int, end: int, first: int):
+        contacts = s.contacts
+        near = f64(2.0) * nearness(s)
+        violation = f64(0.0)
+        free = int(first)
+        c = int(begin)
+        while c < end:
+            excess = approach(s.grains.next_velocity, contacts.contact, c) - gap_rates(contacts.contact, c)
+            carried = numbers_at(contacts.dv, c) + numbers_at(contacts.last_dv, c)
+            for k in range(wp.static(count)):
+                carries = carried[k] > f64(0.0)
+                violation = larger(violation, wp.where(carries, f64(0.0), excess[k]))
+                select(s, free, c + k)
+                free += wp.where(carries or excess[k] + near > f64(0.0), 1, 0)
+            c += wp.static(count)
+        return free, violation
+
+    return select_some
+
+
+select_four, select_one = selecting(FOUR), selecting(1)
+
+
+@wp.func
+def select_pairs(s: Scene, begin: int, end: int):
+    """Select pairs, four at a time and then those that are left. Returns what `selecting` does."""
+    rest = end_of_fours(begin, end)
+    after_four, violation_of_four = select_four(s, begin, rest, begin)
+    after, violation_of_one = select_one(s, rest, end, after_four)
+    return after, larger(violation_of_four, violation_of_one)
+
+
+def selecting_walls(driven: bool) -> wp.Function:
+    """Return the function that selects contacts with walls; with `driven`, forces drive some of the walls.
+
+    It takes `(scene, begin, end)` and returns what `selecting` does.
+    """
+
+    @named(f"select_{'driven_' if driven else ''}walls")
+    def select_some(s: Scene, begin: int, end: int):
+        near, velocity = nearness(s), s.grains.next_velocity
+        violation = f64(0.0)
+        free = int(begin)
+        c = int(begin)
+        while c < end:
+            contact, dv = contact_at(s.contacts.contact, c), at(s.contacts.dv, c)
+            i, j = bodies_of(contact)
+            n = contact.n
+            carries = dv != f64(0.0) or at(s.contacts.last_dv, c) != f64(0.0)
+            if wp.static(driven):
+                change = closing_speed(s, velocity, i, j, n) - contact.gap_rate
+                is_near = change + near > f64(0.0)
+            else:
+                v = at(velocity, i)
+                gap, back = gap_rates_now(s.contacts, c, v)
+                change = wp.abs(law.projection(wp.dot(v, n), dv, gap, back))
+                is_near = law.projection(wp.dot(v, n), dv, gap - near, back - near) != f64(0.0)
+            violation = larger(violation, wp.where(carries, f64(0.0), change))
+            if carries or is_near:
+                select(s, free, c)
+                if wp.static(not driven) and s.contacts.limits.shape[0] > 0:
+                    limits = at(s.contacts.limits, c - pair_count(s))
+                    put(s.working.contacts.limits, free - pair_count(s), limits)
+                free += 1
+            c += 1
+        return free, violation
+
+    return select_some
+
+
+select_walls, select_driven_walls = selecting_walls(False), selecting_walls(True)
+
+
+@wp.func
+def select_set(team: Team, s: Scene, k: int):
+    """Select the contacts of a set that are swept, and find the largest violation of the others."""
+    violation = f64(0.0)
+    begin_chunks, end_chunks = chunks_of_set(s, k)
+    first, last = thread_range(team, begin_chunks, end_chunks)
+    at_wall = is_wall_set(s, k)
+    for chunk in range(first, last):
+        begin, end = contacts_of_chunk(s, k, chunk)
+        after, worst = int(begin), f64(0.0)
+        if at_wall and is_driven(s):
+            after, worst = select_driven_walls(s, begin, end)
+        elif at_wall:
+            after, worst = select_walls(s, begin, end)
+        else:
+            after, worst = select_pairs(s, begin, end)
+        violation = larger(violation, worst)
+        put(s.working.range, chunk, wp.vec2i(begin, after))
+    update_max(team, s.partial.zeta, violation)
+
+
+@wp.func
+def end_scan(s: Scene):
+    """Stop or sweep after a scan.
+
+    If the tolerance is on zeta, the violation of contacts outside the set counts as a change still to come.
+    """
+    violation = take_max(s.partial.zeta)
+    iterations = s.step.iterations
+    if has_swept(s) and stops_on_zeta(s) and s.control.rejected == 0:
+        s.step.zeta = wp.max(s.step.zeta, violation)
+        if iterations <= s.history.zeta.shape[0]:
+            put(s.history.zeta, iterations - 1, s.step.zeta)
+    stop_or_sweep(s)

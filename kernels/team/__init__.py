@@ -1,0 +1,1 @@
+"""Threads that share a step: its stages, and waiting for one another."""

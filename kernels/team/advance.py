@@ -1,0 +1,161 @@
+"""Many scenes advanced by teams: each team acquires a free scene and advances it for a while.
+
+Scenes are scheduled dynamically: a slow one keeps one team busy, and no other team waits for it. No result
+depends on which team advances a scene, or when, because a step reads and writes its scene's record alone.
+On a GPU, a block advances a scene until its steps are done or it waits for the host.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from ..record import PAUSED, SOLVED, Scene, SceneRecord
+from .stages import OPTIONS
+from .threads import Team, TeamRecord, is_on_gpu
+from .waiting import barrier, seconds
+
+f64 = wp.float64
+TIME_SLICE = wp.constant(f64(1.0e-3))  # seconds after which a team of a CPU looks for another scene
+MAX_REGISTERS = 64  # of a GPU's thread: more scenes are under way at a time than with 128 or more
+
+
+@wp.struct
+class Queue:
+    """The steps left to do, and the teams' claims, by scene."""
+
+    cursor: wp.array(dtype=wp.int64)  # slices begun
+    taken: wp.array(dtype=wp.int32)  # whether a team has the scene
+    left: wp.array(dtype=wp.int32)  # steps
+    outcome: wp.array(dtype=wp.int32)  # of the last step
+    seconds: wp.array(dtype=f64)  # spent
+    going_on: wp.array(dtype=wp.int32)  # whether the team goes on with it
+    cancel: wp.array(dtype=wp.int32)  # whether to begin no other step
+    most_unconverged: wp.array(dtype=wp.int32)  # steps, after which a scene waits for the host
+
+
+@wp.func_native("return __atomic_fetch_add(cursor.data, 1LL, __ATOMIC_RELAXED);")
+def next_slice(cursor: wp.array(dtype=wp.int64)) -> wp.int64:
+    """Return the number of the next time slice, counted over all teams."""
+    ...
+
+
+@wp.func_native("return __atomic_exchange_n(taken.data + k, 1, __ATOMIC_ACQUIRE) == 0;")
+def is_taken_now(taken: wp.array(dtype=wp.int32), k: int) -> bool:
+    """Acquire scene k; return whether no other team holds it."""
+    ...
+
+
+@wp.func_native("__atomic_store_n(taken.data + k, 0, __ATOMIC_RELEASE);")
+def give_back(taken: wp.array(dtype=wp.int32), k: int):
+    """Release scene k."""
+    ...
+
+
+@wp.func_native("return *(volatile int *)cancel.data != 0;")
+def has_stopped(cancel: wp.array(dtype=wp.int32)) -> bool:
+    """Return whether the host wants no other step: it may write that at any time."""
+    ...
+
+
+@wp.func
+def has_work(queue: Queue, k: int) -> bool:
+    """Return whether scene k has steps left and does not wait for the host."""
+    return queue.left[k] > 0 and queue.outcome[k] == SOLVED
+
+
+@wp.func
+def take(queue: Queue) -> int:
+    """Acquire a scene that has steps left. Returns its number, or -1 if there is none."""
+    scenes = queue.left.shape[0]
+    found = int(-1)
+    if not has_stopped(queue.cancel):
+        first = int(next_slice(queue.cursor) % wp.int64(scenes))
+        look = int(0)
+        while look < scenes and found < 0:
+            k = (first + look) % scenes
+            look = look + 1
+            if not has_work(queue, k):
+                continue
+            if is_taken_now(queue.taken, k):
+                if has_work(queue, k):
+                    found = k
+                else:
+                    give_back(queue.taken, k)
+    return found
+
+
+@cache
+def kernel(name: str, solve: wp.Function, on_gpu: bool) -> wp.Kernel:
+    """Return the kernel that advances scenes, in a separate module.
+
+    On a CPU it is launched for one thread of a team, on a GPU for those of the teams of all scenes.
+
+    Parameters
+    ----------
+    name : str
+        Of the module.
+    solve : wp.Function
+        A thread's part in one step of a scene, `(team, scene)`.
+    on_gpu : bool
+    """
+    module = wp.get_module(name)
+    wp.set_module_options(OPTIONS, module)
+
+    @wp.func(inline=False)
+    def advance_scene(team: Team, s: Scene, queue: Queue, k: int):
+        """Advance a scene until its steps are done, it waits for the host, or its time slice is over."""
+        begun, most_unconverged = seconds(), queue.most_unconverged[0]
+        left, going_on = int(queue.left[k]), int(1)  # a GPU reads memory of the host slowly
+        while going_on != 0:
+            solve(team, s)
+            if team.rank == 0:
+                outcome = int(s.step.outcome)
+                if outcome == SOLVED:
+                    left -= 1
+                if s.statistics.unconverged >= most_unconverged:
+                    outcome = PAUSED
+                queue.left[k] = left
+                queue.outcome[k] = outcome
+                spent = seconds() - begun
+                going_on = 1 if left > 0 and outcome == SOLVED and not has_stopped(queue.cancel) else 0
+                if spent > TIME_SLICE and not is_on_gpu(team):
+                    going_on = 0
+                if going_on == 0:
+                    queue.seconds[k] = queue.seconds[k] + spent
+                queue.going_on[k] = going_on
+            barrier(team)
+            going_on = queue.going_on[k]
+            barrier(team)  # all have read it before it is written again
+
+    if on_gpu:
+
+        @wp.kernel(module=module, cuda_max_registers=MAX_REGISTERS)
+        def advance_on_gpu(records: wp.array(dtype=SceneRecord), queue: Queue, block: TeamRecord):
+            """Advance one scene with the other threads of a block."""
+            team = block
+            k = wp.tid() // team.size
+            team.rank = wp.tid() - k * team.size
+            if team.rank == 0:
+                queue.going_on[k] = 1 if has_work(queue, k) and not has_stopped(queue.cancel) else 0
+            barrier(team)
+            if queue.going_on[k] != 0:
+                advance_scene(team, records[k], queue, k)
+
+        return advance_on_gpu
+
+    @wp.kernel(module=module)
+    def advance(records: wp.array(dtype=SceneRecord), queue: Queue, team: TeamRecord):
+        """Advance scenes until none is free."""
+        k = int(0)
+        while k >= 0:
+            if team.rank == 0:
+                team.scene[0] = take(queue)
+            barrier(team)
+            k = team.scene[0]
+            if k >= 0:
+                advance_scene(team, records[k], queue, k)
+                if team.rank == 0:
+                    give_back(queue.taken, k)
+            barrier(team)  # the same of `scene`
+
+    return advance

@@ -1,0 +1,1 @@
+"""Walls: where a grain touches each kind, and how walls move."""

@@ -1,0 +1,16 @@
+"""Equal discs in an infinite row, at equal spacing: a grain touches the nearest one."""
+
+import warp as wp
+
+from ..types import Shape
+
+f64 = wp.float64
+KIND = wp.constant(f64(5.0))
+
+
+@wp.func
+def nearest_center(x: wp.vec2d, row: Shape) -> wp.vec2d:
+    """Return the nearest center of a row, (a center, way from one to the next, radius) [m]."""
+    dx, dy = row[3], row[4]
+    discs = wp.rint(((x[0] - row[1]) * dx + (x[1] - row[2]) * dy) / (dx * dx + dy * dy))
+    return wp.vec2d(row[1] + discs * dx, row[2] + discs * dy)
