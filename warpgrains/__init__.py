@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from warpgrains.packings.compress import Packing, compress
     from warpgrains.packings.pack import Rest, pack
     from warpgrains.packings.separate import Separation, separate
+    from warpgrains.scene.layouts import random_layout
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.state import State
     from warpgrains.simulation.simulation import Simulation
@@ -62,6 +63,7 @@ __all__ = [
     "analysis",
     "compress",
     "pack",
+    "random_layout",
     "separate",
 ]
 
@@ -78,6 +80,7 @@ _NAMES = {
     "walls.line": ("Line",),
     "walls.polyline": ("Polyline",),
     "walls.row": ("Row",),
+    "scene.layouts": ("random_layout",),
     "scene.scene": ("Scene",),
     "walls.segment": ("Segment",),
     "scene.state": ("State",),

@@ -10,7 +10,7 @@ from sections import Numbers, Section, panels
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.base.arrays import FloatArray
-from warpgrains.scene.layouts import random
+from warpgrains.scene.layouts import random_layout
 
 G = 9.81
 DIAMETER = 0.04  # mean of the grains [m]
@@ -49,7 +49,7 @@ def filled(
     """Return grains at random in a box, looser than at rest: from y = 0 upwards, in all the width or in x."""
     left, right = x or domain.x
     region = {"x": [left, right], "y": [0.0, LOOSER * room(count) / (right - left)]}
-    position, radius = random(domain.space, radius=list(RADII), count=count, region=region, seed=seed)
+    position, radius = random_layout(domain.space, radius=list(RADII), count=count, region=region, seed=seed)
     defaults = {
         "friction": 0.5,
         "dt": 0.004,

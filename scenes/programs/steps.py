@@ -9,7 +9,7 @@ from sections import Numbers, Section, panels
 
 import warpgrains as wg
 from warpgrains.base.arrays import FloatArray
-from warpgrains.scene.layouts import random
+from warpgrains.scene.layouts import random_layout
 from warpgrains.scene.state import Corrections, State
 from warpgrains.walls.annulus import Annulus
 
@@ -27,7 +27,7 @@ TOLERANCES = 10.0 ** -np.arange(3.0, 10.0)  # m/s, of the exact method
 
 def falling(friction: float, seed: int) -> wg.Scene:
     """Return 40 discs that fall in a circle."""
-    position, radius = random(Annulus(0.0, 1.0).space, radius=[0.05, 0.08], count=40, seed=seed)
+    position, radius = random_layout(Annulus(0.0, 1.0).space, radius=[0.05, 0.08], count=40, seed=seed)
     body = {"position": position, "radius": radius, "mass": 10.0 * np.pi * radius**2, "radius_out": 1.0}
     return wg.Scene(**body, friction=friction, dt=0.005, tolerance=1e-6, max_iterations=2000)
 

@@ -20,7 +20,7 @@ import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.analysis import Snapshot
 from warpgrains.base.arrays import FloatArray
-from warpgrains.scene.layouts import random
+from warpgrains.scene.layouts import random_layout
 
 FRICTIONS = (0.0, 0.1, 0.3, 0.5, 1.0)  # of the packings
 SEEDS = (1, 2, 3)
@@ -34,7 +34,7 @@ def loose(friction: float, seed: int) -> wg.Scene:
     """Return 600 grains of two sizes without gravity in a box periodic in x, with a pressure on its top."""
     lid = wg.Box((0.0, 1.0), (0.0, 2.5), periodic="x", top={"pressure": 1.0, "mass": 10.0})
     radii = {"distribution": "values", "values": [0.02, 0.028]}
-    position, radius = random(lid.space, radius=radii, count=600, seed=seed)
+    position, radius = random_layout(lid.space, radius=radii, count=600, seed=seed)
     return wg.Scene(
         position=position,
         radius=radius,

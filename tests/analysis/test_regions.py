@@ -11,7 +11,7 @@ from moments import EPS, moment_of
 from walled_scenes import chained, on_circle
 
 from warpgrains import Disc, analysis
-from warpgrains.scene.layouts import random
+from warpgrains.scene.layouts import random_layout
 from warpgrains.space.outline import Part
 from warpgrains.walls.annulus import Annulus
 
@@ -52,7 +52,7 @@ def test_area_in_closed_form(region, area):
 def pile():
     """Grains clear of a disc, within a ring."""
     layout = {"count": 60, "radius": [0.02, 0.03], "seed": 1, "region": {"y": [-0.9, 0.4]}}
-    made = of(*random(Annulus(0.3, 1.0).space, **layout, walls=INSIDE), walls=INSIDE)
+    made = of(*random_layout(Annulus(0.3, 1.0).space, **layout, walls=INSIDE), walls=INSIDE)
     assert made.scene.count_overlaps() == (0, 0, 0.0)
     return made
 

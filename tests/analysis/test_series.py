@@ -5,6 +5,7 @@ import pytest
 from command import exit_code, require_refusal
 from moments import EPS
 from sweeps import table
+from walled_scenes import BUMPS, ROUGH, boxed
 
 from warpgrains import Scene, Simulation, analysis
 
@@ -78,3 +79,32 @@ def test_a_sweep_with_means(tmp_path):
     series = analysis.Series("walls", 25, mean=True)
     Simulation(Scene.load("annulus", "physics.drag=0.2")).run(steps=50, observer=series)
     assert rows(tmp_path / "out" / "runs" / "00001" / "series.csv") == series.rows
+
+
+def test_profiles_over_a_run_are_those_by_hand():
+    """Below a lid that sinks, slices move. Means of what only grains have are weighted by their area."""
+    scene = boxed("rough lid", top={"pressure": 30.0, "mass": 1.0, "roughness": BUMPS}, **ROUGH)
+    found = analysis.ProfileSeries("height", every=5, bins=6)
+    Simulation(scene).run(steps=60, observer=found)
+    by_hand, simulation = [], Simulation(scene)
+    for _ in range(12):
+        simulation.run(steps=5)
+        by_hand.append(analysis.height_profile(simulation, bins=6))
+    assert found.time[1:] == [5 * k * scene.dt for k in range(1, 13)]
+    for profile, own in zip(found.profiles[1:], by_hand, strict=True):
+        assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(profile, own, strict=True))
+    mean, error = found.average(after=5 * scene.dt, blocks=3)
+    weight = np.array([own.packing_fraction for own in by_hand])
+    assert len({own.edges[-1] for own in by_hand}) == 12
+    few = np.array([own.edges for own in by_hand]).reshape(3, 4, 7).mean(axis=1)
+    assert error.edges == pytest.approx(few.std(axis=0, ddof=1) / np.sqrt(3), rel=1e-12, abs=EPS)
+    for name in ("velocity", "spin", "temperature"):
+        values = np.nan_to_num([getattr(own, name) for own in by_hand])
+        share = weight if values.ndim == 2 else weight[..., np.newaxis]
+        expected = (share * values).sum(axis=0) / share.sum(axis=0)
+        assert getattr(mean, name) == pytest.approx(expected, rel=1e-12, abs=1e-12, nan_ok=True), name
+    stress = np.mean([own.stress for own in by_hand], axis=0)
+    assert mean.stress == pytest.approx(stress, rel=1e-12, abs=1e-12 * np.abs(stress).max())
+    dataset = found.to_xarray()
+    assert dataset["high"].values[-1, -1] == by_hand[-1].edges[-1]
+    assert dataset["stress"].dims == ("time", "slice", "component", "other")

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 
 from warpgrains import Box, Scene, Simulation, analysis
 from warpgrains.base.arrays import FloatArray
-from warpgrains.scene.layouts import random
+from warpgrains.scene.layouts import random_layout
 
 from .debian import ShearedOfLammps, contact
 from .peer_programs import InDebian, new_lammps
@@ -53,7 +53,7 @@ def box(n: int, rate: float) -> Box:
 def layout(n: int, seed: int) -> tuple[FloatArray, FloatArray]:
     domain = box(n, 0.0)
     walls = [wall for side in domain.sides.values() for wall in side]
-    return random(domain.space, walls, radius=[*RADII], packing_fraction=0.78, seed=seed)
+    return random_layout(domain.space, walls, radius=[*RADII], packing_fraction=0.78, seed=seed)
 
 
 def sheared(n: int, rate: float, seed: int) -> dict[str, Any]:

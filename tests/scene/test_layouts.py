@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Box, Disc, Scene
-from warpgrains.scene.layouts import column, lattice, random, rows
+from warpgrains.scene.layouts import column, lattice, rows
 from warpgrains.scene.placing import place_at_random
 from warpgrains.walls.annulus import Annulus
 
@@ -81,8 +81,8 @@ def test_random_places_are_those_of_a_plain_loop(walls, radii):
 POST = Disc((0.95, 2.4), 0.15)
 LATTICE = partial(lattice, radius=0.03)
 TOUCHING = partial(lattice, radius=0.03, spacing=2.0)
-LOOSE = partial(random, radius=[0.02, 0.03], packing_fraction=0.5)
-DENSE = partial(random, radius=[0.02, 0.03], packing_fraction=0.66, seed=1)
+LOOSE = partial(random_layout, radius=[0.02, 0.03], packing_fraction=0.5)
+DENSE = partial(random_layout, radius=[0.02, 0.03], packing_fraction=0.66, seed=1)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from warpgrains import InputError, Scene
-from warpgrains.scene.layouts import random
+from warpgrains.scene.layouts import random_layout
 from warpgrains.scene.radii import drawn_radii
 from warpgrains.space.region import region_of
 from warpgrains.sweep.sweep import Sweep
@@ -86,11 +86,11 @@ FINE = {"distribution": "lognormal", "mean": 0.012, "deviation": 0.003}
     ],
 )
 def test_a_packing_fraction_is_met_without_overlaps(fraction, radius):
-    position, radii = random(SPACE, radius=radius, packing_fraction=fraction, seed=2)
+    position, radii = random_layout(SPACE, radius=radius, packing_fraction=fraction, seed=2)
     filled = np.pi * (radii**2).sum() / SPACE.area
     assert fraction - np.pi * 0.08**2 / SPACE.area < filled <= fraction
     require_clear((position, radii))
-    again, other = (random(SPACE, radius=radius, packing_fraction=fraction, seed=k)[0] for k in (2, 3))
+    again, other = (random_layout(SPACE, radius=radius, packing_fraction=fraction, seed=k)[0] for k in (2, 3))
     assert np.array_equal(again, position)
     assert not np.array_equal(other[0], position[0])
 
@@ -98,7 +98,7 @@ def test_a_packing_fraction_is_met_without_overlaps(fraction, radius):
 @pytest.mark.parametrize("seed", [1, 3, 4])
 def test_large_discs_that_get_in_each_others_way_are_placed_again(seed):
     """Some seeds leave the second no room until all are smaller."""
-    placement = random(Annulus(0.0, 1.0).space, radius=[0.49, 0.49, 0.02], seed=seed)
+    placement = random_layout(Annulus(0.0, 1.0).space, radius=[0.49, 0.49, 0.02], seed=seed)
     require_clear(placement, Annulus(0.0, 1.0))
     assert placement[1].tolist() == [0.49, 0.49, 0.02]
 
@@ -113,7 +113,7 @@ def test_large_discs_that_get_in_each_others_way_are_placed_again(seed):
     ],
 )
 def test_grains_are_wholly_in_their_region(fraction, region):
-    position, radius = random(SPACE, radius=[0.02, 0.04], packing_fraction=fraction, region=region)
+    position, radius = random_layout(SPACE, radius=[0.02, 0.04], packing_fraction=fraction, region=region)
     require_clear((position, radius))
     x, y = position.T
     for key, value in {"x": x, "y": y, "distance": np.hypot(x, y)}.items():
@@ -170,9 +170,9 @@ def test_what_does_not_fit_says_what_would():
     with pytest.raises(
         InputError, match=r"packing_fraction is 0.95: .* so about \d+ of these radii fit"
     ) as caught:
-        random(SPACE, radius=0.08, packing_fraction=0.95)
+        random_layout(SPACE, radius=0.08, packing_fraction=0.95)
     fits = int(str(caught.value).partition("about ")[2].split()[0])
-    require_clear(random(SPACE, radius=0.08, count=fits))
+    require_clear(random_layout(SPACE, radius=0.08, count=fits))
     assert fits * 0.08**2 * np.pi / SPACE.area > 0.7
     with pytest.raises(InputError, match="count is 2000: the grains have 1\\.87 times the area"):
-        random(SPACE, radius=0.03, count=2000)
+        random_layout(SPACE, radius=0.03, count=2000)

@@ -8,7 +8,7 @@ from walled_scenes import cloud
 
 from warpgrains import Scene
 from warpgrains.analysis import Snapshot, snapshot
-from warpgrains.scene.layouts import random
+from warpgrains.scene.layouts import random_layout
 from warpgrains.scene.state import first_state
 from warpgrains.walls.annulus import Annulus
 
@@ -24,7 +24,7 @@ def moment_of(position: Any, radius: Any = 0.02, **fields: Any) -> Snapshot:
 
 def random_moment(radius_in: float, **layout: Any) -> Snapshot:
     """Return the start of grains at random between circles."""
-    return moment_of(*random(Annulus(radius_in, 1.0).space, **layout), radius_in=radius_in)
+    return moment_of(*random_layout(Annulus(radius_in, 1.0).space, **layout), radius_in=radius_in)
 
 
 def far_away(now: Snapshot) -> Snapshot:
@@ -36,7 +36,7 @@ def far_away(now: Snapshot) -> Snapshot:
 def frictional(n: int = 120, **changes: Any) -> Scene:
     """Return a scene like `cloud` of grains that fall on discs, none of which overlap."""
     rng, above = np.random.default_rng(2), {"y": [-0.3, 1.0]}
-    position, radius = random(Annulus(0.2, 1.0).space, radius=[0.02, 0.05], count=n, region=above)
+    position, radius = random_layout(Annulus(0.2, 1.0).space, radius=[0.02, 0.05], count=n, region=above)
     own = {"mass": rng.uniform(0.1, 1.0, n), "spin": rng.normal(0.0, 5.0, n)}
     solved = {"tolerance": 1e-9, "max_iterations": 20_000}
     return cloud(n, **{"position": position, "radius": radius, **own, **solved, **changes})

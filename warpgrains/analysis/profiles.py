@@ -23,7 +23,7 @@ class Profile(NamedTuple):
     Examples
     --------
     >>> analysis.height_profile(simulation)._fields
-    ('edges', 'packing_fraction', 'velocity', 'temperature', 'stress')
+    ('edges', 'packing_fraction', 'velocity', 'spin', 'temperature', 'stress')
     """
 
     edges: FloatArray
@@ -33,6 +33,8 @@ class Profile(NamedTuple):
     velocity: FloatArray
     """Mean velocity [m/s], shape (bins, 2): the component along the profile, and the one 90 degrees to its
     left. For heights these are upwards and to the left, for radii outwards and counter-clockwise."""
+    spin: FloatArray
+    """Mean angular velocity [rad/s], shape (bins,)."""
     temperature: FloatArray
     """Granular temperature relative to the mean velocity of the slice [m2/s2], shape (bins,)."""
     stress: FloatArray
@@ -126,4 +128,4 @@ def _means(
         inside = weight / (np.pi * radius**2)
         flow = [momentum_flow(own * now.scene.mass, velocity) for own in inside]
         stress = (np.tensordot(inside, moment, 1) + flow) / space[:, np.newaxis, np.newaxis]
-    return Profile(edges, fraction, mean, np.maximum(temperature, 0.0), stress)
+    return Profile(edges, fraction, mean, share @ now.spin, np.maximum(temperature, 0.0), stress)

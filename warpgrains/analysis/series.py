@@ -10,6 +10,7 @@ import numpy as np
 
 from warpgrains.analysis.quantities import find, names_of, quantities, takes_region
 from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError, OutputError
 from warpgrains.base.files import read_table, require_writable_path, table_text, write_atomically
 from warpgrains.base.locks import Lock
@@ -39,6 +40,26 @@ class Average(NamedTuple):
     mean: float
     error: float
     """Standard error of the mean."""
+
+
+def block_average(
+    values: FloatArray, blocks: int, weight: FloatArray | float = 1.0
+) -> tuple[FloatArray, FloatArray]:
+    """Return the weighted mean over the first axis, and its standard error from blocks of successive values.
+
+    Values of weight 0 may be NaN. InputError if there are fewer values than blocks.
+    """
+    if len(values) < checks.whole_number("blocks", blocks, least=2):
+        raise InputError(f"{len(values)} measurements are after this time: {blocks} blocks need as many")
+    weight = np.broadcast_to(weight, values.shape)
+    sums = np.where(weight > 0.0, values, 0.0) * weight, weight
+    with np.errstate(invalid="ignore", divide="ignore"):
+        total, share = (own.sum(axis=0) for own in sums)
+        parts = [
+            part.sum(axis=0) / own.sum(axis=0)
+            for part, own in zip(*(np.array_split(own, blocks) for own in sums), strict=True)
+        ]
+        return total / share, np.std(parts, axis=0, ddof=1) / np.sqrt(blocks)
 
 
 class Series:
@@ -169,14 +190,9 @@ class Series:
             There are fewer rows than blocks.
         """
         rows = [row for row in self.rows if row["time"] >= after]
-        if len(rows) < checks.whole_number("blocks", blocks, least=2):
-            raise InputError(f"the series has {len(rows)} rows after {after} s: {blocks} blocks need as many")
-        found = {}
-        for name in self.names:
-            each = [float(np.mean(block)) for block in np.array_split([row[name] for row in rows], blocks)]
-            error = float(np.std(each, ddof=1) / np.sqrt(blocks))
-            found[name] = Average(float(np.mean([row[name] for row in rows])), error)
-        return found
+        values = np.array([[row[name] for name in self.names] for row in rows])
+        mean, error = (part.tolist() for part in block_average(values, blocks))
+        return {name: Average(*own) for name, *own in zip(self.names, mean, error, strict=True)}
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the rows as a frame, by step.

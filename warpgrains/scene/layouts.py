@@ -121,7 +121,7 @@ def lattice(
     return position[:count], np.full(count, radius)
 
 
-def random(
+def random_layout(
     space: Region,
     walls: Sequence[Wall] = (),
     *,
@@ -138,6 +138,10 @@ def random(
 
     Parameters
     ----------
+    space
+        Space between the walls, such as `Box.space`.
+    walls
+        Walls inside, of which grains keep clear.
     radius
         Radius of every grain [m]; or the smallest and the largest of a uniform distribution; or three or
         more, one for each grain; or {file = "radii.csv"}, also .npz; or a table {distribution = ...} with the
@@ -227,7 +231,7 @@ def column(space: Region, *, count: int, radius: float, spacing: float = 2.02) -
 LAYOUTS: dict[str, Callable[..., Placement]] = {
     "rows": rows,
     "lattice": lattice,
-    "random": random,
+    "random": random_layout,
     "column": column,
 }
 
