@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Box, Disc, Scene
-from warpgrains.scene.layouts import column, lattice, rows
+from warpgrains.scene.layouts import column, lattice, random_layout, rows
 from warpgrains.scene.placing import place_at_random
 from warpgrains.walls.annulus import Annulus
 
