@@ -147,7 +147,7 @@ def test_a_polyline_turns_as_a_whole() -> None:
 
 def test_host_and_kernels_number_the_kinds_of_walls_alike() -> None:
     for name, kind in WALL_KINDS.items():
-        assert kind.kind_number == import_module(f"warpgrains.kernels.{name}").KIND
+        assert kind.kind_number == import_module(f"warpgrains.kernels.walls.{name}").KIND
     assert len({kind.kind_number for kind in WALL_KINDS.values()}) == len(WALL_KINDS)
     assert MOST_NUMBERS == types.MOST_NUMBERS
 
