@@ -1,14 +1,16 @@
-"""Snapshots of scenes at their start, and regions about which tests of analysis agree."""
+"""Snapshots of scenes at their start, and what holds in every step."""
 
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 from walled_scenes import cloud
 
-from warpgrains import Scene
-from warpgrains.analysis import Snapshot, snapshot
+from warpgrains import Scene, Simulation
+from warpgrains.analysis import Snapshot, WallForce, snapshot, wall_forces
 from warpgrains.scene.layouts import random_layout
+from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import first_state
 from warpgrains.walls.annulus import Annulus
 
@@ -40,3 +42,21 @@ def frictional(n: int = 120, **changes: Any) -> Scene:
     own = {"mass": rng.uniform(0.1, 1.0, n), "spin": rng.normal(0.0, 5.0, n)}
     solved = {"tolerance": 1e-9, "max_iterations": 20_000}
     return cloud(n, **{"position": position, "radius": radius, **own, **solved, **changes})
+
+
+def step_and_balance_forces(simulation: Simulation) -> dict[str, WallForce]:
+    """Step, require that forces on walls balance the momentum that grains gain, and return them.
+
+    Forces between grains do not change the momentum. Sums of some hundred products are rounded by as many
+    eps of their size.
+    """
+    scene, before = simulation.scene, simulation.state()
+    free = free_velocity(scene, before.velocity, before.staggered, simulation.time)
+    simulation.step()
+    mass = scene.contact_mass[:, np.newaxis]
+    gained = mass * (simulation.velocity - free) / scene.dt
+    found = wall_forces(simulation)
+    total = np.sum([own.force for own in found.values()], axis=0)
+    rounding = 1e3 * EPS * np.abs(gained).sum() + 1e2 * EPS * np.abs(mass * free).sum() / scene.dt
+    assert total == pytest.approx(-gained.sum(axis=0), rel=0.0, abs=rounding)
+    return found

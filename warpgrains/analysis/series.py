@@ -50,7 +50,7 @@ def block_average(
     Values of weight 0 may be NaN. InputError if there are fewer values than blocks.
     """
     if len(values) < checks.whole_number("blocks", blocks, least=2):
-        raise InputError(f"{len(values)} measurements are after this time: {blocks} blocks need as many")
+        raise InputError(f"blocks is {blocks}: only {len(values)} measurements are after this time")
     weight = np.broadcast_to(weight, values.shape)
     sums = np.where(weight > 0.0, values, 0.0) * weight, weight
     with np.errstate(invalid="ignore", divide="ignore"):
