@@ -47,7 +47,7 @@ from warpgrains.analysis.packing import (
     packing_fraction,
     pile_height,
 )
-from warpgrains.analysis.profile_series import ProfileAverage, ProfileSeries
+from warpgrains.analysis.profile_series import ProfileSeries
 from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES, find, quantities
 from warpgrains.analysis.region_table import grain_count, grain_mass, grains_in, region_of
@@ -60,7 +60,7 @@ from warpgrains.space.region import Region
 
 # fmt: off
 __all__ = [
-    "GROUPS", "QUANTITIES", "EnergyBalance", "Profile", "ProfileAverage", "ProfileSeries", "Region", "Series",
+    "GROUPS", "QUANTITIES", "EnergyBalance", "Profile", "ProfileSeries", "Region", "Series",
     "Snapshot", "WallForce",
     "cell_areas", "clusters", "contact_directions", "contact_forces", "contact_numbers",
     "coordination_number", "energy_balance", "fabric_tensor", "find", "force_distribution",

@@ -151,9 +151,26 @@ def random_layout(
         subtracted from the area.
     region
         Bounds of the grains [m], such as {x = [-1.0, 0.0], y = [-1.0, 0.5], distance = [0.5, 0.9]}, where
-        `distance` is from the origin; by default the whole domain.
+        "distance" is from the origin; by default the whole domain.
     seed
         Seed of the random numbers.
+
+    Returns
+    -------
+    tuple of ndarray
+        Positions [m], shape (n, 2), and radii [m], shape (n,).
+
+    Raises
+    ------
+    InputError
+        An argument is invalid, or so many grains do not fit.
+
+    Examples
+    --------
+    >>> space = wg.Box((0.0, 1.0), (0.0, 1.0)).space
+    >>> position, radius = wg.random_layout(space, radius=0.05, packing_fraction=0.5)
+    >>> position.shape
+    (63, 2)
     """
     space = region_of(space, region)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
