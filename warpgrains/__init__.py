@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from warpgrains.packings.separate import Separation, separate
     from warpgrains.scene.layouts import random_layout
     from warpgrains.scene.scene import Scene
+    from warpgrains.scene.sources import Sink, Source
     from warpgrains.scene.state import State
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.statistics import StepReport, Summary
@@ -56,6 +57,8 @@ __all__ = [
     "Separation",
     "Simulation",
     "SimulationError",
+    "Sink",
+    "Source",
     "State",
     "StepReport",
     "Summary",
@@ -83,6 +86,7 @@ _NAMES = {
     "scene.layouts": ("random_layout",),
     "scene.scene": ("Scene",),
     "walls.segment": ("Segment",),
+    "scene.sources": ("Sink", "Source"),
     "scene.state": ("State",),
     "simulation.simulation": ("Simulation",),
     "solver.statistics": ("StepReport", "Summary"),

@@ -12,7 +12,7 @@ from pathlib import Path
 from tests.bench.__main__ import BENCHES
 from tests.bench.plane_shear import FIGURES, error
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES
-from warpgrains.cli.scenes import keys, wall_keys
+from warpgrains.cli.scenes import exchange_keys, keys, wall_keys
 from warpgrains.scene.radii import DISTRIBUTIONS, OF_MEAN
 from warpgrains.sweep import axes, sweep
 from warpgrains.sweep.results import COLUMNS
@@ -34,6 +34,12 @@ def _walls() -> Iterable[Sequence[str]]:
     yield "key", "unit", "default", "meaning"
     for key in wall_keys():
         yield f"`{key.name}`", key.unit, _code(key.shown_default), key.meaning
+
+
+def _exchange() -> Iterable[Sequence[str]]:
+    yield "key", "unit", "default", "meaning"
+    for key in exchange_keys():
+        yield f"`{key.section}.{key.name}`", key.unit, _code(key.shown_default), key.meaning
 
 
 def _code(text: str) -> str:
@@ -194,6 +200,7 @@ TABLES = {
     "shear": _shear,
     "scene": _scene,
     "walls": _walls,
+    "exchange": _exchange,
     "radii": _radii,
     "quantities": _quantities,
     "columns": _columns,

@@ -161,6 +161,7 @@ PLACES = "position = [[0.75, 0.0], [0.0, 0.75]]"
 AXES = 'scene = "annulus"\n[axes]\n'
 RING = Annulus(0.5, 1.0).space
 BOX = Box((-0.5, 0.5), (2.0, 2.8), periodic="x").space
+ABOVE = {"region": {"y": (0.5, 0.9)}, "radius": 0.05, "density": 1.0, "name": "above"}
 LID = {"pressure": 1.0, "mass": 1.0}
 PISTON = Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0)
 BELT = Segment((3e38, -5e37), (3.38e38, -5e37), velocity=(9e36, 0.0))

@@ -23,7 +23,7 @@ FIELDS = {
     name: names.split()
     for name, names in {
         "State": "steps position velocity corrections lists staggered spin angle driven"
-        " last_staggered id born last_scene",
+        " last_staggered id born inflow outflow exchanged last_scene",
         "Corrections": "pair pair_correction wall wall_correction pair_friction wall_friction"
         " pair_rolling wall_rolling",
         "VerletList": "pair wall skin recent_deviation reference_position reference_velocity"
@@ -34,7 +34,7 @@ FIELDS = {
         " seconds output met error frames held means",
     }.items()
 }
-"""Fields of version 18. Whoever changes them must increase `VERSION`."""
+"""Fields of version 19. Whoever changes them must increase `VERSION`."""
 
 
 ODD = {"dt": 1e-2 / 3.0, "name": '"quoted" \u00e9\u4e2d', "text": "line\nline\t\\ \x7f \U0001f40d"}
@@ -54,7 +54,7 @@ def saved(simulation, tmp_path):
 
 def test_layout_of_this_version(saved):
     """A file that another version could not read needs another number."""
-    assert VERSION == 18
+    assert VERSION == 19
     assert {kind.__name__: [own.name for own in fields(kind)] for kind in STORED} == FIELDS
     with np.load(saved, allow_pickle=False) as archive:
         header = json.loads(archive["header"].tobytes())

@@ -13,6 +13,7 @@ from warpgrains.base.errors import InputError
 from warpgrains.scene import energy
 from warpgrains.scene.scheme import kick_of, spin_kick_of
 from warpgrains.scene.snapshot import Snapshot, Snapshots
+from warpgrains.scene.sources import require_closed
 from warpgrains.space.geometry import left_of
 
 if TYPE_CHECKING:
@@ -203,6 +204,7 @@ def energy_balance(simulation: Simulation, steps: int) -> EnergyBalance:
     >>> bool(np.isclose(gained, analysis.kinetic_energy(other)))
     True
     """
+    require_closed(simulation.scene, "energy_balance")
     total = np.zeros(len(EnergyBalance._fields))
     for _ in range(steps):
         simulation.step()

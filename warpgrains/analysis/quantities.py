@@ -112,6 +112,20 @@ def _powers(now: Snapshot) -> EnergyBalance:
     return EnergyBalance(*(energy / now.scene.dt for energy in step_energy_balance(now)))
 
 
+def _flow(name: str, column: int, unit: str, meaning: str) -> Quantity:
+    def function(now: Snapshot) -> float:
+        _require_exchange(name, now.scene)
+        rows = getattr(now, name.partition("_")[0])
+        return np.nan if rows is None else float(rows[:, column].sum())
+
+    return Quantity(unit, function, meaning=meaning, require=_require_exchange)
+
+
+def _require_exchange(name: str, scene: Scene) -> None:
+    if not scene.exchanges_grains:
+        raise InputError(f"{name}: the scene has no sources or sinks")
+
+
 QUANTITIES = {
     "kinetic_energy": _of_runs(
         "J", energy.kinetic_energies, "sum of m v^2 / 2, and with friction of I w^2 / 2"
@@ -173,6 +187,9 @@ QUANTITIES = {
         "", region_table.grain_count, meaning="number of grains in the region, or of all"
     ),
     "grain_mass": Quantity("kg", region_table.grain_mass, meaning="mass of these grains"),
+    "inflow_count": _flow("inflow_count", 1, "", "number of grains that sources have added so far"),
+    "outflow_count": _flow("outflow_count", 0, "", "number of grains that sinks have taken so far"),
+    "outflow_mass": _flow("outflow_mass", 1, "kg", "mass of these grains"),
     "mean_speed": Quantity("m/s", energy.mean_speed, meaning="mean speed of the grains"),
     "largest_speed": Quantity("m/s", energy.largest_speed, meaning="speed of the fastest grain"),
     "granular_temperature": Quantity(
@@ -192,6 +209,7 @@ GROUPS = {
     "force": ("mean_force", "largest_force", "force_deviation"),
     "friction": ("friction_power", "wall_power", "stress_antisymmetric"),
     "grains": ("grain_count", "grain_mass"),
+    "flow": ("inflow_count", "outflow_count", "outflow_mass"),
     "speed": ("mean_speed", "largest_speed", "granular_temperature"),
 }
 """Names of groups of quantities."""

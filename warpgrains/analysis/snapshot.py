@@ -71,6 +71,9 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
         tangential_force=contacts.tangential_force,
         wall_tangential_force=walls.tangential_force,
         places=places,
+        births=state.id,
+        inflow=state.inflow,
+        outflow=state.outflow,
     )
 
 
@@ -98,6 +101,7 @@ def snapshot_of(now: LoadedScene, left: float = 0.0, has_contacts: bool = True) 
             start_scene=scene,
             start_staggered=now.last_staggered,
             places=places,
+            births=now.id,
         )
     if left == 0.0:
         return end

@@ -11,6 +11,7 @@ import warp as wp
 from warpgrains.base.arrays import FloatArray, IndexArray
 from warpgrains.base.errors import SimulationError
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.sources import require_closed
 from warpgrains.scene.state import State, first_state
 from warpgrains.simulation.until import CountedRun
 from warpgrains.solver.advance import OnProgress, advance
@@ -72,6 +73,8 @@ class LoadedScenes:
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
+        for k, scene in enumerate(scenes):
+            require_closed(scene, f"scene {k}")
         kinds = [(team_size(scene, device, threads), *kind_of(scene)) for scene in scenes]
         alike = [np.array([k for k, own in enumerate(kinds) if own == kind]) for kind in sorted(set(kinds))]
         members = [[scenes[k] for k in numbers] for numbers in alike]

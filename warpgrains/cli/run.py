@@ -155,7 +155,9 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
         statistics.met = False  # the run continues, although its end criterion was met
     is_locked = is_of_run and Path(options.checkpoint or kept).resolve() == kept.resolve()
     resumed = statistics if is_of_run else None
-    return OpenRun(start.scene, options, resumed, start.first_step, is_locked=is_locked), start.state
+    return OpenRun(
+        start.scene, options, resumed, start.first_step, is_locked=is_locked, first_scene=start.start
+    ), start.state
 
 
 def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:
@@ -190,7 +192,7 @@ def _show_warning(message: Warning | str, *where: Any) -> None:
 
 def results_of(run: OpenRun) -> dict[str, Any]:
     """Return the results of a run by name, as `--json` prints them."""
-    scene, options = run.scene, run.options
+    scene, options = run.first_scene, run.options
     summary, overlaps = replace(run.statistics, output=options.record), scene.count_overlaps()
     results = {
         "scene": scene.name,
@@ -198,6 +200,7 @@ def results_of(run: OpenRun) -> dict[str, Any]:
         **summary.results(),
         "overlap_in_radii": summary.overlap / scene.smallest_radius,
         "overlaps_at_start": overlaps._asdict(),
+        **{name: [own._asdict() for own in flow] for name, flow in run.flows.items() if flow},
     }
     if options.until is not None:
         results["until"] = options.until
@@ -224,6 +227,21 @@ def summary_lines(results: dict[str, Any]) -> str:
         "worst overlap": f"{results['overlap']:.2e} m ({results['overlap_in_radii']:.2e} smallest radii)",
         "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall{largest}",
         "time": f"{results['seconds']:.2f} s, {results['steps'] / results['seconds']:.0f} steps/s",
+        **_of_sources(**{name: results.get(name, []) for name in ("sources", "sinks")}),
         "output": shown,
     }
     return in_columns(rows)
+
+
+def _of_sources(sources: list[dict[str, int]], sinks: list[dict[str, float]]) -> dict[str, str]:
+    """Return the lines of grains that came and went."""
+    rows = {}
+    if sources:
+        entered, missed, waiting = (
+            sum(own[key] for own in sources) for key in ("entered", "missed", "waiting")
+        )
+        rows["sources"] = f"{number_of(entered, 'grain')}; {missed} found no room, {waiting} wait for it"
+    if sinks:
+        rows["sinks"] = f"{number_of(sum(int(own['grains']) for own in sinks), 'grain')}"
+        rows["sinks"] += f", {sum(own['mass'] for own in sinks):.6g} kg"
+    return rows

@@ -25,6 +25,7 @@ from warpgrains.scene.reader import (
     keyword_parameters,
     section_fields,
 )
+from warpgrains.scene.sources import Sink, Source
 from warpgrains.scene.toml import Table, parse_toml, read_text, shipped, toml_value
 from warpgrains.walls.box import Box
 from warpgrains.walls.kinds import WRITTEN_KINDS
@@ -32,6 +33,11 @@ from warpgrains.walls.kinds import WRITTEN_KINDS
 REQUIRED = object()
 """Marker for keys without a default."""
 KINDS = {"scene": "warpgrains run NAME", "sweep": "warpgrains batch NAME -o DIR"}
+_LISTS = {
+    "walls": "a wall inside the domain",
+    "sources": "a region in which grains appear",
+    "sinks": "a region from which grains are taken",
+}
 NARROWEST, WIDTH = 90, 110
 
 
@@ -76,7 +82,7 @@ def _explained(name: str) -> str:
     """Return the text of a scene's file and a table of all keys."""
     text, document = _read(name)
     width = max(NARROWEST, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))
-    found = [*keys(document.get("grains", {}).get("layout")), *wall_keys()]
+    found = [*keys(document.get("grains", {}).get("layout")), *wall_keys(), *exchange_keys()]
     rows = [
         ("key", "unit", "default"),
         *((f"{key.section}.{key.name}", key.unit, key.shown_default) for key in found),
@@ -143,6 +149,14 @@ def wall_keys() -> Iterator[Key]:
         yield Key("walls", name, default, kinds + field.metadata["meaning"])
 
 
+def exchange_keys() -> Iterator[Key]:
+    """Yield the keys of `[[sources]]`, then those of `[[sinks]]`."""
+    for section, kind in {"sources": Source, "sinks": Sink}.items():
+        for name, own in described_fields(kind).items():
+            default = REQUIRED if own.default is MISSING else own.default
+            yield Key(section, name, default, own.metadata["meaning"])
+
+
 def commented(document: Table) -> str:
     """Return a scene as TOML with every key explained; missing keys are commented out."""
     lines, section = [], ""
@@ -157,13 +171,15 @@ def commented(document: Table) -> str:
         else:
             value = "..." if key.default in (None, REQUIRED) else key.shown_default
             lines.append(f"# {key.name} = {value}")
-    lines.append("\n# A table [[walls]] is a wall inside the domain.")
-    for key in wall_keys():
-        text = f"{key.name}: {key.meaning}"
-        lines += textwrap.wrap(text, 98, initial_indent="# ", subsequent_indent="#     ")
-    for wall in document.get("walls", []):
-        lines.append("\n[[walls]]")
-        lines += [f"{name} = {toml_value(value)}" for name, value in wall.items()]
+    for section, meaning in _LISTS.items():
+        lines.append(f"\n# A table [[{section}]] is {meaning}.")
+        for key in (*wall_keys(), *exchange_keys()):
+            if key.section == section:
+                text = f"{key.name}: {key.meaning}"
+                lines += textwrap.wrap(text, 98, initial_indent="# ", subsequent_indent="#     ")
+        for table in document.get(section, []):
+            lines.append(f"\n[[{section}]]")
+            lines += [f"{name} = {toml_value(value)}" for name, value in table.items()]
     return "\n".join(lines) + "\n"
 
 

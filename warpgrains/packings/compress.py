@@ -16,6 +16,7 @@ from warpgrains.base.shown import Shown, number_of
 from warpgrains.scene.energy import TOLERANCES, kinetic_energy
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.snapshot import Snapshot
+from warpgrains.scene.sources import require_closed
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.simulation.until import TEST_INTERVAL, EndCriterion
 from warpgrains.solver.statistics import Summary
@@ -134,6 +135,7 @@ def compress(
     (True, 1.0)
     """
     scene = as_scene("scene", scene)
+    require_closed(scene, "compress")
     boundary = scene.boundary
     if thin := [wall for wall in scene.walls if wall.border is None and not boundary.owns(wall)]:
         which = "a side" if isinstance(boundary, Box) else "the outer wall"

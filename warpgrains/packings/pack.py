@@ -20,6 +20,7 @@ from warpgrains.packings.compress import carrying_contacts
 from warpgrains.packings.settling import TESTED, Settling
 from warpgrains.scene.energy import kinetic_energy
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
+from warpgrains.scene.sources import require_closed
 from warpgrains.scene.state import State
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.service import exact_solver
@@ -141,6 +142,7 @@ def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: i
     """
     start, scene = perf_counter(), as_scene("scene", scene)
     steps = checks.whole_number("steps", steps)
+    require_closed(scene, "pack")
     _require_rest_is_possible(scene)
     with progress_bar(steps, shown=progress) as bar:
         settling = Settling(scene, steps, threads, bar)

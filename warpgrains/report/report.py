@@ -55,6 +55,7 @@ def why_not(scene: Scene) -> str:
     reasons = {
         "has friction, with which a step has no one exact solution": scene.has_friction,
         "has driven walls, whose exact step is not computed": scene.has_driven_walls,
+        "has sources or sinks, which the reference does not know": scene.exchanges_grains,
         "has restitution, with which trajectories part": scene.has_restitution,
     }
     return next((reason for reason, holds in reasons.items() if holds), "")

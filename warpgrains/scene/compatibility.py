@@ -12,6 +12,7 @@ import numpy as np
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError
+from warpgrains.scene import sources
 from warpgrains.scene.energy import TOLERANCES
 from warpgrains.space.geometry import LARGEST, MOST_RADII, SMALLEST, require_distinct
 from warpgrains.walls.line import Line
@@ -68,8 +69,16 @@ def require_size(scene: Scene) -> None:
 
 def require_compatible_settings(scene: Scene) -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
-    for complaints in (_of_walls, _of_steps, _of_friction, _of_restitution, _of_driven_walls, _of_methods):
-        for complaint in complaints(scene):
+    for found in (
+        _of_walls,
+        _of_steps,
+        _of_friction,
+        _of_restitution,
+        _of_driven_walls,
+        _of_methods,
+        sources.complaints,
+    ):
+        for complaint in found(scene):
             raise InputError(complaint)
 
 

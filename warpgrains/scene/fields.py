@@ -18,6 +18,7 @@ from warpgrains.base.described import checked, described, described_fields
 from warpgrains.base.errors import InputError
 from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
 from warpgrains.scene.scheme import SCHEMES
+from warpgrains.scene.sources import Sink, Source, checked_sinks, checked_sources
 from warpgrains.walls.annulus import KEYS as OF_ANNULUS
 from warpgrains.walls.annulus import Annulus
 from warpgrains.walls.boundary import Boundary
@@ -96,6 +97,16 @@ class SceneFields:
         'Walls inside the domain, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or of'
         f" these classes: {', '.join(kind.__name__ for kind in WRITTEN_KINDS.values())}.",
         check=checked_walls,
+        default=(),
+    )
+    sources: tuple[Source, ...] = _key(
+        "Regions in which grains appear, each a `Source` or a table of its keys.",
+        check=checked_sources,
+        default=(),
+    )
+    sinks: tuple[Sink, ...] = _key(
+        "Regions from which grains are taken, each a `Sink` or a table of its keys.",
+        check=checked_sinks,
         default=(),
     )
     gravity: tuple[float, float] | TurningGravity = _key(
@@ -235,6 +246,8 @@ class SceneOptions(TypedDict, total=False):
     angular_velocity_out: float
     angular_velocity_in: float
     walls: Sequence[Wall | Mapping[str, Any]]
+    sources: Sequence[Source | Mapping[str, Any]]
+    sinks: Sequence[Sink | Mapping[str, Any]]
     gravity: Sequence[float] | FloatArray | Mapping[str, Any]
     drag: float
     spin_drag: float

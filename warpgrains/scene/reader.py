@@ -23,7 +23,7 @@ from warpgrains.base.errors import InputError
 from warpgrains.base.files import open_regular, suffix_of
 from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.layouts import LAYOUTS, Placement
-from warpgrains.scene.toml import Table, fields_of_sections, overridden, parse_toml, wall_key
+from warpgrains.scene.toml import LISTS, Table, fields_of_sections, numbered_key, overridden, parse_toml
 from warpgrains.space.region import Region
 from warpgrains.walls.annulus import Annulus
 from warpgrains.walls.boundary import Boundary
@@ -69,7 +69,7 @@ def require_key(section: str, key: str) -> None:
     """Raise InputError unless scene files may have this key in this section."""
     if section == "walls":
         of_walls = set().union(*(kind.keys() for kind in WRITTEN_KINDS.values()))
-        return _refuse_unknown_keys(section, [wall_key(key)[1]], ("kind", *of_walls))
+        return _refuse_unknown_keys(section, [numbered_key(section, key)[1]], ("kind", *of_walls))
     checks.one_of("section", section, [*SECTIONS, "grains", "walls"])
     of_layouts = {name for layout in LAYOUTS.values() for name in keyword_parameters(layout)}
     known = {**SECTIONS, "domain": domain_keys()}.get(section, [*SOURCES, *PROPERTIES, *of_layouts])
@@ -105,9 +105,10 @@ def section_fields(document: Table) -> Table:
     """Return the fields of all sections of a document but `[grains]`, without their checks, and the walls."""
     fields: Table = {"walls": checked_walls("walls", document.get("walls", []))}
     for section, table in document.items():
-        if section == "walls":
+        checks.one_of("section", section, [*SECTIONS, "grains", *LISTS])
+        if section in LISTS:
+            fields.setdefault(section, table)
             continue
-        checks.one_of("section", section, [*SECTIONS, "grains", "walls"])
         if not isinstance(table, dict):
             raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")
         if section in SECTIONS:

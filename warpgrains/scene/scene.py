@@ -103,6 +103,8 @@ class Scene(SceneFields, Shown):
         walls = self.boundary.among([wall for wall in self.walls if wall.image is None])
         walls = tuple(wall.starting(self.time) for wall in walls)
         vars(self)["walls"] = with_images(walls, self.period, float(self.radius.max()))
+        vars(self)["sources"] = tuple(source.starting(self.time) for source in self.sources)
+        vars(self)["sinks"] = tuple(sink.starting(self.time) for sink in self.sinks)
         require_compatible_settings(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -230,6 +232,11 @@ class Scene(SceneFields, Shown):
     def n(self) -> int:
         """Number of grains."""
         return len(self.position)
+
+    @property
+    def exchanges_grains(self) -> bool:
+        """True if the scene has sources or sinks, so that the number of grains changes."""
+        return bool(self.sources or self.sinks)
 
     @cached_property
     def smallest_radius(self) -> float:

@@ -185,6 +185,10 @@ class Snapshot:
         Tangential force of these contacts [N], shapes (m,) and (k,), see `PairContacts` and `WallContacts`.
     places : ndarray or None
         Coordinates of walls [m], see `State.driven`, shape (walls,); None where no force drives a wall.
+    births : ndarray or None
+        Numbers of birth, see `State.id`.
+    inflow, outflow : ndarray or None
+        Grains that came and went so far, see `State`; None in recordings.
     recorded : mapping
         Numbers of the grains that a recording holds, such as the pressure, by name, shape (n,) each.
 
@@ -212,12 +216,20 @@ class Snapshot:
     tangential_force: FloatArray = field(default_factory=_no_forces)
     wall_tangential_force: FloatArray = field(default_factory=_no_forces)
     places: FloatArray | None = None
+    births: IndexArray | None = None
+    inflow: IndexArray | None = None
+    outflow: FloatArray | None = None
     recorded: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
         """Number of grains."""
         return self.scene.n
+
+    @property
+    def id(self) -> IndexArray:
+        """Numbers of birth of the grains, shape (n,)."""
+        return np.arange(self.n) if self.births is None else self.births
 
     @property
     def start_time(self) -> float:
@@ -276,7 +288,8 @@ class Snapshot:
         """Return one of `TABLES` as columns by name."""
         if table == "grains":
             (x, y), (vx, vy) = self.position.T, self.velocity.T
-            columns = {"x": x, "y": y, "vx": vx, "vy": vy, "radius": self.scene.radius}
+            columns: dict[str, Any] = {} if self.births is None else {"id": self.births}
+            columns |= {"x": x, "y": y, "vx": vx, "vy": vy, "radius": self.scene.radius}
             return columns | {"mass": self.scene.mass, "spin": self.spin, "angle": self.angle}
         if table == "contacts":
             names, ends, normal = ("i", "j"), self.pair, self.normal
@@ -293,7 +306,8 @@ class Snapshot:
         Parameters
         ----------
         table : str
-            ``"grains"``: x, y, vx, vy, radius, mass, spin, angle; ``"contacts"``, those between grains: i, j,
+            ``"grains"``: x, y, vx, vy, radius, mass, spin, angle, after id where
+            grains come and go; ``"contacts"``, those between grains: i, j,
             normal_x, normal_y, force, tangential_force; or ``"wall_contacts"``: grain, wall, and the same.
 
         Raises

@@ -116,6 +116,13 @@ class State:
         if they are 0, 1, ..., n - 1.
     born : int
         Number of births so far, above all numbers of `id`; 0 if that is None.
+    inflow : ndarray or None
+        Numbers of grains of each source so far, with the columns of `Inflow`, int64, shape (sources, 4);
+        None in a scene without sources and sinks.
+    outflow : ndarray or None
+        Number of grains and mass [kg] that each sink has taken so far, shape (sinks, 2); None as `inflow`.
+    exchanged : int
+        Steps after which sources and sinks last exchanged grains; -1 before.
     last_scene : Scene or None
         Scene of the last step, which its contacts and their forces refer to; None if it is the scene of the
         state. They differ after `Simulation.change`, until the next step.
@@ -141,6 +148,9 @@ class State:
     last_staggered: bool = False
     id: IndexArray | None = None
     born: int = 0
+    inflow: IndexArray | None = None
+    outflow: FloatArray | None = None
+    exchanged: int = -1
     last_scene: Scene | None = None
 
 
@@ -153,9 +163,15 @@ def first_state(scene: Scene) -> State:
         state = replace(state, spin=scene.spin, angle=np.zeros(scene.n))
     if scene.has_driven_walls:
         state = replace(state, driven=np.array([(wall.coordinate, 0.0) for wall in scene.walls]))
+    if scene.exchanges_grains:
+        inflow = np.zeros((len(scene.sources), 4), np.int64)
+        inflow[:, 0] = [source.due(scene.time) * (source.begin < scene.time) for source in scene.sources]
+        state = replace(state, inflow=inflow, outflow=np.zeros((len(scene.sinks), 2)))
     return state
 
 
+OF_POPULATION = ("id", "born", "inflow", "outflow", "exchanged")
+"""Fields of a state that only the exchange of grains changes."""
 MOST_BORN = 2**63 - 1
 _BOUNDS: dict[str, Callable[[FloatArray], BoolArray]] = {
     "finite": np.isfinite,
@@ -192,6 +208,7 @@ def require_state(state: State, scene: Scene) -> None:
     _require_arrays(state, {"grain": scene.n, "wall": len(scene.walls)})
     checks.whole_number("steps", state.steps, least=0)
     _require_births(state, scene.n)
+    _require_flow(state, scene)
     for name in ("staggered", "last_staggered"):
         checks.boolean(name, getattr(state, name))
     require_distinct("position of the state, that", scene.period.wrapped(state.position))
@@ -225,6 +242,23 @@ def _require_births(state: State, n: int) -> None:
     _require_array("id", state.id, np.int64, (n,))
     if (np.diff(state.id, prepend=-1, append=state.born) <= 0).any():
         raise InputError(f"id of the state must be in ascending order, from 0 to below born, {state.born}")
+
+
+def _require_flow(state: State, scene: Scene) -> None:
+    checks.whole_number("exchanged", state.exchanged, least=-1, most=state.steps)
+    for name, rows, columns, dtype in (
+        ("inflow", scene.sources, 4, np.int64),
+        ("outflow", scene.sinks, 2, np.float64),
+    ):
+        array = getattr(state, name)
+        if (array is None) == scene.exchanges_grains:
+            given = "missing" if array is None else "given"
+            has = "has" if array is None else "has no"
+            raise InputError(f"{name} of the state is {given}: the scene {has} sources or sinks")
+        if array is not None:
+            _require_array(name, array, dtype, (len(rows), columns))
+            if not (np.isfinite(array) & (array >= 0)).all():
+                raise InputError(f"{name} of the state must be finite, and 0 or more")
 
 
 def _require_arrays(record: Any, counts: dict[str, int]) -> None:

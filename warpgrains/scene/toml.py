@@ -23,6 +23,8 @@ Table = dict[str, Any]
 
 _LONGEST = 2**28  # bytes of a text
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+LISTS = {"walls": "wall", "sources": "source", "sinks": "sink"}
+"""Lists of tables in scene files, such as [[walls]], and what a table describes."""
 SHIPPED = {"scene": "", "sweep": "sweeps"}
 """Folder of the shipped files of each kind, relative to the folder of the scenes."""
 
@@ -66,8 +68,12 @@ def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
 
 def parameters_text(scene: Scene) -> str:
     """Return all fields of a scene except its grains, as TOML."""
-    walls = [wall.table for wall in scene.written_walls]
-    tables: Table = {"walls": walls} if walls else {}
+    listed: dict[str, tuple[Any, ...]] = {
+        "walls": scene.written_walls,
+        "sources": scene.sources,
+        "sinks": scene.sinks,
+    }
+    tables: Table = {name: [one.table for one in own] for name, own in listed.items() if own}
     for section, names in SECTIONS.items():
         values = {name: getattr(scene, name) for name in names}
         tables[section] = {
@@ -81,8 +87,8 @@ def parameters_text(scene: Scene) -> str:
 def read_parameters(text: str) -> dict[str, Any]:
     """Return the fields of a scene from the text of `parameters_text`."""
     document = parse_toml(text, "the recording's scene")
-    walls = {"walls": document.pop("walls")} if "walls" in document else {}
-    return walls | fields_of_sections(document)
+    listed = {name: document.pop(name) for name in LISTS if name in document}
+    return listed | fields_of_sections(document)
 
 
 def fields_of_sections(document: Table) -> dict[str, Any]:
@@ -118,21 +124,24 @@ def with_key(document: Table, key: str, value: Any) -> Table:
     """Return a document with another value of a key, such as "domain.top.mass" or "walls.0.friction"."""
     section, _, name = key.partition(".")
     table = document.get(section, {})
-    if section == "walls":
-        number, own = wall_key(name)
+    if section in LISTS:
+        number, own = numbered_key(section, name)
         if not isinstance(table, list) or not number < len(table) or not isinstance(table[number], dict):
-            raise InputError(f"{key}: there is no wall {number} in [[walls]], of which the first is walls.0")
+            raise InputError(
+                f"{key}: there is no {LISTS[section]} {number} in [[{section}]], of which the first is"
+                f" {section}.0"
+            )
         return {**document, section: [*table[:number], {**table[number], own: value}, *table[number + 1 :]]}
     if not isinstance(table, dict):
         raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")
     return {**document, section: with_key(table, name, value) if "." in name else {**table, name: value}}
 
 
-def wall_key(name: str) -> tuple[int, str]:
-    """Return the number of a wall and its key from a text such as "0.friction"."""
+def numbered_key(section: str, name: str) -> tuple[int, str]:
+    """Return the number of a table of a list, such as "walls", and its key from a text like "0.friction"."""
     number, _, key = name.partition(".")
     if not (number.isascii() and number.isdigit() and key):
-        raise InputError(f"walls.{name}: it must be walls.NUMBER.KEY, such as walls.0.friction")
+        raise InputError(f"{section}.{name}: it must be {section}.NUMBER.KEY, such as walls.0.friction")
     return int(number), key
 
 

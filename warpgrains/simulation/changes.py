@@ -17,7 +17,7 @@ from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.walls.rim import Rim
 from warpgrains.walls.wall import Wall
 
-OF_START = {"position", "velocity", "radius", "mass", "spin", "time"}
+OF_START = {"position", "velocity", "radius", "mass", "spin", "time", "sources", "sinks"}
 OF_LISTS = {"dt", "scheme", "order", "method", "wall", "drag", "spin_drag"}
 """Fields by which contacts are listed, sorted and solved; shares of corrections depend on both drags."""
 

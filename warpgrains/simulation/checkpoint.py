@@ -2,7 +2,8 @@
 
 The entry `header` is JSON text in UTF-8 with the format, the version, and all numbers and texts. Floats are
 written so that the same doubles are read back. Every array is a separate entry `part.field`, named after the
-dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`); `last_scene` is a `Scene`, too.
+dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`); the parts
+`last_scene` and `start` are a `Scene`, too.
 
 If a field of these, of `RunOptions` or of `Summary` is added, removed, renamed or changes its meaning,
 `VERSION` must increase, so that another version of the program says which version it reads. A field that is
@@ -30,7 +31,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import Summary
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 18
+VERSION = 19
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]
@@ -45,6 +46,8 @@ class Checkpoint:
     """Options of the run that wrote the checkpoint, if a run wrote it."""
     statistics: Summary
     """Statistics of the run up to the checkpoint."""
+    start: Scene | None = None
+    """Scene at the start of the run, which its outputs show, if grains came or went since."""
 
     @property
     def first_step(self) -> int:
@@ -85,7 +88,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
 
 
 def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
-    state, options = checkpoint.state, checkpoint.options
+    options = checkpoint.options
     header: Header = {
         "format": FORMAT,
         "version": VERSION,
@@ -94,7 +97,7 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
         "statistics": asdict(replace(checkpoint.statistics, error=None)),  # a resumed run has not failed
     }
     arrays: Arrays = {}
-    for part, record in _parts(checkpoint.scene, state).items():
+    for part, record in _parts(checkpoint).items():
         content = {field.name: getattr(record, field.name) for field in fields(record)}
         if isinstance(record, Scene):
             content["walls"] = record.written_walls
@@ -107,9 +110,9 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
     return {"header": np.frombuffer(text.encode(), np.uint8), **arrays}
 
 
-def _parts(scene: Scene, state: State) -> dict[str, Any]:
-    parts = {"scene": scene, "state": state}
-    parts |= {name: getattr(state, name) for name in ("corrections", "lists", "last_scene")}
+def _parts(checkpoint: Checkpoint) -> dict[str, Any]:
+    parts = {name: getattr(checkpoint, name) for name in ("scene", "state", "start")}
+    parts |= {name: getattr(checkpoint.state, name) for name in ("corrections", "lists", "last_scene")}
     return {part: record for part, record in parts.items() if record is not None}
 
 
@@ -151,14 +154,16 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
 
     scene = Scene.of_later_state(**part("scene"))
     lists = VerletList(**part("lists")) if "lists" in header else None
-    last = Scene.of_later_state(**part("last_scene")) if "last_scene" in header else None
+    last, start = (
+        Scene.of_later_state(**part(name)) if name in header else None for name in ("last_scene", "start")
+    )
     corrections = Corrections(**part("corrections"))
     state = State(corrections=corrections, lists=lists, last_scene=last, **part("state"))
     require_state(state, scene)
     options = None if header["options"] is None else RunOptions.restored(header["options"], path)
     statistics = Summary(**header["statistics"])
     _require_statistics(statistics, state, options)
-    return Checkpoint(scene, state, options, statistics)
+    return Checkpoint(scene, state, options, statistics, start)
 
 
 def _require_statistics(statistics: Summary, state: State, options: RunOptions | None) -> None:

@@ -17,6 +17,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import at_positions, before_positions
 from warpgrains.scene.state import Corrections, State
 from warpgrains.simulation.changes import at_walls
+from warpgrains.simulation.pour import poured
 from warpgrains.space.geometry import overlapping_pairs
 
 if TYPE_CHECKING:
@@ -41,8 +42,14 @@ class Population:
         self.scene, self.state = scene, state
 
     @property
-    def _id(self) -> IndexArray:
+    def id(self) -> IndexArray:
+        """Numbers of birth, ascending, shape (n,)."""
         return np.arange(self.scene.n) if self.state.id is None else self.state.id
+
+    @property
+    def time(self) -> float:
+        """Present time [s]."""
+        return self.scene.time_after(self.state.steps)
 
     @property
     def born(self) -> int:
@@ -57,7 +64,7 @@ class Population:
         gone, count = np.unique(numbers.astype(np.int64), return_counts=True)
         if (count > 1).any():
             raise InputError(f"which has grain {gone[count > 1][0]} twice")
-        if (unknown := gone[~np.isin(gone, self._id)]).size:
+        if (unknown := gone[~np.isin(gone, self.id)]).size:
             is_gone = 0 <= unknown[0] < self.born
             raise InputError(
                 f"which has grain {unknown[0]}: {'it was removed' if is_gone else 'it does not exist'}"
@@ -66,7 +73,7 @@ class Population:
             return self
         if len(gone) == self.scene.n:
             raise InputError("which has all grains: a simulation must keep at least one")
-        return self._of(np.flatnonzero(~np.isin(self._id, gone)), NOBODY)
+        return self._of(np.flatnonzero(~np.isin(self.id, gone)), NOBODY)
 
     def with_more(self, is_separated: bool, **grains: Any) -> Self:
         """Return the population with more grains, after its own; InputError if they do not fit.
@@ -84,6 +91,15 @@ class Population:
             return found._separated()
         return found
 
+    def with_poured(
+        self, count: int, radius: Any, density: float, region: Any, velocity: Any, seed: int
+    ) -> Self:
+        """Return the population with those of `count` grains that find room, see `Simulation.pour`."""
+        grains = poured(self.now, count, radius, density, region, (seed, self.born))
+        if (found := len(grains["radius"])) == 0:
+            return self
+        return self.with_more(is_separated=False, velocity=np.tile(velocity, (found, 1)), **grains)
+
     def _of(self, kept: IndexArray, more: Mapping[str, FloatArray]) -> Self:
         """Return the population of the grains `kept`, ascending indices, and of more."""
         before, state, added = self.scene, self.state, len(more["position"])
@@ -91,7 +107,7 @@ class Population:
         def grown(array: FloatArray | None, new: FloatArray) -> FloatArray | None:
             return None if array is None else np.concatenate([array[kept], new])
 
-        now = before.time_after(state.steps)
+        now = self.time
         velocity, spin = state.velocity, np.zeros(before.n) if state.spin is None else state.spin
         if state.staggered:
             velocity, spin = at_positions(before, velocity, spin, now)
@@ -115,23 +131,24 @@ class Population:
             driven=None if state.driven is None else state.driven[base],
             corrections=at_walls(_of_grains(state.corrections, kept, before.n), stay),
             lists=None,
-            id=np.concatenate([self._id[kept], self.born + np.arange(added)]),
+            id=np.concatenate([self.id[kept], self.born + np.arange(added)]),
             born=self.born + added,
             last_scene=None if state.last_scene is None else _with_grains(state.last_scene, grains),
         )
         return type(self)(scene, own_state)
 
-    def _now(self) -> Scene:
-        """Return the scene with its walls where they are."""
+    @property
+    def now(self) -> Scene:
+        """The scene with its grains and walls where they are, from this time on."""
         walls = None if self.state.driven is None else self.state.driven[:, 0]
-        return self.scene.placed(walls, self.scene.time_after(self.state.steps))
+        return self.scene.placed(walls, self.time, position=self.state.position)
 
     def _overlap(self, first: int) -> str | None:
         """Return the complaint about the deepest overlap of the grains from `first`, if one is too deep.
 
         InputError if one of these grains is beyond a wall.
         """
-        scene = self._now()
+        scene = self.now
         grains = {name: getattr(scene, name)[first:] for name in OF_GRAINS}
         added, place = scene.unchecked(**grains), grains["position"]
         require_size(scene)
@@ -144,7 +161,7 @@ class Population:
             if depth.max(initial=0.0) > deepest:
                 k = int(depth.argmax())
                 deepest, grain, at = depth[k], pair[k, 1] - first, int(pair[k, 0])
-                other = f"grain {self._id[at]}" if at < first else f"added grain {at - first}"
+                other = f"grain {self.id[at]}" if at < first else f"added grain {at - first}"
         for number, name in enumerate(scene.wall_names):
             depth = -scene.side(number, place, grains["radius"], time=scene.time).gap
             if depth.max() > deepest:
@@ -161,7 +178,7 @@ class Population:
         """Return the population with all grains moved apart."""
         from warpgrains.packings.separate import separate
 
-        place = separate(self._now()).scene.position
+        place = separate(self.now).scene.position
         state = replace(self.state, position=place)
         if state.last_scene is not None:
             state = replace(state, last_scene=state.last_scene.unchecked(position=place))

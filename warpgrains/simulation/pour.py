@@ -8,10 +8,10 @@ import numpy as np
 
 from warpgrains.base import checks
 from warpgrains.base.errors import InputError
-from warpgrains.scene.layouts import MOST_GRAINS, fitting_radius
+from warpgrains.scene.layouts import MOST_GRAINS
 from warpgrains.scene.placing import place_at_random
 from warpgrains.scene.radii import drawn_radii, listed_radii
-from warpgrains.space.region import Region, region_of
+from warpgrains.scene.sources import space_of
 from warpgrains.walls.bodies import with_images
 from warpgrains.walls.disc import Disc
 from warpgrains.walls.rim import Rim
@@ -19,6 +19,7 @@ from warpgrains.walls.rim import Rim
 if TYPE_CHECKING:
     from warpgrains.base.arrays import FloatArray, IndexArray
     from warpgrains.scene.scene import Scene
+    from warpgrains.space.region import Region
 
 TRIES = 1000  # places of one grain; few of those that fit into less than 1/200 of a region are missed
 
@@ -36,12 +37,12 @@ def poured(
     radii = listed_radii(radius)
     if radii is None:
         draw, largest = drawn_radii(radius, generator)
-        space = _space(now, region, largest)
+        space = space_of(now, region, largest)
         radii = draw(count)
     elif len(radii) != count:
         raise InputError(f"radius is a list of {len(radii)}: count is {count}")
     else:
-        space = _space(now, region, float(radii.max()))
+        space = space_of(now, region, float(radii.max()))
     largest = float(radii.max())
     near = _near(now, space, largest)
     walls = [wall for wall in now.walls if wall.image is None and not isinstance(wall, Rim)]
@@ -50,13 +51,6 @@ def poured(
     place = place_at_random(space, radii, generator, with_images(walls, space.period, largest), TRIES)
     found = ~np.isnan(place[:, 0])
     return {"position": place[found], "radius": radii[found], "mass": density * np.pi * radii[found] ** 2}
-
-
-def _space(now: Scene, region: Any, radius: float) -> Region:
-    """Return the region in which grains are placed whole; InputError if it is narrower than a grain."""
-    space = region_of(now.space_at(now.time), region, "region")
-    fitting_radius(space, radius)
-    return space
 
 
 def _near(now: Scene, space: Region, radius: float) -> IndexArray:

@@ -56,7 +56,8 @@ class OpenRun(CountedRun):
 
     `statistics` are those of the steps done, given if the run is resumed; their number of frames is the
     number of the next one. `first_step` is the number of time steps before the run. The checkpoint
-    `is_locked` if the caller has locked it.
+    `is_locked` if the caller has locked it. `first_scene` is that at the start of the run, if grains came or
+    went since: outputs and end criteria depend on it.
     """
 
     def __init__(
@@ -67,11 +68,14 @@ class OpenRun(CountedRun):
         first_step: int = 0,
         *,
         is_locked: bool = False,
+        first_scene: Scene | None = None,
     ) -> None:
-        super().__init__(options.steps, statistics or Summary(), criterion(options.until, scene))
+        self.first_scene = first_scene or scene
+        super().__init__(options.steps, statistics or Summary(), criterion(options.until, self.first_scene))
         self.scene, self.options, self.first_step = scene, options, first_step
         self._is_resumed, self._is_locked = statistics is not None, is_locked
         self.observer: Observer | None = None
+        self.flows: dict[str, list[Any]] = {}
         self.output: Output | None = None
         self.times = options.times(scene, first_step)
         if statistics is not None and self.missing_frames:
@@ -109,7 +113,9 @@ class OpenRun(CountedRun):
             has_all_frames = self._is_resumed and self.has_ended and is_complete(path)
             if kind is not None and not has_all_frames:
                 resume_at = self.statistics.frames if self._is_resumed else None
-                self.output = held.enter_context(kind.opened(self.scene, options, self.times, resume_at))
+                self.output = held.enter_context(
+                    kind.opened(self.first_scene, options, self.times, resume_at)
+                )
             yield
             at_end = perf_counter()
         self.statistics.seconds += perf_counter() - at_end
@@ -155,14 +161,19 @@ class OpenRun(CountedRun):
             self.output.record(snapshot_of(now, left, self.output.needs_contacts))
             self.statistics.frames += 1
 
-    def flush_and_checkpoint(self, state: State) -> Checkpoint:
-        """Return a checkpoint, after flushing the frames and measurements that it counts to the disk."""
+    def flush_and_checkpoint(self, state: State, scene: Scene | None = None) -> Checkpoint:
+        """Return a checkpoint, after flushing the frames and measurements that it counts to the disk.
+
+        `scene` is that of the state, if grains came or went.
+        """
         if self.output is not None:
             self.output.flush()
         if self.observer is not None:
             self.observer.flush()
             self.statistics.means = getattr(self.observer, "means", ())
-        return Checkpoint(self.scene, state, self.options, self.statistics)
+        scene = scene or self.scene
+        start = None if scene is self.first_scene else self.first_scene
+        return Checkpoint(scene, state, self.options, self.statistics, start)
 
 
 def _warn_of_wedged_grains(simulation: Simulation) -> bool:
@@ -194,7 +205,7 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
             run.record(simulation)
         measure_time()
         if kept is not None and (statistics.steps % every == 0 or run.has_ended):
-            write_checkpoint(kept, run.flush_and_checkpoint(simulation.state()))
+            write_checkpoint(kept, run.flush_and_checkpoint(simulation.state(), simulation.scene))
 
     wedged = False
     with progress_bar(run.steps, statistics.steps, progress) as bar:
@@ -216,5 +227,6 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
             if run.observer is not None:
                 run.observer.flush()
     measure_time()
+    run.flows = {"sources": simulation.inflow, "sinks": simulation.outflow}
     if until is not None and not statistics.met:
         warn(f"{until.name} was not reached within {simulation.time:g} s of simulated time", stacklevel=3)

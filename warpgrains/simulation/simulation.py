@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack, cast
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from warpgrains.analysis.snapshot import snapshot_of
@@ -25,7 +24,8 @@ from warpgrains.drawing.painter import Painter
 from warpgrains.scene.compatibility import warn_of_overlaps
 from warpgrains.scene.fields import SceneChanges
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
-from warpgrains.scene.state import State, first_state, require_state
+from warpgrains.scene.sources import Inflow, Outflow, steps_to_exchange
+from warpgrains.scene.state import OF_POPULATION, State, first_state, require_state
 from warpgrains.simulation.changes import change_of
 from warpgrains.simulation.checkpoint import (
     Checkpoint,
@@ -33,9 +33,9 @@ from warpgrains.simulation.checkpoint import (
     read_checkpoint,
     write_checkpoint,
 )
+from warpgrains.simulation.exchange import exchanged
 from warpgrains.simulation.options import OPTIONS, Outputs, RunOptions, steps_of
 from warpgrains.simulation.population import Population
-from warpgrains.simulation.pour import poured
 from warpgrains.simulation.run import Observer, OpenRun, carry_out, require_observer
 from warpgrains.simulation.until import EndCriterion, Question, criterion
 from warpgrains.solver.advance import OnProgress, advance
@@ -187,6 +187,7 @@ class Simulation(LoadedScene, Shown):
             memory; or another thread advances this simulation.
         """
         with self._use.held():
+            self._exchange()
             report = self._advance(1, history=history).report(0)
             if not history:
                 return report
@@ -224,7 +225,18 @@ class Simulation(LoadedScene, Shown):
             checks.function("on_progress", on_progress)
         most = checks.whole_number("most_unconverged", most_unconverged)
         with self._use.held():
-            return self._advance(steps, on_progress, most_unconverged=most).summary(0)
+            done = Summary()
+            while True:
+                left = steps - done.steps
+                if left and self.scene.exchanges_grains:
+                    self._exchange()
+                    left = min(left, steps_to_exchange(self.scene, self.steps))
+                last = self._advance(left, on_progress, most_unconverged=most - done.unconverged).summary(0)
+                if last.steps == steps:
+                    return last
+                done.add(last)
+                if done.steps == steps or done.unconverged >= most:
+                    return done
 
     def _advance(
         self,
@@ -391,10 +403,9 @@ class Simulation(LoadedScene, Shown):
         seed = checks.whole_number("seed", seed, least=0)
         with self._use.held():
             n, present = self.scene.n, Population(self.scene, self.state())
-            grains = poured(self.present_scene, count, radius, density, region, (seed, present.born))
-            if len(grains["radius"]):
-                grains["velocity"] = np.tile(velocity, (len(grains["radius"]), 1))
-                self._populate(present.with_more(is_separated=False, **grains))
+            found = present.with_poured(count, radius, density, region, velocity, seed)
+            if found is not present:
+                self._populate(found)
             return self.id[n:]
 
     def remove(self, which: ArrayLike) -> None:
@@ -412,6 +423,30 @@ class Simulation(LoadedScene, Shown):
         """
         with self._use.held():
             self._populate(Population(self.scene, self.state()).without(which))
+
+    @property
+    def inflow(self) -> list[Inflow]:
+        """Grains of each of `Scene.sources` so far."""
+        flow = self._records.populations[0]["inflow"]
+        return [] if flow is None else [Inflow(*row) for row in flow.tolist()]
+
+    @property
+    def outflow(self) -> list[Outflow]:
+        """Grains that each of `Scene.sinks` has taken so far."""
+        flow = self._records.populations[0]["outflow"]
+        return [] if flow is None else [Outflow(int(grains), mass) for grains, mass in flow.tolist()]
+
+    def _exchange(self) -> None:
+        """Exchange grains with sources and sinks, if that is due before the next step."""
+        if not self.scene.exchanges_grains or self._records.populations[0]["exchanged"] == self.steps:
+            return
+        if steps_to_exchange(self.scene, self.steps - 1) > 1:
+            return
+        found = exchanged(Population(self.scene, self.state()))
+        if found.scene is self.scene:
+            self._records.populations[0] = {name: getattr(found.state, name) for name in OF_POPULATION}
+        else:
+            self._populate(found)
 
     def _populate(self, grains: Population) -> None:
         require_state(grains.state, grains.scene)

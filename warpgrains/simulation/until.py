@@ -142,6 +142,6 @@ def _rest(bounds: dict[str, float], scene: Scene) -> EndCriterion:
             return False
         if (now.velocity**2).sum(axis=1).max() > speed**2:
             return False
-        return bool(kinetic_energy(scene.mass, scene.radius, now.velocity, now.spin) <= energy)
+        return bool(kinetic_energy(now.scene.mass, now.scene.radius, now.velocity, now.spin) <= energy)
 
     return EndCriterion(is_at_rest, ceil(time / scene.dt), "rest")

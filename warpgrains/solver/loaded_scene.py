@@ -65,7 +65,7 @@ class LoadedScene:
     @property
     def id(self) -> IndexArray:
         """Numbers of birth of the grains, ascending, shape (n,); a number is never used twice."""
-        number, _ = self._records.births[self._k]
+        number = self._records.populations[self._k].get("id")
         found = np.arange(self.scene.n) if number is None else number.copy()
         found.setflags(write=False)
         return found

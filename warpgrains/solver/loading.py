@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpgrains.base.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.kernels.record import Phase
-from warpgrains.scene.state import VERLET_NUMBERS, Corrections, State, VerletList
+from warpgrains.scene.state import OF_POPULATION, VERLET_NUMBERS, Corrections, State, VerletList
 from warpgrains.solver import tuning
 from warpgrains.solver.exact.listed import listed_pairs, listed_walls
 from warpgrains.walls.bodies import NONE
@@ -68,8 +69,7 @@ def state_of(records: SceneRecords, k: int) -> State:
         own["driven"] = driven_walls(records, k)
     for name in ("staggered", "last_staggered"):
         own[name] = bool(record["scheme"][name])
-    number, own["born"] = records.births[k]
-    own["id"] = None if number is None else number.copy()
+    own |= {name: copy(value) for name, value in records.populations[k].items()}
     return State(
         int(record["steps"]),
         corrections=corrections_of(records, k),
@@ -122,7 +122,8 @@ def load_state(records: SceneRecords, k: int, state: State) -> None:
     for name in ("staggered", "last_staggered"):
         record["scheme"][name] = getattr(state, name)
     record["steps"] = records.loaded_steps[k] = state.steps
-    records.last_scenes[k], records.births[k] = state.last_scene, (state.id, state.born)
+    records.last_scenes[k] = state.last_scene
+    records.populations[k] = {name: getattr(state, name) for name in OF_POPULATION}
 
 
 def change_scene(records: SceneRecords, k: int, scene: Scene, keeps_list: bool) -> None:

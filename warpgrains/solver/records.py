@@ -46,15 +46,15 @@ class SceneRecords:
         Steps after which the last state was loaded, shape (scenes,).
     last_scenes : list
         The scene of the step before that, where it was another; else None.
-    births : list of tuple
-        `State.id` and `State.born` of every scene.
+    populations : list of dict
+        The fields `OF_POPULATION` of the state of every scene.
     """
 
     def __init__(self, scenes: Sequence[Scene], sizes: Sizes, device: wp.Device):
         self.scenes, self._device = list(scenes), device
         self.loaded_steps = np.zeros(len(scenes), np.int64)
         self.last_scenes: list[Scene | None] = [None] * len(scenes)
-        self.births: list[tuple[IndexArray | None, int]] = [(None, 0)] * len(scenes)
+        self.populations: list[dict[str, Any]] = [{}] * len(scenes)
         self.sizes = sizes
         require_memory(bytes_needed(self.sizes), int(self.sizes.grains.sum()), device)
         self._number = {field.name: number for number, field in enumerate(array_fields())}

@@ -224,11 +224,7 @@ def region_of(space: Region, given: Any, field: str = "grains.region") -> Region
     """Return the part of a domain in a table of ranges [m], all optional; NoAreaError if it is empty."""
     if given is None:
         return space
-    if not isinstance(given, Mapping):
-        raise InputError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
-    for key in given:
-        checks.one_of(f"key of {field}", key, RANGES)
-    ranges = {key: checks.interval(f"{field}.{key}", value) for key, value in given.items()}
+    ranges = ranges_of(field, given)
     near, far = ranges.pop("distance", space.ring)
     if near < space.ring[0] or far > space.ring[1]:
         raise NoAreaError(
@@ -244,6 +240,15 @@ def region_of(space: Region, given: Any, field: str = "grains.region") -> Region
     if region.area <= 0.0:
         raise NoAreaError(f"{field} is {given!r}: no point between the walls lies in it")
     return region
+
+
+def ranges_of(field: str, given: Any) -> dict[str, tuple[float, float]]:
+    """Return the ranges [m] of a table by name; InputError if it is none."""
+    if not isinstance(given, Mapping):
+        raise InputError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
+    for key in given:
+        checks.one_of(f"key of {field}", key, RANGES)
+    return {key: checks.interval(f"{field}.{key}", value) for key, value in given.items()}
 
 
 def table_of(field: str, text: Any) -> dict[str, Any]:

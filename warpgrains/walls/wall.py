@@ -61,7 +61,8 @@ class Drive(NamedTuple):
         return self.force + self.pressure * self.length
 
 
-def _checked_name(field: str, name: Any) -> str:
+def checked_name(field: str, name: Any) -> str:
+    """Return a name that USD and `--set` take; InputError for others."""
     if not _NAME.fullmatch(checks.text(field, name)):
         raise InputError(
             f"{field} is {checks.shown(name)}: it must be letters, digits and _, with a small letter first"
@@ -100,7 +101,7 @@ class Wall(Motion):
     name: str | None = described(
         "Name of the wall; forces on walls of one name are added up. By default each has its own, such as"
         " Segment0.",
-        check=_checked_name,
+        check=checked_name,
         default=None,
     )
 

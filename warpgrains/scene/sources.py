@@ -1,0 +1,290 @@
+"""Sources and sinks: regions of a scene in which grains appear, and from which grains are taken."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import MISSING, dataclass, replace
+from math import floor, inf
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
+
+import numpy as np
+
+from warpgrains.base import checks
+from warpgrains.base.arrays import BoolArray, FloatArray
+from warpgrains.base.described import checked, described, described_fields, documented, fields_in_help
+from warpgrains.base.errors import InputError
+from warpgrains.scene.layouts import MOST_GRAINS, fitting_radius
+from warpgrains.scene.radii import drawn_radii
+from warpgrains.space.geometry import distance
+from warpgrains.space.region import RANGES, Region, ranges_of, region_of
+from warpgrains.walls.wall import checked_name
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+
+ROUNDED = 1e-9  # of a number of grains, and of a time in intervals
+Kind = TypeVar("Kind", bound="Exchange")
+
+
+@fields_in_help
+class Inflow(NamedTuple):
+    """Grains of a source so far."""
+
+    due: int
+    """Number by its count and its rate."""
+    entered: int
+    """Number that appeared, with those that sinks fed."""
+    missed: int
+    """Due grains that found no room, which never appear."""
+    waiting: int
+    """Grains fed by sinks, which appear when there is room."""
+
+
+@fields_in_help
+class Outflow(NamedTuple):
+    """Grains that a sink has taken so far."""
+
+    grains: int
+    """Number of grains."""
+    mass: float
+    """[kg]."""
+
+
+def _number(field: str, value: Any) -> int:
+    return checks.whole_number(field, value, least=0, most=MOST_GRAINS)
+
+
+def _radius(field: str, value: Any) -> Any:
+    if isinstance(value, Mapping):
+        value = dict(value)
+    else:
+        value = checks.vector(field, value) if np.iterable(value) else checks.positive(field, value)
+    with _radius_named(field):
+        drawn_radii(value, np.random.default_rng(0))
+    return value
+
+
+@contextmanager
+def _radius_named(field: str) -> Iterator[None]:
+    """Name the field in errors about radii, which those of a layout call `grains.radius`."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(str(error).replace("grains.radius", field)) from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exchange:
+    """A region, and the times at which it exchanges grains: common keys of sources and sinks."""
+
+    region: Mapping[str, Any] = described(
+        "Ranges ``x``, ``y`` and ``distance`` from the origin [m], such as {x = [-0.1, 0.1]}.",
+        check=ranges_of,
+    )
+    interval: float = described(
+        "Time between two exchanges [s], rounded to whole steps.", check=checks.positive, default=0.05
+    )
+    from_time: float | None = described(
+        "Time at which it begins [s]; by default the start of the scene.", check=checks.number, default=None
+    )
+    to_time: float | None = described(
+        "Time at which it ends [s]; by default it does not.", check=checks.number, default=None
+    )
+
+    def __post_init__(self) -> None:
+        for name, own in described_fields(type(self)).items():
+            vars(self)[name] = checked(name, own, getattr(self, name))
+        if self.to_time is not None and self.from_time is not None and self.to_time <= self.from_time:
+            raise InputError(
+                f"to_time is {self.to_time} s: it must be later than from_time, {self.from_time} s"
+            )
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Keys and values of its table in a scene file, without defaults."""
+        own = described_fields(type(self)).items()
+        return {name: value for name, one in own if (value := getattr(self, name)) != one.default}
+
+    @property
+    def begin(self) -> float:
+        """Time at which it begins [s]."""
+        return self.from_time or 0.0
+
+    @property
+    def end(self) -> float:
+        """Time at which it ends [s]."""
+        return inf if self.to_time is None else self.to_time
+
+    def starting(self, time: float) -> Self:
+        """Return a copy that begins at a time [s], unless its own is given."""
+        return replace(self, from_time=time) if self.from_time is None else self
+
+    def steps(self, dt: float) -> int:
+        """Return the number of steps between two exchanges."""
+        return max(1, round(self.interval / dt))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source(Exchange):
+    """A region in which grains appear where there is room, as `Simulation.pour` places them.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    InputError
+        A value is invalid.
+
+    Examples
+    --------
+    >>> above = wg.Source(region={"y": (0.5, 0.9)}, radius=(0.02, 0.03), density=80.0, rate=100.0)
+    >>> grain = {"position": [[0.3, 0.0]], "radius": 0.1, "mass": 0.1}
+    >>> poured = wg.Simulation(wg.Scene(**grain, radius_out=2.0, sources=[above]))
+    >>> summary = poured.run(duration=0.5)
+    >>> poured.scene.n, poured.inflow[0].entered
+    (46, 45)
+    """
+
+    radius: Any = described(  # noqa: RUF009
+        "Radii as in the layout ``random`` [m]: one number, the smallest and the largest, or a table.",
+        check=_radius,
+    )
+    density: float = described("Mass by area [kg/m2].", check=checks.positive)
+    count: int = described("Number of grains that appear when it begins.", check=_number, default=0)
+    rate: float = described(
+        "Number of grains that appear per time [1/s].", check=checks.not_negative, default=0.0
+    )
+    velocity: tuple[float, float] = described(
+        "Velocity with which grains appear [m/s].", check=checks.vector, default=(0.0, 0.0)
+    )
+    seed: int = described("Seed of the places and radii.", check=_number, default=0)
+    name: str | None = described("Name by which a sink feeds it.", check=checked_name, default=None)
+
+    def due(self, time: float) -> int:
+        """Return the number of grains due up to a time [s]."""
+        passed = min(time, self.end) - self.begin
+        if passed < -ROUNDED * self.interval:
+            return 0
+        return self.count + floor(self.rate * max(passed, 0.0) + ROUNDED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sink(Exchange):
+    """A region from which grains are taken when their centers lie in it. The last grain of a scene stays.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    InputError
+        A value is invalid.
+
+    Examples
+    --------
+    >>> below = wg.Sink(region={"y": (-2.0, -1.0)}, into="top")
+    >>> above = wg.Source(region={"y": (1.0, 1.8)}, radius=0.1, density=10.0, name="top")
+    >>> cycle = wg.Simulation(wg.Scene.load("annulus").replace(sources=[above], sinks=[below]))
+    >>> summary = cycle.run(duration=4.0)
+    >>> cycle.scene.n, cycle.outflow[0].grains == cycle.inflow[0].entered > 0
+    (15, True)
+    """
+
+    into: str | None = described(
+        "Name of a source in which as many grains appear as soon as there is room.",
+        check=checked_name,
+        default=None,
+    )
+
+    def is_open(self, time: float) -> bool:
+        """Return whether it takes grains at a time [s]."""
+        rounded = ROUNDED * self.interval
+        return self.begin - rounded <= time <= self.end + rounded
+
+    def contains(self, position: FloatArray) -> BoolArray:
+        """Return which points [m], shape (n, 2), lie in the region, shape (n,)."""
+        along = dict(zip(RANGES, (*position.T, distance(position)), strict=True))
+        inside = np.ones(len(position), bool)
+        for name, (low, high) in self.region.items():
+            inside &= (low <= along[name]) & (along[name] <= high)
+        return inside
+
+
+for _kind in (Source, Sink):
+    documented(described_fields(_kind).values())(_kind)
+
+
+def checked_sources(field: str, value: Any) -> tuple[Source, ...]:
+    """Return sources, each given as an object or by the keys of a `[[sources]]` table."""
+    return _checked(field, value, Source)
+
+
+def checked_sinks(field: str, value: Any) -> tuple[Sink, ...]:
+    """Return sinks, each given as an object or by the keys of a `[[sinks]]` table."""
+    return _checked(field, value, Sink)
+
+
+def _checked(field: str, value: Any, kind: type[Kind]) -> tuple[Kind, ...]:
+    if not isinstance(value, list | tuple):
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a list of {kind.__name__} or tables")
+    return tuple(_checked_one(f"{field}[{k}]", given, kind) for k, given in enumerate(value))
+
+
+def _checked_one(field: str, value: Any, kind: type[Kind]) -> Kind:
+    if isinstance(value, kind):
+        return value
+    if not isinstance(value, Mapping):
+        raise InputError(
+            f"{field} is {checks.shown(value)}: it must be a {kind.__name__}, or a table of its keys"
+        )
+    keys = described_fields(kind)
+    for key in value:
+        checks.one_of(f"key of {field}", key, keys)
+    for key, own in keys.items():
+        if key not in value and own.default is MISSING:
+            raise InputError(f"{field}.{key} is missing")
+    try:
+        return kind(**value)
+    except InputError as error:
+        raise InputError(f"{field}: {error}") from None
+
+
+def space_of(now: Scene, region: Any, radius: float, field: str = "region") -> Region:
+    """Return the part of a scene in which grains are placed whole; InputError if one does not fit into it."""
+    space = region_of(now.space_at(now.time), region, field)
+    fitting_radius(space, radius)
+    return space
+
+
+def complaints(scene: Scene) -> Iterator[str]:
+    """Yield which sources and sinks have no room, and which are not connected."""
+    names = [source.name for source in scene.sources if source.name]
+    for k, sink in enumerate(scene.sinks):
+        region_of(scene.space_at(scene.time), sink.region, f"sinks[{k}].region")
+        if sink.into is not None:
+            checks.one_of(f"sinks[{k}].into", sink.into, names)
+    fed = {sink.into for sink in scene.sinks} - {None}
+    for k, source in enumerate(scene.sources):
+        if names.count(source.name or "") > 1:
+            yield f"sources[{k}].name is {source.name!r}: another source has it"
+        if not (source.count or source.rate or source.name in fed):
+            yield f"sources[{k}] has no count, no rate, and no sink that feeds it: give one of them"
+        with _radius_named(f"sources[{k}].radius"):
+            largest = drawn_radii(source.radius, np.random.default_rng(0))[1]
+            space_of(scene, source.region, largest, f"sources[{k}].region")
+
+
+def require_closed(scene: Scene, what: str) -> None:
+    """Raise InputError if the scene has sources or sinks, with which something cannot be done."""
+    if scene.exchanges_grains:
+        raise InputError(f"{what}: the scene has sources or sinks, which only `run` and Simulation take")
+
+
+def steps_to_exchange(scene: Scene, steps: int) -> int:
+    """Return the number of steps, from `steps` on, to the next exchange of a source or a sink."""
+    every = (one.steps(scene.dt) for one in (*scene.sources, *scene.sinks))
+    return min((own - steps % own for own in every), default=checks.LARGEST_WHOLE_NUMBER)
