@@ -24,6 +24,7 @@ from warpgrains import (
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.state import first_state
 from warpgrains.scene.toml import parameters_text, read_parameters
+from warpgrains.simulation.checkpoint import read_checkpoint
 
 SLOPES = [Segment((-0.7, 0.3), (-0.1, -0.1)), Segment((0.7, 0.3), (0.1, -0.1))]
 TOP = {"region": {"x": (-0.3, 0.3), "y": (0.3, 0.7)}, "radius": (0.02, 0.03), "density": 80.0}
@@ -161,6 +162,22 @@ def test_a_step_that_fails_and_is_repeated_exchanges_once():
         with pytest.raises(SimulationError, match="not converged"):
             call()
         assert flow(simulation) == [(40, 40, 0, 0), (0, 0.0)]
+
+
+@pytest.mark.parametrize("which", ["rough", "periodic"])
+@pytest.mark.parametrize("steps", [40, 47])
+def test_a_resumed_run_has_the_same_bits(which, steps, tmp_path, monkeypatch):
+    """Also of its recording, whose scales are those of the start, and at a step with an exchange."""
+    monkeypatch.chdir(tmp_path)
+    how = {"forces": True, "color_by": "pressure", "draw_as": "discs"}
+    whole, parts = Simulation(SCENES[which]), Simulation(SCENES[which])
+    whole.run(steps=90, record="whole.usda", **how)
+    parts.run(steps=steps, record="parts.usda", checkpoint="run.npz", every=10, **how)
+    assert read_checkpoint(tmp_path / "run.npz").start.n == 1
+    assert exit_code("run", "--resume", "run.npz", "--steps", 90) == 0
+    assert contents(Simulation.load("run.npz").state()) == contents(whole.state())
+    assert (tmp_path / "parts.usda").read_bytes() == (tmp_path / "whole.usda").read_bytes()
+    assert len(Recording("parts.usda").frame(-1).id) == whole.scene.n
 
 
 def test_what_finds_no_room_is_counted_and_what_sinks_feed_waits(capfd, tmp_path):

@@ -18,13 +18,16 @@ COLOR = "primvars:displayColor:indices"
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    """Return the bytes of recordings: points, discs that rotate, and walls that move and are driven."""
+    """Return the bytes of recordings: points, discs that rotate, walls that move, and grains that appear."""
     folder, discs = tmp_path_factory.mktemp("recordings"), make_scene(friction=0.3)
     points = record(folder / "points.usdc", make_frames(4), forces=True)
     discs = record(folder / "discs.usdc", make_frames(4), discs, draw_as="discs")
     walls, mobile = folder / "walls.usdc", pressed(9, walls=[PISTON, DRIVEN, STILL], pressure=None)
     Simulation(mobile).run(steps=40, record=walls, fps=20)  # 5 frames
-    return {path.stem: path.read_bytes() for path in (points, discs, walls)}
+    flow = {"sources": [{"region": {}, "radius": (0.05, 0.1), "density": 1.0, "count": 2}]}
+    born, scene = folder / "born.usdc", make_scene(np.full(3, 0.1), **flow)
+    Simulation(scene).run(steps=6, record=born, fps=50)  # 4 frames, the first one of 3 grains
+    return {path.stem: path.read_bytes() for path in (points, discs, walls, born)}
 
 
 @pytest.fixture
@@ -142,6 +145,13 @@ OF_DISCS = [
     ("Grains.protoIndices", put([0, 0], 0), "hold 2 values, not 5 for 5 grains (frame 0)"),
     ("Grains.protoIndices", put([0, 16, 0, 0, 0], 1), "are not all below 16 (frame 1)"),
 ]
+OF_BORN = [
+    ("Grains.ids", put([0, 1, 2, 3, 3], 2), "are not unique (frame 2)"),
+    ("Grains.ids", put([0, 1, 2], 2), "hold 3 values, not 5 for 5 grains (frame 2)"),
+    ("Grains.widths", put([0.1] * 3, 2), "hold 3 values, not 5 for 5 grains (frame 2)"),
+    ("Grains.warpgrains:radius", put([0.1] * 3, 2), "hold 3 values, not 5 for 5 grains (frame 2)"),
+    ("Grains.warpgrains:mass", drop(1), CODES),
+]
 NO_NUMBER = "it must be a number"
 OTHER_ENDS = "startTimeCode and endTimeCode are 0 and 2, but the frames are 0 and 3"
 OF_THE_STAGE = [
@@ -164,7 +174,11 @@ OF_THE_STAGE = [
 
 @pytest.mark.parametrize(
     ("form", "place", "damage", "problem"),
-    [*(("points", *each) for each in OF_POINTS), *(("discs", *each) for each in OF_DISCS)],
+    [
+        *(("points", *each) for each in OF_POINTS),
+        *(("discs", *each) for each in OF_DISCS),
+        *(("born", *each) for each in OF_BORN),
+    ],
 )
 def test_names_the_attribute_that_is_broken(damaged, form, place, damage, problem):
     found = inspect_recording(damaged(within(place, damage), form))
@@ -225,6 +239,14 @@ def test_walls_of_every_kind_are_drawn_where_they_are(tmp_path, kind):
 def test_instances_are_inspected_at_their_size(damaged):
     wider = within("Grains.scales", put([Gf.Vec3f(1.5)] * 5))
     assert f"extent {OUTSIDE} {ALL}" in inspect_recording(damaged(wider, "discs"))
+
+
+@pytest.mark.parametrize("values", [[0, 1, 2, 3, 3], [0, 1, 2], [-1, 0, 1, 2, 3]])
+def test_ids_that_no_recording_has_are_refused_by_readers(damaged, values):
+    recording = Recording(damaged(within("Grains.ids", put(values, 2)), "born"))
+    assert recording.frame(1, contacts=False).id.tolist() == [0, 1, 2, 3, 4]
+    with pytest.raises(InputError, match="ids of frame 2 are not in ascending order"):
+        recording.frame(2, contacts=False)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Recordings as other programs read them: when frames are, and where grains, walls and images are in them."""
 
 from itertools import product
+from types import SimpleNamespace
 
 import lightusd
 import numpy as np
@@ -19,12 +20,15 @@ from recordings import (
 from walled_scenes import boxed
 
 import warpgrains
-from warpgrains import Recording, Scene, Simulation
+from warpgrains import InputError, Recording, Scene, Simulation
 from warpgrains.analysis.snapshot import snapshot, snapshot_of
+from warpgrains.analysis.vtk import export
 from warpgrains.drawing.chains import ChainScale
 from warpgrains.drawing.colorings import pressure_scale
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import RECORDINGS
+from warpgrains.pictures.film import draw_film
+from warpgrains.scene.state import first_state
 from warpgrains.scene.toml import read_parameters
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.grains import position_of
@@ -227,3 +231,52 @@ def test_positions_that_float32_does_not_round_too_much(tmp_path):
     scene = Scene(position=[(0.0, 1e3)], radius=0.01, mass=1.0, radius_out=1e6 + 1.0, gravity=(0.0, 0.0))
     Simulation(scene).run(steps=1, record=tmp_path / "run.usdc")
     assert inspect_recording(tmp_path / "run.usdc") == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "friction", "options"),
+    [
+        ("", 0.0, {"color_by": "id"}),
+        ("x", 0.3, {"draw_as": "discs", "color_by": "radius"}),
+        ("", 0.3, {"draw_as": "spheres", "color_by": "speed"}),
+    ],
+)
+def test_grains_that_come_and_go_keep_their_ids(tmp_path, kind, friction, options):
+    """Frames have different lengths, and are read back with radii, masses, ids and contacts."""
+    path, times = tmp_path / "run.usdc", []
+    seen = SimpleNamespace(every=10, observe=lambda now: times.append(snapshot(now)), flush=lambda: None)
+    above = {"region": {"y": (0.5, 0.65)}, "radius": (0.02, 0.04), "density": 80.0, "rate": 200.0}
+    flows = {"sources": [above | {"velocity": (1.5, 0.0)}], "sinks": [{"region": {"y": (0.0, 0.1)}}]}
+    scene = boxed("walls", 20, periodic=kind, friction=friction, gravity=(0.0, -9.81), walls=(), **flows)
+    simulation = Simulation(scene, state=first_state(scene))
+    simulation.run(steps=100, record=path, fps=20, forces=True, observer=seen, **options)
+    require_validity(path)
+    recording = Recording(path)
+    found = [recording.frame(k) for k in range(len(recording))]
+    assert len({now.n for now in times}) > 5
+    for now, then in zip(times, found, strict=True):
+        assert np.array_equal(then.id, now.id)
+        assert then.position == pytest.approx(now.position, abs=2e-7)  # as float32
+        for name in ("radius", "mass"):
+            assert np.array_equal(getattr(then.scene, name), getattr(now.scene, name))
+        assert np.array_equal(then.pair, now.pair)
+        assert np.array_equal(then.wall, now.wall)
+        assert then.force == pytest.approx(now.force, rel=6e-8)
+    stage = Usd.Stage.Open(str(path))
+    prim, radius = stage.GetPrimAtPath(GRAINS), {}
+    for code, now in enumerate(times):
+        ids = np.array(prim.GetAttribute("ids").Get(code))
+        sizes = np.array(prim.GetAttribute("primvars:radius").Get(code))
+        assert np.array_equal(ids[: now.n], now.id)
+        assert len(position_of(prim).Get(code)) == len(ids) >= now.n
+        own = dict(zip(ids[: now.n].tolist(), sizes[: now.n].tolist(), strict=True))
+        assert radius | own == own | radius  # each id has one radius in all frames
+        radius |= own
+    assert len(radius) > times[-1].n
+    table = recording.to_pandas()
+    assert table.groupby("id")["radius"].nunique().max() == 1
+    assert recording.to_xarray().sizes == {"time": len(times), "grain": len(radius)}
+    with pytest.raises(InputError, match=r"position: frames of .* have different grains: use frame"):
+        recording.position  # noqa: B018
+    assert draw_film(path, tmp_path / "run.gif") == [*range(len(times))]
+    assert export(path, tmp_path / "run.pvd") == len(times)

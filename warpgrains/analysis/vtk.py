@@ -30,7 +30,7 @@ def export(recording: str | Path, output: str | Path) -> int:
     - ``Grains``: points with vertex cells, in the box if it is periodic, and then images of the grains that
       cross its sides. Point data are `grain` (the number), `radius` [m], `mass` [kg],
       `velocity` [m/s], and what else is recorded: `speed` [m/s], `pressure` [N/m], and with friction `spin`
-      [rad/s], `angle` [rad] and `mobilized`.
+      [rad/s], `angle` [rad] and `mobilized`; where grains come and go, `id`, the number of birth.
     - ``Contacts``, if recorded: lines between centers, or from a center to a wall. Cell data are `force` [N],
       with friction `tangential_force` [N], and `grain` and `other`: another grain, -1 for the outer wall, -2
       for the inner one, or -3, -4, ... for those of `Scene.walls`.
@@ -74,7 +74,8 @@ def _blocks(source: Recording, k: int) -> dict[str, bytes]:
     """Return the files of a frame by block, without walls if they are as in the frame before."""
     frame = source.frame(k, contacts=source.has_forces)
     (places, number), scene = frame.images, frame.scene
-    own = {**frame.recorded, "radius": scene.radius, "mass": scene.mass}
+    own: Arrays = {**frame.recorded, "radius": scene.radius, "mass": scene.mass}
+    own |= {} if frame.births is None else {"id": frame.births}
     own |= {"spin": frame.spin, "angle": frame.angle} if scene.has_friction else {}
     of_grain: Arrays = dict(sorted(own.items())) | {
         "grain": np.arange(frame.n),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.base.arrays import FloatArray
+from warpgrains.base.arrays import FloatArray, IndexArray
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.walls.line import Line
 from warpgrains.walls.rim import Rim
@@ -147,9 +147,18 @@ def force_scale(scene: Scene) -> float:
     return pressure_scale(scene) * 2.0 * np.pi * float(scene.radius.mean())
 
 
-_STILL: dict[str, tuple[str, str, Callable[[Scene], FloatArray]]] = {
-    "radius": ("m", "plasma", lambda scene: scene.radius),
-    "id": ("", "viridis", lambda scene: np.arange(scene.n, dtype=np.float64)),
+def _radii(of: Scene | Snapshot) -> FloatArray:
+    return of.scene.radius if isinstance(of, Snapshot) else of.radius
+
+
+def numbers_of_birth(of: Scene | Snapshot) -> IndexArray:
+    """Return the numbers of birth of the grains of a snapshot, or at the start of a scene, shape (n,)."""
+    return of.id if isinstance(of, Snapshot) else np.arange(of.n)
+
+
+_STILL: dict[str, tuple[str, str, Callable[[Any], FloatArray]]] = {
+    "radius": ("m", "plasma", _radii),
+    "id": ("", "viridis", lambda of: numbers_of_birth(of).astype(np.float64)),
     "height": ("m", "plasma_r", start_height),
 }
 _PUSHED: dict[str, Any] = {"extends": "max", "has_root": True, "needs_contacts": True}

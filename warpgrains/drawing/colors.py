@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warpgrains.base import checks
 from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.base.errors import InputError, requiring
-from warpgrains.drawing.colorings import COLORINGS, colorings_of, start_height
+from warpgrains.drawing.colorings import COLORINGS, colorings_of, numbers_of_birth, start_height
 from warpgrains.drawing.kinds import colors_of, range_of
 from warpgrains.scene.snapshot import Snapshot
 
@@ -107,10 +107,10 @@ class ColorScale:
 class GrainColors:
     """Colors of the grains of a scene by one of `COLORINGS`, by their number, or by bands at the start.
 
-    Scales depend only on the scene, so that a color means the same in every snapshot and after a restart;
-    for `colors` and `range`, see `Look`. `still` holds the index of the color of each grain, shape (n,),
-    where it is constant. Raises InputError where `color_by` is unknown, or needs friction that the scene does
-    not have, and for a `range` without a scale.
+    Scales depend only on the scene, so that a color means the same in every snapshot and after a restart; for
+    `colors` and `range`, see `Look`. `still` holds the index of the color of each grain, shape (n,), where it
+    is constant; in scenes with sources or sinks it is not. Raises InputError where `color_by` is unknown, or
+    needs friction that the scene does not have, and for a `range` without a scale.
     """
 
     def __init__(
@@ -120,6 +120,10 @@ class GrainColors:
         if coloring is not None and coloring.needs_friction and not scene.has_friction:
             raise InputError(f"color_by is {color_by!r}: it needs a scene with friction")
         checks.one_of("color_by", color_by, [*CATEGORIES, *colorings_of(scene)])
+        if scene.exchanges_grains and color_by in OF_START:
+            raise InputError(
+                f"color_by is {color_by!r}: it is that of the start, and sources add grains later"
+            )
         self.needs_contacts = coloring is not None and coloring.needs_contacts
         self.scale: ColorScale | None = None
         self.still: IndexArray | None = None
@@ -127,22 +131,24 @@ class GrainColors:
             ends = coloring.ends(scene) if range is None else range_of("range", range)
             self.scale = ColorScale(color_by, *ends, colors or coloring.colormap)
             self.colors = self.scale.colors()
-            if not coloring.changes:
+            if not (coloring.changes or scene.exchanges_grains):
                 self.still = self.scale.levels(coloring.values(scene))
         else:
             if range is not None:
                 raise InputError(f"range has no effect on color_by {color_by!r}, which has no scale")
-            self.colors, number = CATEGORIES[color_by]
+            self.colors, self._number = CATEGORIES[color_by]
             if colors is not None:
                 listed = colors_of("colors", colors)
                 self.colors = np.array(listed or colormap(colors, np.linspace(0.0, 1.0, len(self.colors))))
-            self.still = number(scene) % len(self.colors)
+            if not scene.exchanges_grains:
+                self.still = self._number(scene) % len(self.colors)
 
     def levels(self, now: Snapshot) -> IndexArray:
         """Return the index of the color of each grain, shape (n,)."""
         if self.still is not None:
             return self.still
-        assert self.scale is not None
+        if self.scale is None:
+            return self._number(now) % len(self.colors)
         name = self.scale.quantity
         return self.scale.levels(now.recorded[name] if name in now.recorded else COLORINGS[name].values(now))
 
@@ -158,11 +164,13 @@ def _bands(scene: Scene) -> IndexArray:
     return np.minimum((_BANDS * share).astype(np.int64), _BANDS - 1)
 
 
-CATEGORIES: dict[str, tuple[FloatArray, Callable[[Scene], IndexArray]]] = {
-    "palette": (PALETTE, lambda scene: np.arange(scene.n)),
+CATEGORIES: dict[str, tuple[FloatArray, Callable[[Any], IndexArray]]] = {
+    "palette": (PALETTE, numbers_of_birth),
     "bands": (BANDS, _bands),
 }
 """Colors without a scale by name, and which of them each grain has, counted again from the first."""
+OF_START = ("bands", "height")
+"""Colorings that follow from where grains start."""
 
 
 def colormap(name: str, share: FloatArray) -> FloatArray:

@@ -77,6 +77,9 @@ class Painter:
     def show_all(self, *snapshots: Snapshot) -> None:
         """Widen the rectangle to contain all grains of snapshots, unless it was given or is periodic."""
         if self.look.frame is None:
-            reach = np.outer(self.scene.radius, ~self.scene.period.repeats)
-            boxes = [box_of_discs(self.scene.period.wrapped(now.position), reach) for now in snapshots]
+            period = self.scene.period
+            boxes = [
+                box_of_discs(period.wrapped(now.position), np.outer(now.scene.radius, ~period.repeats))
+                for now in snapshots
+            ]
             self.view = reduce(Bounds.covering, boxes, self.view)

@@ -67,17 +67,18 @@ class FrameArtists:
             offset_transform=axes.transData,
             edgecolors=[_EDGE],
         )
-        self._lines = np.minimum(_OUTLINE, 6.0 * radius / view.half)
         self._marks = PolyCollection([], linewidths=0.0)
         self._chains = PolyCollection([], facecolors=[CHAIN_COLOR], edgecolors="white")
         window = axes.get_window_extent()
-        pixels = min(window.width / view.width, window.height / view.height)
+        pixels = self._pixels = min(window.width / view.width, window.height / view.height)
         self._points = 72.0 * pixels / axes.figure.dpi
         side = "top" if painter.has_free_corners else "bottom"
         self._time = axes.text(0.0, 1.0, "t", transform=axes.transAxes, va=side, **_TEXT, color=painter.ink)
         self._time.set_visible(not painter.look.clean)
-        self._has_marks = painter.scene.has_friction & (radius * pixels >= _LEAST_MARK)
-        marks = [self._marks] if self._has_marks.any() else []
+        self._has_marks = painter.scene.has_friction and (
+            painter.scene.exchanges_grains or bool((radius * pixels >= _LEAST_MARK).any())
+        )
+        marks = [self._marks] if self._has_marks else []
         collections = self._grains, *marks, self._chains
         for collection in collections:
             axes.add_collection(collection, autolim=False)
@@ -94,10 +95,10 @@ class FrameArtists:
         (places, grain), chains = now.images, self._painter.chains(now)
         color, radius = self._painter.color(now)[grain], now.scene.radius[grain]
         width = 2.0 * radius
-        self._grains.set(
-            offsets=places, facecolor=color, widths=width, heights=width, linewidth=self._lines[grain]
-        )
-        if (seen := self._has_marks[grain]).any():
+        line = np.minimum(_OUTLINE, 6.0 * radius / self._painter.view.half)
+        self._grains.set(offsets=places, facecolor=color, widths=width, heights=width, linewidth=line)
+        if self._has_marks:
+            seen = radius * self._pixels >= _LEAST_MARK
             turned = marks(places[seen], radius[seen], now.angle[grain[seen]])
             self._marks.set(verts=turned, facecolor=mark_color(color[seen]))
         if chains is not None:

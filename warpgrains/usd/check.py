@@ -170,7 +170,8 @@ def _table(stage: Usd.Stage) -> list[Row]:
     values = [grains.GetAttribute(VELOCITIES)]
     of_grains = [grains.GetAttribute(name) for name in OF_GRAINS.values()]
     periods = grains.GetAttribute(PERIODS)
-    is_still = None if periods else True
+    is_open = of_grains[0].GetNumTimeSamples() > 0
+    is_still = None if periods or is_open else True
     if grains.GetAttribute(ORIENTATIONS).HasAuthoredValue():
         values.append(grains.GetAttribute(ORIENTATIONS))
     rows = [
@@ -180,7 +181,7 @@ def _table(stage: Usd.Stage) -> list[Row]:
         *(Row(grains.GetAttribute(name), "grains", (-1, n, f"below {n}")) for name, n in below.items()),
         Row(grains.GetAttribute("ids"), "grains", is_still=is_still),
         Row(_size_of(grains), "all grains" if are_equal else "grains", _POSITIVE, is_still=is_still),
-        *(Row(own, "own grains") for own in of_grains),
+        *(Row(own, "own grains", is_still=None if is_open else True) for own in of_grains),
         *([Row(periods, "own grains", is_still=False)] if periods else []),
     ]
     if forces:
@@ -202,7 +203,10 @@ def _frame_problems(stage: Usd.Stage, rows: list[Row], code: float) -> Iterator[
     if n == 0:
         yield f"{position_of(grains).GetName()} are empty"
         return
-    own = len(_values(grains.GetAttribute(OF_GRAINS["radius"]))) if grains.GetAttribute(PERIODS) else n
+    radius, ids = (grains.GetAttribute(name) for name in (OF_GRAINS["radius"], "ids"))
+    own = len(_values(radius, code)) if grains.GetAttribute(PERIODS) else n
+    if ids.GetNumTimeSamples() and len(np.unique(_values(ids, code))) < n:
+        yield "ids are not unique"
     counts = {"grains": (n, f"{n} grains"), "all grains": (1, f"{n} grains")}
     counts["own grains"] = own, f"{own} grains"  # images of others follow
     half_width = size[:, 0] if size.ndim == 2 else size / 2.0

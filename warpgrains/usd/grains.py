@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from warpgrains.drawing.painter import Painter
 from warpgrains.drawing.shapes import Shape
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.usd.stage import as_float32, bind_material, covering_extent, define_mesh, set_kind, triples
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 GRAINS = Sdf.Path("/World/Grains")
 PROTOTYPES = Sdf.Path("/World/Prototypes")
@@ -44,8 +47,9 @@ class Grains:
     prototypes, whose colors are means over ranges of that table, because Blender does not read primvars of an
     instancer. Velocities are those of the recording as it is played, `slow` times slower than it happened.
     Further primvars hold the mass [kg], the angle [rad] with friction, and the quantities of
-    `COLORINGS`. In a periodic box, grains are followed by the images of those that cross its sides, and so
-    frames hold all arrays.
+    `COLORINGS`. In a periodic box, grains are followed by the images of those that cross its sides. There,
+    and in scenes with sources or sinks, frames hold all arrays. `ids` are numbers of birth, then those of
+    images.
     """
 
     def __init__(self, painter: Painter, shape: Shape | None, slow: float) -> None:
@@ -55,15 +59,14 @@ class Grains:
         self._shape, self._colors, self._rotates = shape, painter.colors, scene.has_friction
         self._slow = slow
         self._position = "points" if shape is None else "positions"
-        self._diameter = (2.0 * scene.radius).astype(np.float32)
-        self._are_equal = bool((self._diameter == self._diameter[0]).all())
-        self._half_width = self._diameter.astype(np.float64) / 2.0
+        width = _widths(scene)
+        self._are_equal = not scene.exchanges_grains and bool((width == width[0]).all())
         self._shared = -(-len(self._colors.colors) // _MOST_PROTOTYPES)
         found = colorings_of(scene, painter.needs_contacts)
         self._changing = {name: own.values for name, own in found.items() if own.changes}
         if self._rotates:
             self._changing[ANGLE] = lambda now: now.angle
-        self._is_periodic = bool(scene.period)
+        self._is_periodic, self._is_open = bool(scene.period), scene.exchanges_grains
 
     def define(self, stage: Usd.Stage) -> None:
         prim = self._points(stage) if self._shape is None else self._instancer(stage, self._shape)
@@ -79,12 +82,17 @@ class Grains:
         color.Set(Vt.Vec3fArray.FromNumpy(linear(self._colors.colors)))
         color.CreateIndicesAttr()
         for name, attribute in OF_GRAINS.items():
-            value = getattr(self._scene, name)
-            prim.CreateAttribute(attribute, types.DoubleArray).Set(Vt.DoubleArray.FromNumpy(value))
+            own = prim.CreateAttribute(attribute, types.DoubleArray)
+            if not self._is_open:
+                own.Set(Vt.DoubleArray.FromNumpy(getattr(self._scene, name)))
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
         for name in self._changing:
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
-        for name, array in self._still(np.arange(self._scene.n)).items():
+        number = np.arange(self._scene.n)
+        still = {} if self._is_open else self._still(self._scene, number, number)
+        if self._colors.still is not None:
+            still |= self._color(self._colors.still)
+        for name, array in still.items():
             own = prim.GetAttribute(name)
             own.Set(type(own.GetTypeName().defaultValue).FromNumpy(array))
 
@@ -94,33 +102,41 @@ class Grains:
         found = {name: values(now)[number] for name, values in self._changing.items()}
         values: dict[str, NDArray[Any]] = {
             self._position: shown,
-            "extent": covering_extent(shown, self._half_width[number]),
+            "extent": covering_extent(shown, _widths(now.scene)[number].astype(np.float64) / 2.0),
             VELOCITIES: triples("the velocity of a grain", now.velocity[number] / self._slow),
             **{f"primvars:{name}": as_float32(f"the {name} of a grain", own) for name, own in found.items()},
         }
         if self._rotates and self._shape is not None:
             values[ORIENTATIONS] = quaternions(now.angle[number])
-        if self._colors.still is None and self._colors.scale is not None:
+        if self._colors.scale is not None and self._colors.scale.quantity in found:
             values |= self._color(self._colors.scale.levels(found[self._colors.scale.quantity]))
+        elif self._is_periodic or self._is_open:
+            values |= self._color(self._colors.levels(now)[number])
         if self._is_periodic:
             lengths = np.where(now.scene.period.repeats, now.scene.period.lengths, np.inf)
             values[PERIODS] = np.rint((now.position - places[: now.n]) / lengths).astype(np.int32)
-            values |= self._still(number)
+        if self._is_periodic or self._is_open:
+            values |= self._still(now.scene, now.id, number)
+        if self._is_open:
+            values |= {attribute: getattr(now.scene, name) for name, attribute in OF_GRAINS.items()}
         return {f"{GRAINS}.{name}": value for name, value in values.items()}
 
-    def _still(self, number: IndexArray) -> dict[str, NDArray[Any]]:
-        """Return the arrays of grains with numbers, shape (k,), that do not change otherwise."""
-        values: dict[str, NDArray[Any]] = {"ids": np.arange(len(number), dtype=np.int64)}
+    def _still(self, scene: Scene, born: IndexArray, number: IndexArray) -> dict[str, NDArray[Any]]:
+        """Return ids, masses and sizes of the grains `number`, shape (k,), of which those above n are images.
+
+        `born` are the numbers of birth, shape (n,).
+        """
+        images = born[-1] + 1 + np.arange(len(number) - len(born))
+        values: dict[str, NDArray[Any]] = {"ids": np.concatenate([born, images])}
         for name in OF_GRAINS:
-            own = as_float32(f"the {name} of a grain", getattr(self._scene, name))
+            own = as_float32(f"the {name} of a grain", getattr(scene, name))
             values[f"primvars:{name}"] = own[number]
+        width = _widths(scene)[number]
         if self._shape is not None:
-            values["scales"] = np.repeat(
-                self._half_width[number].astype(np.float32)[:, np.newaxis], 3, axis=1
-            )
+            values["scales"] = np.repeat((0.5 * width)[:, np.newaxis], 3, axis=1)
         elif not self._are_equal:
-            values["widths"] = self._diameter[number]
-        return values | ({} if self._colors.still is None else self._color(self._colors.still[number]))
+            values["widths"] = width
+        return values
 
     def _color(self, levels: IndexArray) -> dict[str, NDArray[Any]]:
         """Return the attributes that hold the colors, int32, shape (n,)."""
@@ -131,7 +147,7 @@ class Grains:
 
     def _points(self, stage: Usd.Stage) -> Usd.Prim:
         grains = UsdGeom.Points.Define(stage, GRAINS)
-        grains.CreateWidthsAttr(Vt.FloatArray.FromNumpy(self._diameter[:1]))
+        grains.CreateWidthsAttr(Vt.FloatArray.FromNumpy(_widths(self._scene)[:1]))
         grains.SetWidthsInterpolation(UsdGeom.Tokens.constant if self._are_equal else UsdGeom.Tokens.vertex)
         grains.CreatePointsAttr()
         bind_material(grains.GetPrim())
@@ -151,6 +167,11 @@ class Grains:
         if self._rotates:
             grains.CreateOrientationsAttr()
         return grains.GetPrim()
+
+
+def _widths(scene: Scene) -> NDArray[np.float32]:
+    """Return the diameters of the grains [m], shape (n,)."""
+    return (2.0 * scene.radius).astype(np.float32)
 
 
 def position_of(grains: Usd.Prim) -> Usd.Attribute:

@@ -36,12 +36,20 @@ from warpgrains.usd.grains import (
     position_of,
 )
 from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, WALLS
-from warpgrains.usd.stage import RECORDED_BY, numbers, open_recording, refusing_untrusted_content
+from warpgrains.usd.stage import (
+    RECORDED_BY,
+    numbers,
+    open_recording,
+    refusing_untrusted_content,
+    values_of,
+)
 from warpgrains.walls.box import checked_domain
 
 if TYPE_CHECKING:
     import pandas
     import xarray
+
+OF_START = ("position", "velocity", "spin")
 
 
 class Recording(Shown):
@@ -58,7 +66,7 @@ class Recording(Shown):
     time : ndarray
         Simulated time of each frame [s], shape (f,).
     radius : ndarray
-        Radii of the grains [m], shape (n,).
+        Radii of the grains [m], shape (n,); in scenes with sources or sinks, those of the first frame.
 
     Raises
     ------
@@ -110,13 +118,39 @@ class Recording(Shown):
         checks.number("time of the last frame", self.times.time(self._count - 1))
         box = checked_domain("domain", parameters.get("domain"))
         self._period = box.period if box else Period()
-        n = len(numbers(prim.GetAttribute(OF_GRAINS["radius"]) if self._period else position_of(prim)))
-        self._mass, self.radius = (
-            checks.positive_per_grain(name, numbers(prim.GetAttribute(attribute)), n)
-            for name, attribute in OF_GRAINS.items()
-        )
+        self._of_grains = {name: prim.GetAttribute(own) for name, own in OF_GRAINS.items()}
+        self._is_open = self._of_grains["radius"].GetNumTimeSamples() > 0
+        own = self._is_open or self._period
+        n = len(numbers(self._of_grains["radius"] if own else position_of(prim)))
+        self._first = self._sizes(0, n)
+        self.radius = self._first["radius"]
         self._attributes = numbers_of(prim)
         self._attributes |= {"position": position_of(prim), "velocity": prim.GetAttribute(VELOCITIES)}
+
+    def _sizes(self, k: int, n: int) -> dict[str, FloatArray]:
+        """Return mass and radius of the n grains of a frame."""
+        return {
+            name: checks.positive_per_grain(name, numbers(attribute, k), n)
+            for name, attribute in self._of_grains.items()
+        }
+
+    def _sizes_at(self, k: int) -> dict[str, FloatArray]:
+        """Return mass and radius of the grains of a frame."""
+        if not self._is_open:
+            return self._first
+        with refusing_untrusted_content(self.path):
+            return self._sizes(k, len(numbers(self._of_grains["radius"], k)))
+
+    def _born(self, k: int) -> IndexArray | None:
+        """Return the numbers of birth of the grains of a frame; None if no grain comes or goes."""
+        if not self._is_open:
+            return None
+        with refusing_untrusted_content(self.path):
+            n = len(self._sizes_at(k)["radius"])
+            born = values_of(self._stage.GetPrimAtPath(GRAINS).GetAttribute("ids"), k)
+            if born is None or len(born) < n or (np.diff(born[:n], prepend=-1) <= 0).any():
+                raise ValueError(f"ids of frame {k} are not in ascending order, one for each grain")
+            return born[:n].astype(np.int64)
 
     def summary(self) -> dict[str, str]:
         """Return the fields of the one-line summary by name."""
@@ -156,11 +190,15 @@ class Recording(Shown):
         return self._of_all_frames("angle")
 
     def _of_all_frames(self, name: str) -> FloatArray:
+        if self._is_open:
+            raise InputError(
+                f"{name}: frames of '{self.path}' have different grains: use frame(k), or to_pandas"
+            )
         return np.array([self._of_frame(name, k) for k in range(len(self))])
 
     def _of_frame(self, name: str, k: int) -> FloatArray:
         """Return numbers of the grains; 0 if they are not recorded, as without friction."""
-        attribute, n = self._attributes.get(name), len(self.radius)
+        attribute, n = self._attributes.get(name), len(self._sizes_at(k)["radius"])
         if attribute is None:
             return np.zeros(n)
         with refusing_untrusted_content(self.path):
@@ -200,8 +238,7 @@ class Recording(Shown):
             position=self._of_frame("position", 0),
             velocity=self._of_frame("velocity", 0),
             spin=self._of_frame("spin", 0) if "spin" in self._attributes else None,
-            radius=self.radius,
-            mass=self._mass,
+            **self._first,
             **self._parameters,
         )
 
@@ -250,6 +287,8 @@ class Recording(Shown):
             grains[name] = self._of_frame(name, k)
         places = self.places(k)
         scene, steps = self.recorded_scene.placed(places), times.simulated_step(k)
+        if self._is_open:
+            scene = scene.unchecked(**{name: grains[name] for name in OF_START}, **self._sizes_at(k))
         return Snapshot(
             scene=scene,
             steps=steps,
@@ -259,6 +298,7 @@ class Recording(Shown):
             start_scene=scene,
             start_staggered=scene.scheme == "leapfrog" and steps > 1,
             places=places,
+            births=self._born(k),
             recorded={name: self._of_frame(name, k) for name in COLORINGS if name in self._attributes},
             **(self._contacts(k) if contacts else {}),
         )
@@ -266,7 +306,7 @@ class Recording(Shown):
     def _contacts(self, k: int) -> dict[str, Any]:
         """Return the contacts of a frame as fields of a snapshot."""
         with refusing_untrusted_content(self.path):
-            bands, n = self._stage.GetPrimAtPath(FORCES), len(self.radius)
+            bands, n = self._stage.GetPrimAtPath(FORCES), len(self._sizes_at(k)["radius"])
             force = numbers(bands.GetAttribute("primvars:force"), k)
             tangential = np.zeros_like(force)
             if bands.HasAttribute(TANGENTIAL):
@@ -314,7 +354,8 @@ class Recording(Shown):
     def to_xarray(self, table: str = "grains") -> xarray.Dataset:
         """Return grains or contacts of all frames as a dataset with the columns of `to_pandas`, and units.
 
-        Grains have the dimensions time and grain, contacts are a list.
+        Grains have the dimensions time and grain, contacts are a list. Where grains come and go, the grain
+        is its number of birth, and numbers are NaN while it is not there.
 
         Raises
         ------
@@ -324,7 +365,7 @@ class Recording(Shown):
         """
         frame = self.to_pandas(table)
         if table == "grains":
-            grain = np.tile(np.arange(len(self.radius)), len(self))
+            grain = frame.pop("id") if self._is_open else np.tile(np.arange(len(self.radius)), len(self))
             frame = frame.drop(columns="frame").assign(grain=grain).set_index(["time", "grain"])
         return dataset(frame, UNITS)
 
