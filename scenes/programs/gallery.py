@@ -161,6 +161,16 @@ def hopper() -> Section:
     return row.figure, numbers
 
 
+def silo() -> Section:
+    """Draw the silo, and count the grains that have left it, as many as have come."""
+    simulation, row, numbers = wg.Simulation(wg.Scene.load("silo")), Row(3), {}
+    for time in (1.0, 2.0, 3.0):
+        simulation.run(duration=time - simulation.time)
+        row.show(simulation, range="0,3")
+        numbers[f"grains that have left after {time} s"] = simulation.outflow[0].grains
+    return row.figure, numbers | {"grains in the end": simulation.scene.n}
+
+
 def collapse() -> Section:
     """Draw the column before and after the gate opens, and measure it."""
     scene = wg.Scene.load("collapse")
@@ -266,6 +276,7 @@ SECTIONS: Sections = {
     "cradle": cradle,
     "gas": gas,
     "hopper": hopper,
+    "silo": silo,
     "collapse": collapse,
     "box": partial(shipped, "box", 1.0, 1.75, 2.5),
     "shear": partial(shipped, "shear", 1.0, 2.0, 4.0),

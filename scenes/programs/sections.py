@@ -63,13 +63,14 @@ class Row:
         color_by: str = "speed",
         largest: float | None = None,
         frame: str | None = None,
+        range: str | None = None,
     ) -> None:
         """Draw the present state in the next panel; `largest` is the force of a chain of full width [N].
 
         Divided by the diameter of a mean grain, it is the pressure of the last color.
         """
         scene = simulation.scene
-        painter = Painter(scene, Look(color_by=color_by, forces=True, frame=frame))
+        painter = Painter(scene, Look(color_by=color_by, forces=True, frame=frame, range=range))
         if largest is not None:
             painter.chain_scale = ChainScale(largest, scene.smallest_radius)
             if painter.colors.scale is not None and color_by == "pressure":

@@ -175,6 +175,13 @@ def test_a_hopper_flows_at_a_constant_rate(drawn):
     assert rate.min() > 0.6 * rate.max() > 0
 
 
+def test_a_silo_that_is_refilled_flows_at_a_constant_rate(drawn):
+    *left, grains = drawn("silo")[0].values()
+    rate = np.diff([0, *left])[1:]  # each second, once it flows
+    assert rate.min() > 0.6 * rate.max() > 0
+    assert grains == 300
+
+
 @pytest.mark.slow
 def test_a_column_collapses(drawn):
     height, run_out, rest = drawn("collapse")[0].values()

@@ -145,7 +145,8 @@ class Live:
         self.painter = Painter(self._simulation.scene, Look(color_by=color_by, forces=forces))
 
     def snapshot(self) -> Snapshot:
-        if self.painter.scene.position is not self.scene.position:  # grains were added or removed
+        is_other = self.painter.scene.position is not self.scene.position  # grains were added or removed
+        if is_other and not self.scene.exchanges_grains:
             self.painter = Painter(self.scene, self.painter.look)
         return snapshot_of(self._simulation, has_contacts=self.painter.needs_contacts)
 
