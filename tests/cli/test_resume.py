@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import lightusd
 import numpy as np
@@ -11,6 +12,7 @@ from recordings import GRAINS
 from same_bits import contents
 
 from warpgrains import Simulation
+from warpgrains.base.files import read_table
 from warpgrains.base.frame_log import FrameLog
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.check import inspect_recording
@@ -69,6 +71,44 @@ def test_an_interrupted_run_is_recovered_or_continued_elsewhere(tmp_path, stop_a
     assert run("--resume", there / "kept one.npz") == 0
     assert sorted(path.name for path in there.iterdir()) == ["kept one.npz", "run.usdc"]
     assert inspect_recording(here / "run.usdc") == inspect_recording(there / "run.usdc") == []
+
+
+@pytest.mark.parametrize(("begun", "stop", "first", "then"), [(0, 150, 40, 100), (130, 175, 40, 40)])
+def test_means_weigh_every_step_once(tmp_path, monkeypatch, begun, stop, first, then):
+    """Also if their interval changes, or a run begins at a later step."""
+    monkeypatch.chdir(tmp_path)
+    simulation = Simulation("annulus")
+    simulation.advance(begun)
+    simulation.save("begun.npz")
+    measure = ["--measure", "kinetic_energy", "--series"]
+    options = ["--mean", "--checkpoint", "run.npz", "--every", first]
+    assert run("--resume", "begun.npz", "--steps", stop, *measure, "mean.csv", *options) == 0
+    assert run("--resume", "run.npz", "--steps", 300, "--every", then) == 0
+    each = simulation.measure("kinetic_energy", steps=300 - begun).rows
+    last = begun
+    for row in read_table(tmp_path / "mean.csv"):
+        step, mean = int(row["step"]), float(row["kinetic_energy"])
+        own = [one["kinetic_energy"] for one in each if last < one["step"] <= step]
+        assert len(own) == step - last
+        assert mean == pytest.approx(np.mean(own), rel=1e-12)  # some hundred sums, each to 1e-16
+        last = step
+    assert last >= 280
+
+
+def test_in_python_a_run_is_resumed_as_by_the_command(tmp_path, stop_at):
+    """With its recording and its summary, from a run that was interrupted, and to a later end."""
+    whole, parts, kept = tmp_path / "whole.usda", tmp_path / "parts.usda", tmp_path / "run.npz"
+    expected = Simulation("annulus").run(60, record=whole, fps=50)
+    stop_at(25)
+    with pytest.raises(KeyboardInterrupt):
+        Simulation("annulus").run(40, record=parts, fps=50, checkpoint=kept, every=10)
+    simulation, summary = Simulation.resume(kept, steps=60, every=7)
+    assert replace(summary, seconds=0.0, output="") == replace(expected, seconds=0.0, output="")
+    assert same_frames(parts, whole) == 31
+    assert read_checkpoint(kept).options.every == 7
+    again, same = Simulation.resume(kept)
+    assert contents(again.state()) == contents(simulation.state())
+    assert replace(same, seconds=0.0) == replace(summary, seconds=0.0)
 
 
 def test_saved_state_goes_on_to_the_end_of_its_scene(tmp_path, capfd):

@@ -1,6 +1,7 @@
 """Packings at rest: what `pack` returns, by Python and by the command."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,8 +89,10 @@ def test_the_command_prints_and_saves_the_same(rest, tmp_path, monkeypatch, capf
     again = wg.Simulation.load("rest.npz")
     assert np.array_equal(again.position, rest.simulation.position)
     assert again.step().iterations == 1
-    assert exit_code("run", "--resume", "rest.npz", "--steps", "20", "--json") == 0
-    assert json.loads(capfd.readouterr().out)["steps"] == 20
+    assert exit_code("run", "--resume", "rest.npz", "--steps", "20", "--json", "-o", "rest.gif") == 0
+    printed = json.loads(capfd.readouterr().out)
+    assert (printed["steps"], printed["output"]) == (20, "rest.gif")
+    assert Path("rest.gif").stat().st_size > 0
     rest.save("rest.csv")
     (tmp_path / "again.toml").write_text('[domain]\nradius_out = 1.0\n[grains]\nfile = "rest.csv"\n')
     table = Scene.load("again.toml")

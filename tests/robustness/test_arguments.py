@@ -37,6 +37,17 @@ def test_scenes_may_be_named(tmp_path):
     assert [one.drag for one in Batch([scene, "annulus"]).scenes] == [0.1, 0.5]
 
 
+def test_simulations_and_batches_run_by_the_same_words():
+    """Steps, duration and end criterion by their places, and all others by their names."""
+    batch, simulation = Batch("annulus"), Simulation("annulus")
+    (summary,) = batch.run(None, 2.0, "rest,speed=0.05,time=0.35")
+    expected = simulation.run(None, 2.0, "rest,speed=0.05,time=0.35")
+    assert (summary.steps, summary.met) == (expected.steps, expected.met)
+    for one in (batch, simulation):
+        with pytest.raises(TypeError):
+            one.run(1, None, None, True)
+
+
 COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda one: pickle.loads(pickle.dumps(one))}
 
 

@@ -15,7 +15,7 @@ from warpgrains import Simulation
 from warpgrains.base import locks
 from warpgrains.base.errors import OutputError
 from warpgrains.base.locks import Lock, RunLocks
-from warpgrains.cli import run as command
+from warpgrains.simulation import run as machine
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.recorder import recover
 
@@ -83,12 +83,12 @@ def test_run_that_went_on_before_the_lock_was_free(tmp_path, monkeypatch):
         start = read_checkpoint(path)
         reads.append(start.state.steps)
         if len(reads) == 1:
-            monkeypatch.setattr(command, "read_checkpoint", read_checkpoint)
+            monkeypatch.setattr(machine, "read_checkpoint", read_checkpoint)
             assert exit_code("run", "--resume", kept, "--steps", 40) == 0
-            monkeypatch.setattr(command, "read_checkpoint", read_while_another_goes_on)
+            monkeypatch.setattr(machine, "read_checkpoint", read_while_another_goes_on)
         return start
 
-    monkeypatch.setattr(command, "read_checkpoint", read_while_another_goes_on)
+    monkeypatch.setattr(machine, "read_checkpoint", read_while_another_goes_on)
     assert exit_code("run", "--resume", kept, "--steps", 40) == 0
     assert reads == [20, 40]
 

@@ -9,6 +9,8 @@ from sample_scenes import chain
 from warpgrains import Disc, Scene, Simulation, SimulationError
 from warpgrains.cli.main import main
 from warpgrains.scene.fields import METHODS
+from warpgrains.simulation import run as machine
+from warpgrains.simulation.run import LEAST_TIME, SEARCHES
 from warpgrains.solver.statistics import named
 
 WEDGE = """
@@ -71,6 +73,20 @@ def test_a_run_warns_once_and_counts(tmp_path, kept):
     assert len(said) == 1
     assert 7 <= summary.unconverged < 40
     assert summary.steps == 40
+
+
+def test_searches_take_a_small_part_of_the_life_of_a_simulation(monkeypatch):
+    """After the first failed step, and when failed steps have taken 20 times as long as the last search."""
+    scene = Scene.load("polydisperse").replace(max_iterations=20, tolerance=0.0)
+    simulation, searched = Simulation(scene), []
+    simulation.advance(60)
+    cost = 1000 * SEARCHES * LEAST_TIME * scene.n * scene.max_iterations  # as 50 failed steps
+    monkeypatch.setattr(machine, "perf_counter", lambda: cost * len(searched))
+    monkeypatch.setattr(Simulation, "infeasible_grains", lambda one: searched.append(one.steps) or ())
+    done = [simulation.run(steps=8) for _ in range(500)]
+    assert sum(summary.unconverged for summary in done) == 4000
+    assert searched[:2] == [61, pytest.approx(1061, abs=1)]
+    assert len(searched) == 4
 
 
 @pytest.mark.filterwarnings("error")

@@ -7,12 +7,11 @@ from command import exit_code
 
 from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.simulation.until import CountedRun
-from warpgrains.solver.statistics import Summary
 from warpgrains.sweep.execution import RunSettings
 from warpgrains.sweep.group import Group
 from warpgrains.sweep.sweep import Sweep
 from warpgrains.sweep.sweep_folder import SweepFolder
+from warpgrains.sweep.sweep_run import SweepRun
 
 SMALL = """
 scene = "annulus"
@@ -89,23 +88,19 @@ class Slices:
     """Groups of runs with folders, or all, end after four steps; the one after `left` more is killed."""
 
     def __init__(self, patch, of_all=False):
-        self.left, self.of_all = 1_000, of_all
-        advance, advance_runs = Group.advance, LoadedScenes.advance_runs
+        self.left, self.of_all, self.is_slice = 1_000, of_all, False
+        advance, steps_due = Group.advance, SweepRun.steps_due
 
         def advance_or_die(group, seconds, on_progress):
             if self.left == 0:
                 raise Interrupted
             self.left -= 1
             self.is_slice = self.of_all or any(one.folder is not None for one in group.members)
-            if self.of_all:
-                for one in group.members:
-                    one.counted = one.counted or CountedRun(one.scene.steps, Summary())
             advance(group, -1.0 if self.is_slice else seconds, on_progress)
 
-        def advance_four(loaded, runs, steps, poll):
-            if not self.is_slice:
-                return advance_runs(loaded, runs, steps, poll)
-            return advance_runs(loaded, runs, [min(4, step) for step in steps], lambda done: None)
+        def four_steps(run):
+            return min(4, steps_due.fget(run)) if self.is_slice else steps_due.fget(run)
 
         patch.setattr(Group, "advance", advance_or_die)
-        patch.setattr(LoadedScenes, "advance_runs", advance_four)
+        patch.setattr(LoadedScenes, "cancel", lambda loaded: None)  # a slice has its four steps
+        patch.setattr(SweepRun, "steps_due", property(four_steps))

@@ -24,6 +24,12 @@ def kept(tmp_path_factory):
     return small_sweep(tmp_path_factory.mktemp("kept"), "--folders")
 
 
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory):
+    """The same, with a recording of each run."""
+    return small_sweep(tmp_path_factory.mktemp("recorded"), "--usd")
+
+
 @pytest.fixture
 def meanwhile(monkeypatch):
     """Have another process act once, before or after a call of a function with these arguments."""

@@ -38,6 +38,9 @@ def test_slurm_leaves_interrupts_as_they_are(tmp_path, monkeypatch):
         ("done", ("[5, 15]", "[5, 14]"), "--resume", "settings.json' is of a sweep with other runs: choose"),
         ("done", ("= 30", "= 31"), "--resume", "annulus.toml' is of a sweep with another scene: choose"),
         ("done", (), "--resume --measure stress --until rest", "with --measure none and --until none: "),
+        ("done", (), "--resume --usd", "settings.json' is of a sweep with --fps none: choose"),
+        ("recorded", (), "--resume --usd --fps 12", "settings.json' is of a sweep with --fps 24.0: choose"),
+        ("recorded", (), "--resume", "settings.json' is of a sweep with --fps 24.0: choose"),
         ("done", ("physics.drag =", "contact.friction ="), "--resume", "of a sweep with other runs: choose"),
     ],
 )

@@ -12,8 +12,8 @@ from warpgrains.base.locks import Lock
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import group
 from warpgrains.sweep.group import Group
-from warpgrains.sweep.run_folder import FolderRun
 from warpgrains.sweep.sweep_folder import SweepFolder
+from warpgrains.sweep.sweep_run import SweepRun
 from warpgrains.usd.writer import reopen_log
 
 
@@ -76,15 +76,15 @@ def put_a_file(run, patch, kept):
 
 def refuse_folder(run, patch, kept):
     """Which the run needs after a while."""
-    open_folder = FolderRun.open
+    open_folder = SweepRun.open
 
-    def open_others(folder, *given):
+    def open_others(one, folder, *given):
         if folder == run:
             raise OSError("permission denied")
-        return open_folder(folder, *given)
+        return open_folder(one, folder, *given)
 
     Slices(patch, of_all=True)
-    patch.setattr(FolderRun, "open", open_others)
+    patch.setattr(SweepRun, "open", open_others)
     return patch.undo
 
 

@@ -90,7 +90,7 @@ class Sequences(RuleBasedStateMachine):
     def begin(self, folders, until, left, of_all):
         """Where all groups end early, runs get a folder in which they go on."""
         self.options, self.until, self.slices.of_all = (*folders, *until), until, of_all
-        self.results_of = (*(MEASURE if "--measure" in folders else ()), *until)
+        self.results_of = tuple(option for option in self.options if option != "--folders")
         self.interrupted(left)
 
     @rule(left=st.integers(0, 9))
@@ -115,7 +115,7 @@ class Sequences(RuleBasedStateMachine):
 
     @rule()
     def folders_are_no_longer_asked_for(self):
-        """Runs that are begun keep theirs, and the others need none."""
+        """Runs that are begun keep theirs, and the others need none, but outputs stay the same."""
         self.options = self.results_of
 
     @rule(number=st.sampled_from(NUMBERS))

@@ -76,6 +76,8 @@ class Series:
         of a ``with`` block.
     resume_at : int, optional
         Step up to which existing rows of the file are kept and continued.
+    first_step : int
+        Step at which the run that is continued has begun.
     region : mapping, optional
         Region of the quantities that have one, see `quantities`.
     mean : bool
@@ -113,6 +115,7 @@ class Series:
         path: str | Path | None = None,
         *,
         resume_at: int | None = None,
+        first_step: int = 0,
         region: Mapping[str, Any] | None = None,
         mean: bool = False,
     ) -> None:
@@ -127,7 +130,7 @@ class Series:
             raise InputError(f"region has no effect on {', '.join(self.names)}")
         self.every = 1 if mean else self._interval
         self.means: tuple[float, ...] = ()
-        self._seen, self._count = resume_at, (resume_at or 0) % self._interval
+        self._seen, self._count = resume_at, 0
         self.rows: list[dict[str, float]] = []
         self._path = None if path is None else Path(path)
         self._lock: Lock | None = None
@@ -136,7 +139,7 @@ class Series:
             require_writable_path("series", self._path, ".csv")
             self._lock = Lock(self._path)
             try:
-                self._read_rows(self._path, resume_at)
+                self._read_rows(self._path, resume_at, first_step)
             except BaseException:
                 self.close()
                 raise
@@ -220,7 +223,7 @@ class Series:
         if self._lock is not None:
             self._lock.release()
 
-    def _read_rows(self, path: Path, resume_at: int | None) -> None:
+    def _read_rows(self, path: Path, resume_at: int | None, first_step: int) -> None:
         """Read the rows to continue from an existing file. Raises OutputError if the file is no series."""
         rows = read_table(path) if path.exists() else []
         if path.exists() and (not rows or tuple(rows[0])[:2] != FIRST):
@@ -238,6 +241,7 @@ class Series:
                     self.rows.append(numbers | {"step": int(row["step"])})
         except (ValueError, TypeError):
             raise InputError(f"'{path}' holds a value that is not a number") from None
-        last = self.rows[-1]["step"] if self.rows else 0 if self._is_mean else -self._interval
-        if last <= resume_at - self._interval:
+        last = int(self.rows[-1]["step"]) if self.rows else first_step - (not self._is_mean)
+        self._count = resume_at - last
+        if resume_at // self._interval > last // self._interval:
             raise InputError(f"'{path}' lacks rows before step {resume_at}: the series cannot be continued")

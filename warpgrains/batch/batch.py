@@ -1,7 +1,7 @@
 """`Batch`: many scenes advanced together on one device, with the results of each alone."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any, TypeVar, cast, overload
 
@@ -19,8 +19,9 @@ from warpgrains.batch.loaded_scenes import LoadedScenes, StepsTaken
 from warpgrains.scene.compatibility import warn_of_overlaps
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
-from warpgrains.simulation.options import steps_of
-from warpgrains.simulation.until import CountedRun, Question, criterion
+from warpgrains.simulation.options import RunOptions, steps_of
+from warpgrains.simulation.run import SceneRun, advance_runs
+from warpgrains.simulation.until import Question, criterion
 from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.threads import cores
@@ -164,8 +165,7 @@ class Batch(Shown):
             A number of some scene is no longer finite (that scene keeps the state before the step, and the
             other scenes have advanced), or another thread advances this batch.
         """
-        errors, _ = self._advance([1] * len(self), gravity)
-        if errors:
+        if errors := self._advance([1] * len(self), gravity).errors:
             raise SimulationError("; ".join(f"scene {k}: {error}" for k, error in errors.items()))
         return cast(Results[StepReport], self.reports)
 
@@ -173,8 +173,9 @@ class Batch(Shown):
         self,
         steps: int | Sequence[int] | None = None,
         duration: float | None = None,
-        progress: bool = False,
         until: str | Question | None = None,
+        *,
+        progress: bool = False,
         gravity: ArrayLike | None = None,
     ) -> Results[Summary]:
         """Advance every scene by many time steps.
@@ -187,12 +188,12 @@ class Batch(Shown):
             Number of steps, or one number per scene; or
         duration : float, optional
             simulated time [s]; by default the duration of each scene.
-        progress : bool
-            Whether to show a progress bar on standard error.
         until : str or callable, optional
             End criterion of each scene, as in `Simulation.run`: "rest", or a callable. The callable
             receives a scene of the batch, with the attributes `scene`, `steps`, `time`, `position`,
             `velocity` and the method `state` of a `Simulation`.
+        progress : bool
+            Whether to show a progress bar on standard error.
         gravity : array_like, optional
             Acceleration of gravity of every scene in these steps [m/s2], shape (scenes, 2), or one for all,
             shape (2,); by default that of the scenes.
@@ -208,13 +209,13 @@ class Batch(Shown):
             `steps` or `gravity` is invalid, or `until` is no end criterion for one of the scenes.
         """
         wanted = self._steps_of_each(steps, duration)
-        runs = None
-        if until is not None:
-            own = zip(wanted, self.scenes, strict=True)
-            runs = [CountedRun(steps, Summary(), criterion(until, scene)) for steps, scene in own]
+        runs: list[SceneRun] = []
+        for most, scene in zip(wanted, [] if until is None else self.scenes, strict=until is not None):
+            runs.append(SceneRun(scene, RunOptions(steps=most)))
+            runs[-1].until = criterion(until, scene)
         with progress_bar(sum(wanted), shown=progress) as bar:
-            _, summary = self._advance(wanted, gravity, bar.update if progress else None, runs)
-        return Results(len(self), summary)
+            last = self._advance(wanted, gravity, bar.update if progress else None, runs)
+        return Results(len(self), lambda k: runs[k].statistics if runs else last.summary(k))
 
     def _steps_of_each(self, steps: int | Sequence[int] | None, duration: float | None) -> list[int]:
         """Return the number of steps of each scene."""
@@ -232,29 +233,27 @@ class Batch(Shown):
         steps: list[int],
         gravity: ArrayLike | None,
         on_progress: OnProgress | None = None,
-        runs: list[CountedRun] | None = None,
-    ) -> tuple[dict[int, SimulationError], Callable[[int], Summary]]:
-        """Advance each scene; return why some stopped early, and the function that returns what each did."""
+        runs: Sequence[SceneRun] = (),
+    ) -> StepsTaken:
+        """Advance each scene by its number of steps, or to the end of its run; return the last steps."""
         given = None if gravity is None else self._checked_gravity(gravity)
-        errors: dict[int, SimulationError] = {}
+
+        last = StepsTaken([], [])
+
+        def advance(due: list[int]) -> Iterator[tuple[int, Summary]]:
+            nonlocal last
+            last = self._loaded.advance(due, on_progress)
+            self._stepped |= dict.fromkeys(last.stepped, last)
+            return ((k, last.summary(k)) for k, steps in enumerate(due) if steps)
+
         with self._use.held(allowed=NOTHING), ExitStack() as afterwards:
             if given is not None:
                 own = np.array([scene.gravity for scene in self.scenes])
                 afterwards.callback(self._loaded.set_gravity, own)
                 self._loaded.set_gravity(given)
-            if runs is None:
-                last = self._loaded.advance(steps, on_progress)
-                taken: Iterable[StepsTaken] = [last]
-            else:
-                taken = self._loaded.advance_runs(runs, steps, on_progress)
-            for last in taken:
-                errors |= last.errors
-                self._stepped |= dict.fromkeys(last.stepped, last)
-        if runs is None:
-            return errors, last.summary
-        for k, error in errors.items():
-            runs[k].statistics.error = str(error)
-        return errors, lambda k: runs[k].statistics
+            for _ in advance_runs(runs, self._loaded.scenes, advance) if runs else [advance(steps)]:
+                pass
+        return last
 
     def _checked_gravity(self, gravity: ArrayLike) -> FloatArray:
         one = np.iterable(gravity) and not any(map(np.iterable, gravity))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,6 @@ from warpgrains.base.errors import SimulationError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.sources import require_closed
 from warpgrains.scene.state import State, first_state
-from warpgrains.simulation.until import CountedRun
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
@@ -40,6 +39,11 @@ class StepsTaken(NamedTuple):
             (numbers[k].item(), error) for last, numbers in self.engines for k, error in last.errors.items()
         )
         return dict(sorted(each))
+
+    @property
+    def unfinished(self) -> list[int]:
+        """Numbers of the scenes that have not done all steps."""
+        return [k for last, numbers in self.engines for k in numbers[last.left > 0].tolist()]
 
     @property
     def stepped(self) -> list[int]:
@@ -82,7 +86,7 @@ class LoadedScenes:
         needed = [bytes_needed(size) for size in sizes]
         order = np.concatenate(alike)
         require_memory(np.concatenate(needed)[np.argsort(order)], sum(scene.n for scene in scenes), device)
-        self._threads, self._is_canceled = threads, False
+        self._threads = threads
         engines = (Engine(own, device, size) for own, size in zip(members, sizes, strict=True))
         self._engines = list(zip(engines, alike, strict=True))
         place = {k: (e, index) for e, numbers in enumerate(alike) for index, k in enumerate(numbers.tolist())}
@@ -120,45 +124,24 @@ class LoadedScenes:
             [(engine.last_steps.copy(), numbers) for engine, numbers in self._engines], self._place
         )
 
-    def advance_runs(
-        self, runs: Sequence[CountedRun], steps: Sequence[int], on_progress: OnProgress | None = None
-    ) -> Iterator[StepsTaken]:
-        """Advance each scene by its number of steps, or to its run's end, and count the steps in the runs.
-
-        Yield the steps between tests of the end criteria.
-        """
-        self._is_canceled = False
-        left = {k: most for k, most in enumerate(steps) if most > 0}
-        while left and not self._is_canceled:
-            due = [min(left[k], run.steps_to_test) if k in left else 0 for k, run in enumerate(runs)]
-            last = self.advance(due, on_progress)
-            for k in tuple(left):
-                done = last.summary(k)
-                runs[k].count(done, self.scenes[k])
-                left[k] -= done.steps
-                if runs[k].has_ended or done.steps < due[k] or left[k] == 0:
-                    del left[k]
-            yield last
-
     def cancel(self) -> None:
         """Stop after the steps under way."""
-        self._is_canceled = True
         for engine, _ in self._engines:
             engine.cancel(abandon=False)
 
-    def ended(self, runs: Sequence[CountedRun] | None = None) -> Iterator[tuple[list[int], FinalStates]]:
-        """Yield numbers and final states of the scenes that have done all steps, or whose runs have ended.
+    def ends(
+        self, numbers: Iterable[int], summaries: Sequence[Summary] | None = None
+    ) -> Iterator[tuple[list[int], FinalStates]]:
+        """Yield numbers and final states of some scenes, with those together whose arrays have one shape.
 
-        Those whose arrays have one shape come together. It is not for a GPU, see `Engine.ends`.
+        Summaries are those of the last steps, unless they are given for all scenes. It is not for a GPU, see
+        `Engine.ends`.
         """
-        for engine, numbers in self._engines:
-            of_shape: dict[tuple[int, int, bool], list[int]] = {}
-            for index, k in enumerate(numbers.tolist()):
-                if engine.left[index] == 0 if runs is None else runs[k].has_ended:
-                    scene = self.scenes[k].scene
-                    shape = scene.n, len(scene.walls), scene.bodies.two_circles
-                    of_shape.setdefault(shape, []).append(index)
-            for which in of_shape.values():
-                alike = numbers[which].tolist()
-                summaries = None if runs is None else [runs[k].statistics for k in alike]
-                yield alike, engine.ends(np.array(which), summaries)
+        of_shape: dict[tuple[int, int, int, bool], list[int]] = {}
+        for k in numbers:
+            scene = self.scenes[k].scene
+            shape = self._place[k][0], scene.n, len(scene.walls), scene.bodies.two_circles
+            of_shape.setdefault(shape, []).append(k)
+        for (e, *_), alike in sorted(of_shape.items()):
+            own = None if summaries is None else [summaries[k] for k in alike]
+            yield alike, self._engines[e][0].ends(np.array([self._place[k][1] for k in alike]), own)

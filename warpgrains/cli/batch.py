@@ -119,7 +119,11 @@ def _settings(arguments: Namespace) -> RunSettings:
 
         for key in table_of("--region", arguments.region):
             checks.one_of("key of --region", key, KEYS)
-    return RunSettings(measured, arguments.until, arguments.region)
+    if arguments.fps is not None and not arguments.usd:
+        raise InputError("--fps needs --usd")
+    fps = DEFAULT_RATE if arguments.fps is None else checks.positive("--fps", arguments.fps)
+    outputs = fps if arguments.usd else None, arguments.every, arguments.mean
+    return RunSettings(measured, arguments.until, arguments.region, *outputs)
 
 
 def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
@@ -166,17 +170,8 @@ def _execution(arguments: Namespace) -> ExecutionOptions:
         checks.thread_count("--threads", arguments.threads)
     if arguments.slurm is not None:
         checks.whole_number("--slurm", arguments.slurm)
-    if arguments.fps is not None and not arguments.usd:
-        raise InputError("--fps needs --usd")
-    fps = DEFAULT_RATE if arguments.fps is None else checks.positive("--fps", arguments.fps)
-    return ExecutionOptions(
-        device=arguments.device,
-        threads=arguments.threads,
-        fps=fps if arguments.usd else None,
-        folders=arguments.folders,
-        measure_every=arguments.every,
-        mean=arguments.mean,
-    )
+    has_outputs = arguments.folders or arguments.usd or arguments.every is not None
+    return ExecutionOptions(arguments.device, arguments.threads, has_outputs or arguments.device != "cpu")
 
 
 def _first(reasons: dict[int, str]) -> str:

@@ -8,8 +8,6 @@ import sys
 import warnings
 from argparse import Namespace
 from collections.abc import Iterator
-from contextlib import ExitStack
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -27,16 +25,12 @@ from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.drawing.kinds import FILM, RECORDING
 from warpgrains.drawing.looks import with_style
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import State
-from warpgrains.simulation.checkpoint import lock_checkpoint, read_checkpoint
-from warpgrains.simulation.options import FLAGS, RunOptions, require_needed
-from warpgrains.simulation.run import OpenRun, carry_out
+from warpgrains.simulation.options import FLAGS, RunOptions, require_needed, spacing, steps_of
+from warpgrains.simulation.run import ResumedRun, SceneRun
+from warpgrains.solver.statistics import Summary
 
-# Options that a resumed run reads from its checkpoint.
-KEPT = {"scene": "SCENE", "overrides": "--set", "style": "--style"} | FLAGS
-KEPT |= {name: f"--{name}" for name in ("order", "method", "separate")}
-for _name in ("checkpoint", "every"):
-    del KEPT[_name]
+OF_SCENE = {"scene": "SCENE", "overrides": "--set"}
+OF_SCENE |= {name: f"--{name}" for name in ("order", "method", "separate")}
 
 
 def run(arguments: Namespace) -> bool:
@@ -46,14 +40,14 @@ def run(arguments: Namespace) -> bool:
     for option in ("history", "full_speed"):
         if getattr(arguments, option):
             raise InputError(f"--{option.replace('_', '-')} needs --step-by-step")
-    with ExitStack() as held, warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.showwarning = _show_warning  # type: ignore[assignment]
-        run, state = _begin(arguments) if arguments.resume is None else _resume(arguments, held)
+        run = _begun(arguments) if arguments.resume is None else _resumed(arguments)
         try:
-            _carry_out(run, state, arguments)
+            summary = _carry_out(run, arguments)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(*_commands_to_continue(run)) from None
-    results = results_of(run)
+    results = results_of(run, summary)
     print(json.dumps(results) if arguments.json else summary_lines(results))
     return False
 
@@ -67,7 +61,7 @@ def _step_by_step(arguments: Namespace) -> bool:
     scene = _scene(arguments)
     if arguments.separate:
         scene = _separated(scene)
-    step_by_step(scene, _steps(scene, arguments), arguments)
+    step_by_step(scene, steps_of(scene, *_length(arguments)), arguments)
     return False
 
 
@@ -85,8 +79,8 @@ def _separated(scene: Scene) -> Scene:
     return separation.scene
 
 
-def _carry_out(run: OpenRun, state: State | None, arguments: Namespace) -> None:
-    """Open the outputs of a run, before kernels are compiled, and simulate from a state or the start."""
+def _carry_out(run: SceneRun, arguments: Namespace) -> Summary:
+    """Open the outputs of a run, before kernels are compiled, and simulate."""
     if run.options.shows is RECORDING:
         with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
@@ -94,15 +88,15 @@ def _carry_out(run: OpenRun, state: State | None, arguments: Namespace) -> None:
         start_warp()
         from warpgrains.simulation.simulation import Simulation
 
-        simulation = Simulation(run.scene, arguments.device, arguments.threads, state)
+        simulation = Simulation(run.scene, arguments.device, arguments.threads, run.state)
         if not simulation.is_compiled:
             first = "compiling kernels for this kind of scene, the first time only ..."
             print(first, file=sys.stderr, flush=True)
         simulation.compile()
-        carry_out(simulation, run, progress=True)
+        return run.carry_out(simulation, progress=True)
 
 
-def _commands_to_continue(run: OpenRun) -> Iterator[str]:
+def _commands_to_continue(run: SceneRun) -> Iterator[str]:
     """Yield the commands that continue an interrupted run, or recover its frames."""
     options, frames = run.options, run.statistics.frames
     if options.record is not None and options.shows is FILM and frames > 1:
@@ -114,60 +108,28 @@ def _commands_to_continue(run: OpenRun) -> Iterator[str]:
         yield f"to recover the frames so far: warpgrains recover {shlex.quote(str(log))}"
 
 
-def _begin(arguments: Namespace) -> tuple[OpenRun, None]:
+def _begun(arguments: Namespace) -> SceneRun:
     if arguments.scene is None:
         raise InputError("SCENE is missing: give a scene, or --resume FILE to continue a run")
     given = _given(arguments, *FLAGS)
     every = given.pop("every", None)
     require_needed(given, FLAGS.__getitem__)
     given = with_style(given, arguments.style)
-    given |= _spacing(every, arguments.checkpoint, arguments.series)
+    given |= spacing(every, arguments.checkpoint, arguments.series, FLAGS.__getitem__)
     scene = _scene(arguments)
-    run = OpenRun(scene, RunOptions(steps=_steps(scene, arguments), **given))
+    run = SceneRun(scene, RunOptions(steps=steps_of(scene, *_length(arguments)), **given))
     if arguments.separate:  # which may take long
         for name in given.keys() & {"record", "checkpoint", "series"}:
             require_writable_path("output", Path(given[name]))
-        run = OpenRun(_separated(scene), run.options)
-    return run, None
+        run = SceneRun(_separated(scene), run.options)
+    return run
 
 
-def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
-    """Return a run and the state from which it continues. The checkpoint of a run is locked."""
-    for name in _given(arguments, *KEPT):
-        raise InputError(f"{KEPT[name]} cannot be combined with --resume: a resumed run keeps its options")
-    kept = Path(arguments.resume)
-    start = read_checkpoint(kept)
-    is_of_run = start.options is not None
-    if is_of_run:
-        held.enter_context(lock_checkpoint(kept))
-        start = read_checkpoint(kept)  # the run may have continued before the lock was acquired
-    options = start.options or RunOptions(steps=start.scene.steps)
-    planned = options.steps if start.options is None else start.first_step + options.steps
-    end = _steps(start.scene, arguments, planned)
-    if end < start.state.steps:
-        raise InputError(
-            f"the run cannot end at step {end}: its checkpoint is already at step {start.state.steps}"
-        )
-    given = _given(arguments, "checkpoint")
-    given |= _spacing(arguments.every, options.checkpoint or arguments.checkpoint, options.series)
-    options, statistics = replace(options, steps=end - start.first_step, **given), start.statistics
-    if end > start.state.steps and _given(arguments, "steps", "duration"):
-        statistics.met = False  # the run continues, although its end criterion was met
-    is_locked = is_of_run and Path(options.checkpoint or kept).resolve() == kept.resolve()
-    resumed = statistics if is_of_run else None
-    return OpenRun(
-        start.scene, options, resumed, start.first_step, is_locked=is_locked, first_scene=start.start
-    ), start.state
-
-
-def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:
-    """Return the options for the steps between two checkpoints and between two rows of a series."""
-    if every is None:
-        return {}
-    if checkpoint is series is None:
-        raise InputError("--every has no effect without --checkpoint or --measure")
-    spaced = {"every": checkpoint, "measure_every": series}
-    return {name: every for name, file in spaced.items() if file is not None}
+def _resumed(arguments: Namespace) -> SceneRun:
+    for name in _given(arguments, *OF_SCENE):
+        raise InputError(f"{OF_SCENE[name]} cannot be combined with --resume: the checkpoint has a scene")
+    given = with_style(_given(arguments, *FLAGS), arguments.style)
+    return ResumedRun(arguments.resume, *_length(arguments), given, FLAGS.__getitem__)
 
 
 def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
@@ -177,12 +139,13 @@ def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
     }
 
 
-def _steps(scene: Scene, arguments: Namespace, planned: int | None = None) -> int:
+def _length(arguments: Namespace) -> tuple[int | None, float | None]:
+    """Return the given steps and duration [s] of the whole run."""
     if arguments.steps is not None:
-        return checks.whole_number("--steps", arguments.steps)
+        checks.whole_number("--steps", arguments.steps)
     if arguments.duration is not None:
-        return scene.steps_in(checks.positive("--duration", arguments.duration))
-    return scene.steps if planned is None else planned
+        checks.positive("--duration", arguments.duration)
+    return arguments.steps, arguments.duration
 
 
 def _show_warning(message: Warning | str, *where: Any) -> None:
@@ -190,10 +153,9 @@ def _show_warning(message: Warning | str, *where: Any) -> None:
     tqdm.write(f"warpgrains: warning: {message}", file=sys.stderr)
 
 
-def results_of(run: OpenRun) -> dict[str, Any]:
+def results_of(run: SceneRun, summary: Summary) -> dict[str, Any]:
     """Return the results of a run by name, as `--json` prints them."""
-    scene, options = run.first_scene, run.options
-    summary, overlaps = replace(run.statistics, output=options.record), scene.count_overlaps()
+    scene, options, overlaps = run.first_scene, run.options, run.first_scene.count_overlaps()
     results = {
         "scene": scene.name,
         "grains": scene.n,
@@ -205,7 +167,7 @@ def results_of(run: OpenRun) -> dict[str, Any]:
     if options.until is not None:
         results["until"] = options.until
     if run.times is not None:
-        results |= {"frames": run.statistics.frames, "fps": run.times.played, "slow": run.times.slow}
+        results |= {"frames": summary.frames, "fps": run.times.played, "slow": run.times.slow}
     return results
 
 

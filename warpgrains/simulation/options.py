@@ -196,6 +196,20 @@ def require_needed(given: Collection[str], named: Callable[[str], str] = str) ->
             raise InputError(f"{named(name)} has no effect without {named(needed)}")
 
 
+def spacing(
+    every: int | None, checkpoint: Any, series: Any, named: Callable[[str], str] = str
+) -> dict[str, int]:
+    """Return the options for the steps between two checkpoints, and between two rows of a series."""
+    if every is None:
+        return {}
+    if checkpoint is series is None:
+        raise InputError(
+            f"{named('every')} has no effect without {named('checkpoint')} or {named('measure')}"
+        )
+    files = {"every": checkpoint, "measure_every": series}
+    return {name: every for name, file in files.items() if file is not None}
+
+
 def _path_relative_to(checkpoint: Path, field: str, stored: Any) -> str | None:
     """Return the path of a file that is stored relative to a checkpoint; None if none is stored."""
     if stored is None:

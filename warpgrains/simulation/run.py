@@ -1,12 +1,11 @@
-"""Execution of a run: many steps with their outputs.
-
-The checkpoints of a run let another process resume it.
-"""
+"""The run of one scene, with its outputs, its end and its checkpoints, and the loop that advances runs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from math import ceil
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Protocol
@@ -18,9 +17,9 @@ from warpgrains.base.console import progress_bar
 from warpgrains.base.errors import InputError
 from warpgrains.base.frame_log import is_complete
 from warpgrains.drawing.kinds import Output
-from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
-from warpgrains.simulation.options import RunOptions
-from warpgrains.simulation.until import CountedRun, criterion, steps_to
+from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_checkpoint, write_checkpoint
+from warpgrains.simulation.options import RunOptions, require_needed, spacing, steps_of
+from warpgrains.simulation.until import TEST_INTERVAL, criterion
 from warpgrains.solver.statistics import Summary, named
 from warpgrains.space.region import table_of
 
@@ -29,6 +28,11 @@ if TYPE_CHECKING:
     from warpgrains.scene.state import State
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.loaded_scene import LoadedScene
+
+
+SPACED = ("checkpoint", "series")
+SEARCHES = 0.05  # largest share of the time of steps that have not converged
+LEAST_TIME = 8e-9  # of an iteration, for a grain [s]
 
 
 class Observer(Protocol):
@@ -51,33 +55,51 @@ def require_observer(observer: Observer) -> None:
     checks.whole_number("observer.every", getattr(observer, "every", None))
 
 
-class OpenRun(CountedRun):
-    """A run between two steps, with what it writes.
+class SceneRun:
+    """The run of one scene, which alone knows after how many steps an output or its end is due.
 
-    `statistics` are those of the steps done, given if the run is resumed; their number of frames is the
-    number of the next one. `first_step` is the number of time steps before the run. The checkpoint
-    `is_locked` if the caller has locked it. `first_scene` is that at the start of the run, if grains came or
-    went since: outputs and end criteria depend on it.
+    Attributes
+    ----------
+    scene : Scene
+    options : RunOptions
+    first_scene : Scene
+        Scene at the start of the run, of which outputs and end criteria are, if grains came or went since.
+    first_step : int
+        Number of time steps before the run.
+    state : State or None
+        State from which the run continues; None at the start of the scene.
+    statistics : Summary
+        Statistics of the steps done. Their number of frames is the number of the next one.
+    until : EndCriterion or None
+    observer : Observer or None
+    error : str or None
+        Reason why the run has failed.
+    flows : dict
+        Grains that came and went at the end, by "sources" and "sinks".
     """
 
-    def __init__(
+    def __init__(self, scene: Scene, options: RunOptions, first_step: int = 0) -> None:
+        self._begin(scene, options, first_step)
+
+    def _begin(
         self,
         scene: Scene,
         options: RunOptions,
-        statistics: Summary | None = None,
         first_step: int = 0,
-        *,
-        is_locked: bool = False,
+        state: State | None = None,
+        statistics: Summary | None = None,
         first_scene: Scene | None = None,
     ) -> None:
+        """Begin the run, or continue it after the steps of its statistics, if they are given."""
+        self.scene, self.options, self.first_step, self.state = scene, options, first_step, state
+        self.statistics, self._is_resumed = statistics or Summary(), statistics is not None
         self.first_scene = first_scene or scene
-        super().__init__(options.steps, statistics or Summary(), criterion(options.until, self.first_scene))
-        self.scene, self.options, self.first_step = scene, options, first_step
-        self._is_resumed, self._is_locked = statistics is not None, is_locked
-        self.observer: Observer | None = None
+        self.until, self.times = criterion(options.until, self.first_scene), options.times(scene, first_step)
         self.flows: dict[str, list[Any]] = {}
+        self.observer: Observer | None = None
         self.output: Output | None = None
-        self.times = options.times(scene, first_step)
+        self.error: str | None = None
+        self._begun_at: float | None = None
         if statistics is not None and self.missing_frames:
             after, due = f"after {statistics.steps} steps", statistics.frames + self.missing_frames
             raise InputError(f"the checkpoint counts {statistics.frames} frames {after}: there are {due}")
@@ -89,10 +111,9 @@ class OpenRun(CountedRun):
         The log of a resumed run is truncated to the frames that its statistics count, which is idempotent.
         InputError if a file cannot be written, or the scene cannot have a measured quantity.
         """
-        options = self.options
         with ExitStack() as held:
-            if options.checkpoint is not None and not self._is_locked:
-                held.enter_context(lock_checkpoint(Path(options.checkpoint)))
+            self._lock(held)
+            options = self.options
             if options.measure is not None:
                 from warpgrains.analysis.quantities import require_quantities
                 from warpgrains.analysis.series import Series
@@ -104,6 +125,7 @@ class OpenRun(CountedRun):
                     options.measure_every,
                     options.series,
                     resume_at=resume_at,
+                    first_step=self.first_step,
                     region=region,
                     mean=options.mean,
                 )
@@ -113,24 +135,25 @@ class OpenRun(CountedRun):
             has_all_frames = self._is_resumed and self.has_ended and is_complete(path)
             if kind is not None and not has_all_frames:
                 resume_at = self.statistics.frames if self._is_resumed else None
-                self.output = held.enter_context(
-                    kind.opened(self.first_scene, options, self.times, resume_at)
-                )
+                self.output = held.enter_context(kind.opened(self.first_scene, options, self.times, resume_at))
             yield
             at_end = perf_counter()
         self.statistics.seconds += perf_counter() - at_end
+
+    def _lock(self, held: ExitStack) -> None:
+        if self.options.checkpoint is not None:
+            held.enter_context(lock_checkpoint(Path(self.options.checkpoint)))
+
+    @property
+    def has_ended(self) -> bool:
+        """True if all steps are done, the end criterion is met, or the run has failed."""
+        statistics = self.statistics
+        return self.error is not None or statistics.met or statistics.steps >= self.options.steps
 
     @property
     def missing_frames(self) -> int:
         """Number of frames up to the present step that are not recorded; 0 if a run can be resumed there."""
         return 0 if self.times is None else self.times.count(self.statistics.steps) - self.statistics.frames
-
-    @property
-    def _step_of_next_frame(self) -> int:
-        """Step of the run after which a frame is due: the last one, if there are not several frames."""
-        if self.output is None or self.times is None:
-            return self.statistics.steps if self.has_ended else self.steps
-        return self.times.step(self.statistics.frames)
 
     @property
     def lowered_rate(self) -> str | None:
@@ -144,89 +167,180 @@ class OpenRun(CountedRun):
         return f"fps {fps:g} cannot be met: {reason}"
 
     @property
-    def steps_to_output(self) -> int:
-        """Number of steps to the next frame or observation, or to the end of the run."""
+    def steps_due(self) -> int:
+        """Number of steps to the next output, checkpoint or test of the end criterion; 0 at the end."""
+        if self.has_ended:
+            return 0
         steps = self.statistics.steps
-        left = min(self.steps, self._step_of_next_frame) - steps
-        if self.observer is None:
-            return left
-        return min(left, steps_to(self.observer.every, self.first_step + steps))
+        due = [self.options.steps, *([] if self.until is None else [_next(TEST_INTERVAL, steps)])]
+        if self.output is not None and self.times is not None:
+            due.append(self.times.step(self.statistics.frames))
+        if self.observer is not None:
+            due.append(_next(self.observer.every, self.first_step + steps) - self.first_step)
+        if self._saves_itself:
+            due.append(_next(self.options.every, steps))
+        return min(due) - steps
 
-    def record(self, now: LoadedScene) -> None:
-        steps = self.statistics.steps
+    @property
+    def _saves_itself(self) -> bool:
+        return self._begun_at is not None and self.options.checkpoint is not None
+
+    def count(self, done: Summary, now: LoadedScene) -> None:
+        """Count steps, at most `steps_due`, and end the run if its end criterion is met after them."""
+        statistics = self.statistics
+        statistics.add(done)
+        self.error = statistics.error = done.error
+        if self.until is None or done.steps == 0:
+            return
+        statistics.met = False
+        if statistics.steps % TEST_INTERVAL == 0:
+            held = statistics.held + TEST_INTERVAL if statistics.held else 1
+            statistics.held = held if self.until.condition(now) else 0
+            statistics.met = statistics.held > self.until.steps
+
+    def write_due(self, now: LoadedScene) -> None:
+        """Measure, record and save what is due after the present step."""
+        statistics, steps = self.statistics, self.statistics.steps
         if self.observer is not None and (self.first_step + steps) % self.observer.every == 0:
             self.observer.observe(now)
-        if self.output is not None and steps == self._step_of_next_frame:
-            left = 0.0 if self.times is None else self.times.left(self.statistics.frames)
-            self.output.record(snapshot_of(now, left, self.output.needs_contacts))
-            self.statistics.frames += 1
+        if self.output is not None:
+            is_due = self.has_ended if self.times is None else steps == self.times.step(statistics.frames)
+            if is_due:
+                left = 0.0 if self.times is None else self.times.left(statistics.frames)
+                self.output.record(snapshot_of(now, left, self.output.needs_contacts))
+                statistics.frames += 1
+        if self._begun_at is not None:
+            statistics.seconds = perf_counter() - self._begun_at
+        if self._saves_itself and (steps % self.options.every == 0 or self.has_ended):
+            self.save(now.state(), now.scene)
 
-    def flush_and_checkpoint(self, state: State, scene: Scene | None = None) -> Checkpoint:
-        """Return a checkpoint, after flushing the frames and measurements that it counts to the disk.
-
-        `scene` is that of the state, if grains came or went.
-        """
+    def save(self, state: State, scene: Scene) -> None:
+        """Write a checkpoint, after flushing the frames and measurements that it counts to the disk."""
+        assert self.options.checkpoint is not None
         if self.output is not None:
             self.output.flush()
         if self.observer is not None:
             self.observer.flush()
             self.statistics.means = getattr(self.observer, "means", ())
-        scene = scene or self.scene
-        start = None if scene is self.first_scene else self.first_scene
-        return Checkpoint(scene, state, self.options, self.statistics, start)
+        first = None if scene is self.first_scene else self.first_scene
+        kept = Checkpoint(scene, state, self.options, self.statistics, first)
+        write_checkpoint(Path(self.options.checkpoint), kept)
+
+    def carry_out(self, simulation: Simulation, progress: bool) -> Summary:
+        """Do the remaining steps of an opened run, and return its summary.
+
+        Warns if a new output cannot have as many frames per second as requested, if grains cannot fit, and if
+        the run ended before its end criterion was met.
+        """
+        statistics = self.statistics
+        if self.lowered_rate is not None:
+            warn(self.lowered_rate, stacklevel=3)
+        self._begun_at = perf_counter() - statistics.seconds
+        with progress_bar(self.options.steps, statistics.steps, progress) as bar:
+
+            def advance(due: list[int]) -> list[tuple[int, Summary]]:
+                done = simulation.advance(due[0], bar.update, simulation.failures_to_search)
+                simulation.failures_to_search -= done.unconverged
+                if simulation.failures_to_search == 0:
+                    _search_for_wedged_grains(simulation)
+                return [(0, done)]
+
+            try:
+                for _ in advance_runs([self], [simulation], advance):
+                    pass
+            finally:
+                if self.observer is not None:
+                    self.observer.flush()
+        statistics.seconds = perf_counter() - self._begun_at
+        self.flows = {"sources": simulation.inflow, "sinks": simulation.outflow}
+        if self.until is not None and not statistics.met:
+            time = f"{simulation.time:g} s of simulated time"
+            warn(f"{self.until.name} was not reached within {time}", stacklevel=3)
+        return replace(statistics, output=self.options.record)
 
 
-def _warn_of_wedged_grains(simulation: Simulation) -> bool:
-    """Warn if the last step has no solution, as far as a search can prove it; return True then."""
-    grains = simulation.infeasible_grains()
-    if grains:
-        warn(f"step {simulation.steps}: {named(grains)} cannot fit", stacklevel=4)
-    return bool(grains)
+class ResumedRun(SceneRun):
+    """A run that continues from a checkpoint to a total number of steps or duration [s], or to its end.
 
-
-def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
-    """Do the remaining steps of an opened run and update its statistics.
-
-    Warns if a new output cannot have as many frames per second as requested, if grains cannot fit (once;
-    searched for after the first unconverged step, and whenever their number has doubled), and if the run
-    ended before its end criterion was met.
+    It keeps its options, except the checkpoint and its interval. If the checkpoint is that of a state, a run
+    with these options begins. `named` returns the names of options in messages. `opened` reads the checkpoint
+    again when it has locked it.
     """
-    statistics, until, every = run.statistics, run.until, run.options.every
-    if run.lowered_rate is not None:
-        warn(run.lowered_rate, stacklevel=3)
-    kept = None if run.options.checkpoint is None else Path(run.options.checkpoint)
-    start = perf_counter() - statistics.seconds
 
-    def measure_time() -> None:
-        statistics.seconds = perf_counter() - start
+    def __init__(
+        self,
+        path: str | Path,
+        steps: int | None,
+        duration: float | None,
+        given: dict[str, Any],
+        named: Callable[[str], str] = str,
+    ) -> None:
+        self._path, self._end, self._named, self._given = Path(path), (steps, duration), named, {**given}
+        self._every = self._given.pop("every", None)
+        self._read()
 
-    def write_due() -> None:
-        with simulation.observed():
-            run.record(simulation)
-        measure_time()
-        if kept is not None and (statistics.steps % every == 0 or run.has_ended):
-            write_checkpoint(kept, run.flush_and_checkpoint(simulation.state(), simulation.scene))
+    def _read(self) -> None:
+        start = read_checkpoint(self._path)
+        options, statistics, done = start.options, start.statistics, start.state.steps
+        if options is None:
+            require_needed(self._given, self._named)
+        for name in [] if options is None else [name for name in self._given if name != "checkpoint"]:
+            flag = self._named(name)
+            raise InputError(f"{flag} cannot be combined with --resume: a resumed run keeps its options")
+        end = start.scene.steps if options is None else start.first_step + options.steps
+        if self._end != (None, None):
+            end = steps_of(start.scene, *self._end)
+            statistics.met = statistics.met and end == done  # the run continues after its end criterion
+        if end < done:
+            raise InputError(f"the run cannot end at step {end}: its checkpoint is already at step {done}")
+        checkpoint, series = (self._given.get(name) or getattr(options, name, None) for name in SPACED)
+        given = self._given | spacing(self._every, checkpoint, series, self._named)
+        given["steps"] = end - start.first_step
+        if options is None:
+            self._begin(start.scene, RunOptions(**given), done, start.state)
+        else:
+            options = replace(options, **given)
+            self._begin(start.scene, options, start.first_step, start.state, statistics, start.start)
 
-    wedged = False
-    with progress_bar(run.steps, statistics.steps, progress) as bar:
-        try:
-            write_due()
-            while not run.has_ended:
-                steps = min(run.steps_to_output, run.steps_to_test)
-                if kept is not None:
-                    steps = min(steps, steps_to(every, statistics.steps))
-                unconverged = statistics.unconverged
-                to_search = (1 << unconverged.bit_length()) - unconverged
-                done = simulation.advance(steps, bar.update, to_search)
-                if done.unconverged == to_search:
-                    wedged = wedged or _warn_of_wedged_grains(simulation)
-                with simulation.observed():
-                    run.count(done, simulation)
-                write_due()
-        finally:
-            if run.observer is not None:
-                run.observer.flush()
-    measure_time()
-    run.flows = {"sources": simulation.inflow, "sinks": simulation.outflow}
-    if until is not None and not statistics.met:
-        warn(f"{until.name} was not reached within {simulation.time:g} s of simulated time", stacklevel=3)
+    def _lock(self, held: ExitStack) -> None:
+        if self._is_resumed:
+            held.enter_context(lock_checkpoint(self._path))
+            self._read()  # the run may have continued before the lock was acquired
+            if Path(self.options.checkpoint or "").resolve() == self._path.resolve():
+                return
+        super()._lock(held)
+
+
+def advance_runs(
+    runs: Sequence[SceneRun],
+    scenes: Sequence[LoadedScene],
+    advance: Callable[[list[int]], Iterable[tuple[int, Summary]]],
+) -> Iterator[None]:
+    """Advance each run from one output to the next, to its end or failure; yield after all have advanced.
+
+    `advance` advances each scene by its number of steps, and returns the summaries of those that have
+    advanced, by number.
+    """
+    for run, now in zip(runs, scenes, strict=True):
+        with now.observed():
+            run.write_due(now)
+    while any(due := [run.steps_due for run in runs]):
+        for k, done in advance(due):
+            with scenes[k].observed():
+                runs[k].count(done, scenes[k])
+                runs[k].write_due(scenes[k])
+        yield
+
+
+def _search_for_wedged_grains(simulation: Simulation) -> None:
+    """Warn if a search proves that the last step has no solution; set when the next search is due."""
+    begun_at, scene = perf_counter(), simulation.scene
+    if grains := simulation.infeasible_grains():
+        warn(f"step {simulation.steps}: {named(grains)} cannot fit", stacklevel=6)
+    failure = LEAST_TIME * scene.n * scene.max_iterations
+    simulation.failures_to_search = ceil((perf_counter() - begun_at) / (SEARCHES * failure))
+
+
+def _next(every: int, steps: int) -> int:
+    """Return the next multiple of `every` after step `steps`."""
+    return steps - steps % every + every

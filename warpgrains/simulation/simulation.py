@@ -36,7 +36,7 @@ from warpgrains.simulation.checkpoint import (
 from warpgrains.simulation.exchange import exchanged
 from warpgrains.simulation.options import OPTIONS, Outputs, RunOptions, steps_of
 from warpgrains.simulation.population import Population
-from warpgrains.simulation.run import Observer, OpenRun, carry_out, require_observer
+from warpgrains.simulation.run import Observer, ResumedRun, SceneRun, require_observer
 from warpgrains.simulation.until import EndCriterion, Question, criterion
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
@@ -138,7 +138,7 @@ class Simulation(LoadedScene, Shown):
         if state is not None:
             require_state(state, scene)
         self._device, self._threads_wanted = find_device(device), threads
-        self._use = ExclusiveUse("simulation")
+        self._use, self.failures_to_search = ExclusiveUse("simulation"), 1
         self._begin(scene, first_state(scene) if state is None else state)
         if state is None:
             warn_of_overlaps([scene])
@@ -517,7 +517,7 @@ class Simulation(LoadedScene, Shown):
             Object that measures during the run, such as a `warpgrains.analysis.Series`.
             ``observe(simulation)`` is called at multiples of its ``every`` steps, ``flush()`` before a
             checkpoint and at the end. It may read the simulation, but neither advance nor change it.
-            Checkpoints do not hold it: `run --resume` continues without it.
+            Checkpoints do not hold it: `resume` continues without it.
         progress : bool
             Whether to show a progress bar on standard error.
         style : str or Path, optional
@@ -550,7 +550,7 @@ class Simulation(LoadedScene, Shown):
             until=until if isinstance(until, str) else None,
             **with_style(cast(dict[str, Any], outputs), style),
         )
-        run = OpenRun(self.scene, options, first_step=self.steps)
+        run = SceneRun(self.scene, options, self.steps)
         if not (until is None or isinstance(until, str)):
             run.until = criterion(until, self.scene)
             if options.checkpoint is not None:
@@ -562,8 +562,63 @@ class Simulation(LoadedScene, Shown):
             require_observer(observer)
             run.observer = observer
         with self._use.held(), run.opened():
-            carry_out(self, run, progress)
-        return replace(run.statistics, output=options.record)
+            return run.carry_out(self, progress)
+
+    @classmethod
+    def resume(
+        cls,
+        path: str | Path,
+        steps: int | None = None,
+        duration: float | None = None,
+        *,
+        device: str = "cpu",
+        threads: int | None = None,
+        progress: bool = False,
+        checkpoint: str | Path | None = None,
+        every: int | None = None,
+    ) -> tuple[Self, Summary]:
+        """Continue the run of a checkpoint, with its outputs, to the bits of a run that was not interrupted.
+
+        Parameters
+        ----------
+        path : str or Path
+            The checkpoint. If `save` has written it, a run begins that ends when the scene does.
+        steps : int, optional
+            Total number of steps; or
+        duration : float, optional
+            total simulated time [s]; by default, the run ends as planned.
+        device, threads
+            See `Simulation`.
+        progress : bool
+            Whether to show a progress bar on standard error.
+        checkpoint : str or Path, optional
+            File for the next checkpoints, by default `path`.
+        every : int, optional
+            Steps between two checkpoints, and between two rows of a series; by default as before.
+
+        Returns
+        -------
+        The simulation at the end of the run, and the summary of the whole run.
+
+        Raises
+        ------
+        InputError
+            The checkpoint or an output cannot be read or continued, or the run cannot end there.
+        SimulationError
+            A step failed.
+
+        Examples
+        --------
+        >>> summary = wg.Simulation("annulus").run(steps=20, checkpoint="run.npz")
+        >>> simulation, summary = wg.Simulation.resume("run.npz", steps=50)
+        >>> simulation.steps, summary.steps
+        (50, 50)
+        """
+        given = {"every": every} | ({} if checkpoint is None else {"checkpoint": checkpoint})
+        run = ResumedRun(checks.path("path", path), steps, duration, given)
+        with run.opened():
+            simulation = cls(run.scene, device, threads, run.state)
+            return simulation, run.carry_out(simulation, progress)
 
     def measure(
         self,

@@ -17,7 +17,6 @@ from warpgrains.scene.gravity import TurningGravity
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.loaded_scene import LoadedScene
-    from warpgrains.solver.statistics import Summary
 
 TEST_INTERVAL = 10  # steps between two tests
 FROUDE = 1e-3  # largest speed at rest, in sqrt(g d), d the mean diameter
@@ -37,45 +36,6 @@ class EndCriterion:
     steps: int = 0
     """Number of steps for which the condition must hold."""
     name: str = "the end criterion"
-
-
-@dataclass(eq=False)
-class CountedRun:
-    """A run whose steps are counted, which ends after its last one or when its end criterion is met."""
-
-    steps: int
-    """Planned number of steps. A run whose end criterion is met has ended earlier."""
-    statistics: Summary
-    """Statistics of the steps done."""
-    until: EndCriterion | None = None
-
-    @property
-    def has_ended(self) -> bool:
-        """True if all steps are done, or the end criterion is met."""
-        return self.statistics.met or self.statistics.steps >= self.steps
-
-    @property
-    def steps_to_test(self) -> int:
-        """Number of steps to the next test of the end criterion, or to the end of the run."""
-        left = self.steps - self.statistics.steps
-        return left if self.until is None else min(left, steps_to(TEST_INTERVAL, self.statistics.steps))
-
-    def count(self, done: Summary, now: LoadedScene) -> None:
-        """Count steps, at most `steps_to_test`, and end the run if its end criterion is met after them."""
-        statistics = self.statistics
-        statistics.add(done)
-        if self.until is None or done.steps == 0:
-            return
-        statistics.met = False
-        if statistics.steps % TEST_INTERVAL == 0:
-            held = statistics.held + TEST_INTERVAL if statistics.held else 1
-            statistics.held = held if self.until.condition(now) else 0
-            statistics.met = statistics.held > self.until.steps
-
-
-def steps_to(every: int, steps: int) -> int:
-    """Return the number of steps from step `steps` to the next multiple of `every`."""
-    return every - steps % every
 
 
 def criterion(until: str | Question | EndCriterion | None, scene: Scene) -> EndCriterion | None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from warpgrains.base.arrays import FloatArray, IndexArray
+from warpgrains.base.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.base.errors import SimulationError
 from warpgrains.kernels.record import StepState, StepSums
 from warpgrains.solver.statistics import StepReport, Summary
@@ -30,6 +30,8 @@ class LastSteps(NamedTuple):
     """Sums and maxima over the steps."""
     listed: np.ndarray[Any, Any]
     """Numbers of listed contacts."""
+    left: IntArray
+    """Steps that were not done."""
     seconds: FloatArray
     """Time that the steps took [s]."""
     errors: dict[int, SimulationError]

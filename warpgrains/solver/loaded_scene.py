@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,10 @@ class LoadedScene:
 
     def __init__(self, records: SceneRecords, k: int):
         self._records, self._k = records, k
+
+    def observed(self) -> AbstractContextManager[None]:
+        """Return the context in which callbacks of a run may read the scene."""
+        return nullcontext()
 
     @property
     def scene(self) -> Scene:

@@ -15,7 +15,7 @@ OnFraction = Callable[[float], None]
 
 
 class RunSettings(NamedTuple):
-    """Settings of all runs of a sweep, on which their results depend: a resumed sweep must have the same."""
+    """Settings of all runs of a sweep, on which their files depend: a resumed sweep must have the same."""
 
     measured: tuple[str, ...] = ()
     """Names of measured quantities."""
@@ -23,6 +23,12 @@ class RunSettings(NamedTuple):
     """End criterion of each run, see `criterion`."""
     region: str | None = None
     """Region of the quantities that have one, as a text for `table_of`."""
+    fps: float | None = None
+    """Frames per second of simulated time [1/s]; None if runs are not recorded."""
+    every: int | None = None
+    """Steps between two rows of the series of a run; None without series."""
+    mean: bool = False
+    """Whether rows of series hold means over these steps."""
 
     @property
     def table(self) -> dict[str, Any] | None:
@@ -32,26 +38,14 @@ class RunSettings(NamedTuple):
 
 @dataclass(frozen=True)
 class ExecutionOptions:
-    """Device and threads of runs, and the optional outputs of the runs of a sweep."""
+    """Device and threads of the runs of a sweep, and whether they have folders."""
 
     device: str = "cpu"
     """A Warp device, "cpu" or "cuda:0"."""
     threads: int | None = None
     """OS threads on a CPU; None for as many as there are cores."""
-    fps: float | None = None
-    """Frames per second of simulated time [1/s]; None if runs are not recorded."""
     folders: bool = False
-    """True if every run of a sweep has a folder, even a short one."""
-    measure_every: int | None = None
-    """Steps between two rows of the series of a run; None without series."""
-    mean: bool = False
-    """Whether rows of series hold means over these steps."""
-
-    @property
-    def needs_folders(self) -> bool:
-        """True if each run of a sweep has a folder; else those that take longer than a group have one."""
-        is_asked_for = self.folders or self.fps is not None or self.measure_every is not None
-        return is_asked_for or self.device != "cpu"
+    """Whether every run has a folder; else those that take longer than a group have one."""
 
 
 def next_size(size: int, seconds: float, wanted: float, most: float, least: int = 1) -> int:

@@ -21,19 +21,15 @@ from warpgrains.base.warp_start import find_device
 from warpgrains.batch.loaded_scenes import team_size
 from warpgrains.scene.reader import document_fields
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import first_state
-from warpgrains.simulation.checkpoint import Checkpoint
-from warpgrains.simulation.until import CountedRun, criterion
 from warpgrains.solver.memory import OutOfMemoryError
 from warpgrains.solver.service import exact_solver
-from warpgrains.solver.statistics import Summary
 from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
-from warpgrains.sweep.group import Group, GroupedRun
+from warpgrains.sweep.group import Group
 from warpgrains.sweep.results import failure
-from warpgrains.sweep.run_folder import FolderRun, run_options
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder
+from warpgrains.sweep.sweep_run import SweepRun
 
 LIMIT = 20.0  # largest duration of a group [s]
 GROUP = 1.0  # intended duration [s]
@@ -85,17 +81,17 @@ class Runner:
     ):
         self.held = ExitStack()
         self.reasons: dict[int, str] = {}
-        self._waiting, self._begun, self._alone = deque(runs), deque[GroupedRun](), deque[GroupedRun]()
-        self._folder, self._execution, self._on_progress = folder, execution, on_progress
+        self._waiting, self._begun, self._alone = deque(runs), deque[SweepRun](), deque[SweepRun]()
+        self._folder, self._has_folders, self._on_progress = folder, execution.folders, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self.narrowest = max(LEAST_WIDTH, self._threads)
-        self.widest = WIDTH_OF_FOLDERS if execution.needs_folders else WIDTH
+        self.widest = WIDTH_OF_FOLDERS if execution.folders else WIDTH
         self._cache: dict[tuple[BaseScene, str], Scene] = {}
         folder.shards.path.mkdir(parents=True, exist_ok=True)
         self._locks = RunLocks(folder.shards.path / ".claims")
         self.held.callback(self._locks.close)
 
-    def choose(self, width: int) -> Sequence[Run | GroupedRun]:
+    def choose(self, width: int) -> Sequence[Run | SweepRun]:
         """Return the runs of the next group: those that are begun, if they suffice, or new ones."""
         if self._alone:
             return [self._alone.popleft()]
@@ -103,9 +99,9 @@ class Runner:
         source: deque[Any] = self._begun if is_enough else self._waiting
         return [source.popleft() for _ in range(min(width, len(source)))]
 
-    def prepare(self, chosen: Sequence[Run | GroupedRun]) -> Group:
+    def prepare(self, chosen: Sequence[Run | SweepRun]) -> Group:
         """Load runs into memory. Another thread calls it while the group before is advanced."""
-        group = Group([one for one in chosen if isinstance(one, GroupedRun)])
+        group = Group([one for one in chosen if isinstance(one, SweepRun)])
         self._begin([one for one in chosen if isinstance(one, Run)], group)
         if group.members and not group.members[0].is_alone:
             with suppress(OutOfMemoryError):  # `load` tries again without the group before
@@ -138,8 +134,8 @@ class Runner:
                 if run.number not in free:
                     raise LockedError("another process has it")
                 one = self._member(run)
-                if self._execution.needs_folders or run.number in with_folders:
-                    self._open_folder(one, Summary())
+                if self._has_folders or run.number in with_folders:
+                    self._open_folder(one)
                     self._on_progress(one.progress)
                 (self._alone if one.is_alone else group.members).append(one)
             except (LockedError, MissingExtraError, OSError) as error:
@@ -149,15 +145,11 @@ class Runner:
                 group.ended[run.number] = run.labels(), failure(str(error), self._folder.settings)
                 self._on_progress(1.0)
 
-    def _member(self, run: Run) -> GroupedRun:
+    def _member(self, run: Run) -> SweepRun:
         scene, settings = self._scene(run), self._folder.settings
         exact_solver(scene.method)
-        until = criterion(settings.until, scene)
         require_quantities(settings.measured, scene, settings.table)
-        counted = None if until is None else CountedRun(scene.steps, Summary(), until)
-        return GroupedRun(
-            run, run.labels(), scene, counted, team_size(scene, self._device, self._threads) > 1
-        )
+        return SweepRun(run, scene, settings, team_size(scene, self._device, self._threads) > 1)
 
     def _scene(self, run: Run) -> Scene:
         """Return the scene of a run, derived from a cached one with the same grains and walls, if any."""
@@ -179,14 +171,9 @@ class Runner:
         self._cache[run.base, repr(of_grains)] = scene
         return scene
 
-    def _open_folder(self, one: GroupedRun, statistics: Summary) -> None:
-        """Give a run a folder. If that has a checkpoint, the run continues from it."""
-        folder = self._folder.of(one.run)
-        scene = one.scene.replace(text=one.run.text(f"../../{GRAINS}"))
-        options = run_options(folder, scene.steps, self._folder.settings, self._execution)
-        start = Checkpoint(scene, one.state or first_state(scene), options, statistics)
-        one.counted = opened = FolderRun.open(folder, start, self.held)
-        one.scene, one.state = opened.scene, opened.start
+    def _open_folder(self, one: SweepRun) -> None:
+        text = one.run.text(f"../../{GRAINS}")
+        one.open(self._folder.of(one.run), text, self._folder.settings, self.held)
 
     def carry_out(self, group: Group) -> None:
         """Advance a group, write the results of the runs that have ended or failed, and keep the others."""
@@ -204,17 +191,17 @@ class Runner:
         self._locks.release(group.ended)
         done = group.ended.keys() | self.reasons.keys()
         left = [k for k, one in enumerate(members) if one.run.number not in done]
-        left = [k for k in left if self._has_folder(members[k], group.statistics(k))]
+        left = [k for k in left if self._has_folder(members[k])]
         group.save(left)
         for one in (members[k] for k in reversed(left)):
             (self._alone if one.is_alone else self._begun).appendleft(one)
         on_progress(len(members) - len(left) + sum(members[k].progress for k in left) - reported)
 
-    def _has_folder(self, one: GroupedRun, statistics: Summary) -> bool:
+    def _has_folder(self, one: SweepRun) -> bool:
         """Give a run that takes long a folder, unless it has one; return False if that is impossible."""
         try:
             if one.folder is None:
-                self._open_folder(one, statistics)
+                self._open_folder(one)
         except (InputError, OSError) as error:
             self.reasons[one.run.number] = str(error)
         return one.folder is not None

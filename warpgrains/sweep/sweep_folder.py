@@ -5,7 +5,7 @@ results.csv        the results of all runs that are finished; timing.csv, how lo
 settings.json      the settings of all runs, see `RunSettings`, and their scenes and axes
 scenes/NAME.toml   the common part of the runs of a scene; their values on the axes are in their results
 parts/             results of runs, see `ResultShards`
-runs/00042/        outputs and checkpoint of a run, see `FolderRun`
+runs/00042/        outputs and checkpoint of a run, see `SweepRun`
 grains/            copies of files of grains
 ================== ==========================================================================================
 """
@@ -63,9 +63,8 @@ class SweepFolder:
 
     def _settings_of(self, sweep: Sweep) -> dict[str, Any]:
         """Return the content of the settings' file, which is no TOML: in a folder, that would be a scene."""
-        settings = self.settings
-        own = {"measure": list(settings.measured), "until": settings.until, "region": settings.region}
-        return own | {"runs": sweep.plan}
+        own = self.settings._asdict()
+        return {"measure": list(own.pop("measured")), **own, "runs": sweep.plan}
 
     def create_or_check(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
         """Create the folder, or check that a share of runs may continue; rename damaged shards."""
