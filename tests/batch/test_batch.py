@@ -105,6 +105,23 @@ def test_scenes_with_other_walls_end_in_other_groups() -> None:
     ]
 
 
+def test_scenes_with_other_settings_share_their_grains(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are not checked again, and neither counted nor loaded one by one."""
+    course = Scene.load("annulus")
+    scenes = [course.replace(drag=0.1 + 0.001 * k, dt=0.005) for k in range(10)]
+    assert all(scene.position is course.position for scene in scenes)
+    again = [replace(scene) for scene in scenes]  # checked completely
+    assert [contents(one) for one in again] == [contents(one) for one in scenes]
+    counted: list[Scene] = []
+    count = Scene.count_overlaps
+    monkeypatch.setattr(Scene, "count_overlaps", lambda scene: counted.append(scene) or count(scene))
+    monkeypatch.setattr(LoadedScenes, "load", None)
+    Batch(again, threads=1)
+    assert len(counted) == 1
+    with pytest.raises(InputError, match="in one step, drag 100"):
+        course.replace(drag=100.0)
+
+
 def test_own_durations_and_other_spans() -> None:
     scene = Scene.load("annulus")
     batch = Batch([scene.replace(duration=0.1), scene.replace(duration=0.4, dt=0.02)], threads=1)

@@ -14,7 +14,7 @@ from hard_scenes import SOON
 from same_bits import contents, run_of
 from sample_scenes import bullet, dense_start, random_scene
 
-from warpgrains import Scene, Simulation, SimulationError, analysis
+from warpgrains import Batch, Scene, Simulation, SimulationError, analysis
 from warpgrains.scene.fields import ORDERS
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import VERLET_NUMBERS
@@ -220,3 +220,24 @@ def test_a_scene_of_the_present_falls_on(fields):
         assert np.abs(anew.position - whole.position).max() < 2000 * np.finfo(float).eps
         assert np.abs(anew.spin - whole.spin).max() < 2000 * np.finfo(float).eps * 20.0
         anew = Simulation(anew.present_scene)
+
+
+LOADERS = {
+    "made": lambda scene, state: Simulation(scene, state=state),
+    "restored": lambda scene, state: Simulation(scene).restore(state),
+    "in a batch": lambda scene, state: Batch([scene]).restore(0, state),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("load", LOADERS.values(), ids=LOADERS)
+def test_a_state_with_overlaps_is_named(load):
+    """But none of a run, whose overlaps are of second order in the paths of a step."""
+    simulation = Simulation("annulus")
+    for _ in range(8):
+        simulation.advance(50)
+        load(simulation.scene, simulation.state())
+    position = simulation.position.copy()
+    position[0] = position[1] + (1e-3, 0.0)
+    with pytest.warns(UserWarning, match=r"grains of the state overlap by up to 2\.0e-01 m, which the next"):
+        load(simulation.scene, replace(simulation.state(), position=position))

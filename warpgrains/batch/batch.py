@@ -16,7 +16,7 @@ from warpgrains.base.shown import Shown, number_of
 from warpgrains.base.turns import NOTHING, READ, ExclusiveUse
 from warpgrains.base.warp_start import find_device
 from warpgrains.batch.loaded_scenes import LoadedScenes, StepsTaken
-from warpgrains.scene.compatibility import warn_of_overlaps
+from warpgrains.scene.compatibility import warn_of_overlaps, warn_of_overlaps_of
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
 from warpgrains.simulation.options import RunOptions, steps_of
@@ -316,6 +316,7 @@ class Batch(Shown):
         require_state(state, self.scenes[k])
         with self._use.held(READ):
             self._loaded.load(k, state)
+        warn_of_overlaps_of(state, self.scenes[k])
 
     def _number(self, k: int) -> int:
         return checks.whole_number("k", k, least=0, most=len(self) - 1)

@@ -12,7 +12,7 @@ from warpgrains.base.arrays import FloatArray, IndexArray
 from warpgrains.base.errors import SimulationError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.sources import require_closed
-from warpgrains.scene.state import State, first_state
+from warpgrains.scene.state import State
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
@@ -92,8 +92,6 @@ class LoadedScenes:
         place = {k: (e, index) for e, numbers in enumerate(alike) for index, k in enumerate(numbers.tolist())}
         self._place = [place[k] for k in range(len(scenes))]
         self.scenes = [self._engines[e][0].scenes[index] for e, index in self._place]
-        for k, scene in enumerate(scenes):
-            self.load(k, first_state(scene))
 
     def load(self, k: int, state: State) -> None:
         """Continue scene k from a state."""

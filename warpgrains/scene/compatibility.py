@@ -21,6 +21,7 @@ from warpgrains.walls.row import Row
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
+    from warpgrains.scene.state import State
 
 LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody is warned
 ROUNDED = 1e-9  # of a number of steps of a row, and of a width in periods
@@ -225,12 +226,28 @@ def allowed_overlap(scene: Scene) -> float:
     return max(TOLERANCES * scene.tolerance * scene.dt, LEAST_WARNED * scene.smallest_radius)
 
 
+def warn_of_overlaps_of(state: State, scene: Scene) -> None:
+    """Warn if grains of a state overlap by more than a step leaves: the square of its path over a radius."""
+    walls = None if state.driven is None else state.driven[:, 0]
+    now = scene.with_walls_at(walls).starting_at(scene.time_after(state.steps), position=state.position)
+    speeds = [wall.speed + abs(wall.angular_velocity) * wall.farthest(wall.about) for wall in scene.walls]
+    speeds += [] if state.driven is None else np.abs(state.driven[:, 1]).tolist()
+    path = scene.dt * (float(np.hypot(*state.velocity.T).max()) + max(speeds, default=0.0))
+    overlap = now.count_overlaps().largest
+    if overlap > allowed_overlap(scene) + path**2 / scene.smallest_radius:
+        warn(
+            f"grains of the state overlap by up to {overlap:.1e} m, which the next step turns into"
+            f" {overlap / scene.dt:.1e} m/s",
+            stacklevel=3,
+        )
+
+
 def warn_of_overlaps(scenes: Sequence[Scene]) -> None:
     """Warn if grains of scenes overlap at the start; of several scenes, name the worst."""
     of_start: dict[Any, float] = {}  # many scenes of a batch start alike
     overlap = []
     for scene in scenes:
-        key = scene.boundary, scene.time, id(scene.walls), scene.position.tobytes(), scene.radius.tobytes()
+        key = scene.boundary, scene.time, scene.walls, scene.position.tobytes(), scene.radius.tobytes()
         if key not in of_start:
             of_start[key] = scene.count_overlaps().largest
         overlap.append(of_start[key])

@@ -21,7 +21,7 @@ from warpgrains.base.warp_start import find_device
 from warpgrains.drawing.kinds import STILL, require_drawing
 from warpgrains.drawing.looks import LOOKS, Look, Looks, with_style
 from warpgrains.drawing.painter import Painter
-from warpgrains.scene.compatibility import warn_of_overlaps
+from warpgrains.scene.compatibility import warn_of_overlaps, warn_of_overlaps_of
 from warpgrains.scene.fields import SceneChanges
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.sources import Inflow, Outflow, steps_to_exchange
@@ -142,6 +142,8 @@ class Simulation(LoadedScene, Shown):
         self._begin(scene, first_state(scene) if state is None else state)
         if state is None:
             warn_of_overlaps([scene])
+        else:
+            warn_of_overlaps_of(state, scene)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.scene, self._device.alias, self._threads_wanted, self.state())
@@ -489,6 +491,7 @@ class Simulation(LoadedScene, Shown):
         require_state(state, self.scene)
         with self._use.held():
             load_state(self._records, 0, state)
+        warn_of_overlaps_of(state, self.scene)
 
     @documented(OPTIONS[name] for name in Outputs.__annotations__)
     def run(

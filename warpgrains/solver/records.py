@@ -17,6 +17,7 @@ from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.search.neighbors import MOST_CONTACTS
 from warpgrains.kernels.sweeps.stopping import StopOn
 from warpgrains.kernels.types import MotionOf
+from warpgrains.scene.state import first_state
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import (
     Block,
@@ -26,6 +27,7 @@ from warpgrains.solver.buffers import (
     copied_memory,
     records_in,
 )
+from warpgrains.solver.loading import load_state
 from warpgrains.solver.memory import require_memory
 from warpgrains.solver.sizes import Sizes, grid_width
 
@@ -72,6 +74,8 @@ class SceneRecords:
             self._memory = self._blocks[0].host.base
         self._write_grains()
         self.write_parameters()
+        for k in np.flatnonzero(sizes.driven).tolist():
+            load_state(self, k, first_state(scenes[k]))
 
     def _place(self, which: IndexArray, sizes: Sizes) -> None:
         """Allocate memory blocks for scenes, and write the addresses of their arrays to the records."""
@@ -184,15 +188,23 @@ class SceneRecords:
         self.host["tuning"]["acceleration"][which] = np.hypot(*self.host["gravity"][which].T)
 
     def _write_grains(self) -> None:
-        """Write radii and masses of the grains of all scenes."""
-        for name in ("radius", "mass", "contact_mass", *(("rim_mass",) if self.sizes.friction else ())):
-            whole = self.together(f"grains.{name}")
-            if whole is not None and not self.sizes.driven.any():
-                values = np.concatenate([getattr(scene, name) for scene in self.scenes])
-                whole[:] = values.reshape(whole.shape)
-                continue
-            for k, scene in enumerate(self.scenes):
-                self.array(k, f"grains.{name}")[: scene.n] = getattr(scene, name)
+        """Write the grains of all scenes at the start, in memory that is zero, without a list."""
+        names = ["radius", "mass", "contact_mass", "position", "velocity"]
+        for name in names + (["rim_mass", "spin"] if self.sizes.friction else []):
+            self._write(f"grains.{name}", [getattr(scene, name) for scene in self.scenes])
+        self._write("grains.last_position", [scene.position for scene in self.scenes])
+        self._write("verlet.skin", [np.full(len(scene.position), tuning.NO_SKIN) for scene in self.scenes])
+        self.host["verlet"]["numbers"]["base_skin"] = [tuning.first_skin(scene) for scene in self.scenes]
+        self.host["control"]["unordered"] = 1
+
+    def _write(self, name: str, values: Sequence[FloatArray]) -> None:
+        """Write the first rows of an array of each scene: those of its grains."""
+        whole = self.together(name)
+        if whole is not None and whole[0].shape == values[0].shape:
+            whole[:] = np.concatenate(values).reshape(whole.shape)
+            return
+        for k, own in enumerate(values):
+            self.array(k, name)[: len(own)] = own
 
     def array(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return an array of scene k, a view that is valid until its list grows."""

@@ -91,16 +91,17 @@ class Sizes:
 
 def _of_walls(scene: Scene) -> tuple[int, ...]:
     """Return `walls` to `weighted` of `Sizes` for one scene."""
+    bodies = scene.bodies
     has_equal_shares = scene.has_equal_masses and not scene.has_driven_walls
     if scene.has_friction:
         has_equal_shares = has_equal_shares and bool((scene.contact_mass == scene.rim_mass).all())
     return (
-        len(scene.bodies),
-        sum(map(len, scene.bodies.joints)),
+        len(bodies),
+        sum(map(len, bodies.joints)),
         any(wall.image for wall in scene.walls),
         any(not isinstance(wall, Rim) for wall in scene.mobile_walls.values()),
         scene.has_driven_walls,
-        scene.bodies.circles[0] > 0.0 or scene.bodies.is_round,
+        bodies.circles[0] > 0.0 or bodies.is_round,
         not has_equal_shares,
     )
 
