@@ -15,14 +15,15 @@ from warpgrains.base.errors import InputError, SimulationError
 from warpgrains.base.shown import Shown, number_of
 from warpgrains.base.turns import NOTHING, READ, ExclusiveUse
 from warpgrains.base.warp_start import find_device
-from warpgrains.batch.loaded_scenes import LoadedScenes, StepsTaken
+from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.scene.compatibility import warn_of_overlaps, warn_of_overlaps_of
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
 from warpgrains.simulation.options import RunOptions, steps_of
 from warpgrains.simulation.run import SceneRun, advance_runs
-from warpgrains.simulation.until import Question, criterion
+from warpgrains.simulation.until import Question
 from warpgrains.solver.advance import OnProgress
+from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.threads import cores
 
@@ -123,7 +124,7 @@ class Batch(Shown):
     def _begin(self, device: str, threads: int | None) -> None:
         self._device, self._threads_wanted = find_device(device), threads
         self._loaded = LoadedScenes(self.scenes, self._device, cores() if threads is None else threads)
-        self._stepped: dict[int, StepsTaken] = {}  # in which scenes took their last steps
+        self._stepped: dict[int, LastSteps] = {}  # in which scenes took their last steps
         self._restored: dict[int, StepReport | None] = {}
         self._turning = [k for k, scene in enumerate(self.scenes) if scene.gravity_rate]
         self._use = ExclusiveUse("batch")
@@ -210,9 +211,9 @@ class Batch(Shown):
         """
         wanted = self._steps_of_each(steps, duration)
         runs: list[SceneRun] = []
-        for most, scene in zip(wanted, [] if until is None else self.scenes, strict=until is not None):
-            runs.append(SceneRun(scene, RunOptions(steps=most)))
-            runs[-1].until = criterion(until, scene)
+        if until is not None:
+            own = zip(self.scenes, wanted, strict=True)
+            runs = [SceneRun(scene, RunOptions(steps=most), until=until) for scene, most in own]
         with progress_bar(sum(wanted), shown=progress) as bar:
             last = self._advance(wanted, gravity, bar.update if progress else None, runs)
         return Results(len(self), lambda k: runs[k].statistics if runs else last.summary(k))
@@ -234,17 +235,16 @@ class Batch(Shown):
         gravity: ArrayLike | None,
         on_progress: OnProgress | None = None,
         runs: Sequence[SceneRun] = (),
-    ) -> StepsTaken:
+    ) -> LastSteps:
         """Advance each scene by its number of steps, or to the end of its run; return the last steps."""
         given = None if gravity is None else self._checked_gravity(gravity)
 
-        last = StepsTaken([], [])
+        last: list[LastSteps] = []
 
         def advance(due: list[int]) -> Iterator[tuple[int, Summary]]:
-            nonlocal last
-            last = self._loaded.advance(due, on_progress)
-            self._stepped |= dict.fromkeys(last.stepped, last)
-            return ((k, last.summary(k)) for k, steps in enumerate(due) if steps)
+            last[:] = [taken := self._loaded.advance(due, on_progress)]
+            self._stepped |= dict.fromkeys(np.flatnonzero(taken.sums["steps"]).tolist(), taken)
+            return ((k, taken.summary(k)) for k, steps in enumerate(due) if steps)
 
         with self._use.held(allowed=NOTHING), ExitStack() as afterwards:
             if given is not None:
@@ -253,7 +253,7 @@ class Batch(Shown):
                 self._loaded.set_gravity(given)
             for _ in advance_runs(runs, self._loaded.scenes, advance) if runs else [advance(steps)]:
                 pass
-        return last
+        return last[0]
 
     def _checked_gravity(self, gravity: ArrayLike) -> FloatArray:
         one = np.iterable(gravity) and not any(map(np.iterable, gravity))

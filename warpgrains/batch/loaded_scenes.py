@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 import warp as wp
 
-from warpgrains.base.arrays import FloatArray, IndexArray
-from warpgrains.base.errors import SimulationError
+from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.sources import require_closed
 from warpgrains.scene.state import State
@@ -20,45 +18,8 @@ from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loading import load_state
 from warpgrains.solver.memory import require_memory
 from warpgrains.solver.sizes import Sizes, kind_of
-from warpgrains.solver.statistics import FinalStates, StepReport, Summary
+from warpgrains.solver.statistics import FinalStates, Sums
 from warpgrains.solver.tuning import paying_threads
-
-
-class StepsTaken(NamedTuple):
-    """Last steps of some scenes, read when they are asked for; later steps do not change them."""
-
-    engines: list[tuple[LastSteps, IndexArray]]
-    """Last steps of the scenes of each engine, and the numbers of these scenes."""
-    place: list[tuple[int, int]]
-    """Engine of each scene, and its index there."""
-
-    @property
-    def errors(self) -> dict[int, SimulationError]:
-        """Reasons why scenes stopped early, by number."""
-        each = (
-            (numbers[k].item(), error) for last, numbers in self.engines for k, error in last.errors.items()
-        )
-        return dict(sorted(each))
-
-    @property
-    def unfinished(self) -> list[int]:
-        """Numbers of the scenes that have not done all steps."""
-        return [k for last, numbers in self.engines for k in numbers[last.left > 0].tolist()]
-
-    @property
-    def stepped(self) -> list[int]:
-        """Numbers of the scenes that took at least one step."""
-        return [k for last, numbers in self.engines for k in numbers[last.sums["steps"] > 0].tolist()]
-
-    def summary(self, k: int) -> Summary:
-        """Return the summary of the steps of scene k."""
-        engine, index = self.place[k]
-        return self.engines[engine][0].summary(index)
-
-    def report(self, k: int) -> StepReport:
-        """Return the report of the last step of scene k, if it took one."""
-        engine, index = self.place[k]
-        return self.engines[engine][0].report(index)
 
 
 def team_size(scene: Scene, device: wp.Device, threads: int) -> int:
@@ -110,7 +71,7 @@ class LoadedScenes:
         for engine, numbers in self._engines:
             engine.records.set_gravity(gravity[numbers])
 
-    def advance(self, steps: Sequence[int], on_progress: OnProgress | None = None) -> StepsTaken:
+    def advance(self, steps: Sequence[int], on_progress: OnProgress | None = None) -> LastSteps:
         """Advance each scene by its number of steps, until `cancel`: first small scenes, then large ones."""
         for engine, numbers in self._engines:
             engine.submit([steps[k] for k in numbers])
@@ -118,9 +79,7 @@ class LoadedScenes:
         small = [engine for engine in engines if engine.team == 1]
         for together in ([small] if small else []) + [[engine] for engine in engines if engine.team > 1]:
             advance(together, self._threads, on_progress)
-        return StepsTaken(
-            [(engine.last_steps.copy(), numbers) for engine, numbers in self._engines], self._place
-        )
+        return LastSteps.joined([(engine.last_steps, numbers) for engine, numbers in self._engines])
 
     def cancel(self) -> None:
         """Stop after the steps under way."""
@@ -128,12 +87,11 @@ class LoadedScenes:
             engine.cancel(abandon=False)
 
     def ends(
-        self, numbers: Iterable[int], summaries: Sequence[Summary] | None = None
+        self, numbers: Iterable[int], done: Callable[[list[int]], Sums]
     ) -> Iterator[tuple[list[int], FinalStates]]:
         """Yield numbers and final states of some scenes, with those together whose arrays have one shape.
 
-        Summaries are those of the last steps, unless they are given for all scenes. It is not for a GPU, see
-        `Engine.ends`.
+        `done` returns the sums over the steps of scenes. It is not for a GPU, see `Engine.ends`.
         """
         of_shape: dict[tuple[int, int, int, bool], list[int]] = {}
         for k in numbers:
@@ -141,5 +99,5 @@ class LoadedScenes:
             shape = self._place[k][0], scene.n, len(scene.walls), scene.bodies.two_circles
             of_shape.setdefault(shape, []).append(k)
         for (e, *_), alike in sorted(of_shape.items()):
-            own = None if summaries is None else [summaries[k] for k in alike]
-            yield alike, self._engines[e][0].ends(np.array([self._place[k][1] for k in alike]), own)
+            which = np.array([self._place[k][1] for k in alike])
+            yield alike, self._engines[e][0].ends(which, done(alike))

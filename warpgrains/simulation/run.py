@@ -19,7 +19,7 @@ from warpgrains.base.frame_log import is_complete
 from warpgrains.drawing.kinds import Output
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions, require_needed, spacing, steps_of
-from warpgrains.simulation.until import TEST_INTERVAL, criterion
+from warpgrains.simulation.until import TEST_INTERVAL, EndCriterion, Question, criterion
 from warpgrains.solver.statistics import Summary, named
 from warpgrains.space.region import table_of
 
@@ -78,8 +78,16 @@ class SceneRun:
         Grains that came and went at the end, by "sources" and "sinks".
     """
 
-    def __init__(self, scene: Scene, options: RunOptions, first_step: int = 0) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        options: RunOptions,
+        first_step: int = 0,
+        until: str | Question | EndCriterion | None = None,
+    ) -> None:
         self._begin(scene, options, first_step)
+        if until is not None:
+            self.until = criterion(until, scene)
 
     def _begin(
         self,

@@ -37,7 +37,7 @@ from warpgrains.simulation.exchange import exchanged
 from warpgrains.simulation.options import OPTIONS, Outputs, RunOptions, steps_of
 from warpgrains.simulation.population import Population
 from warpgrains.simulation.run import Observer, ResumedRun, SceneRun, require_observer
-from warpgrains.simulation.until import EndCriterion, Question, criterion
+from warpgrains.simulation.until import EndCriterion, Question
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.last_steps import LastSteps
@@ -548,19 +548,14 @@ class Simulation(LoadedScene, Shown):
         """
         for name in outputs:
             checks.one_of("option of a run", name, Outputs.__annotations__)
-        options = RunOptions(
-            steps=steps_of(self.scene, steps, duration),
-            until=until if isinstance(until, str) else None,
-            **with_style(cast(dict[str, Any], outputs), style),
-        )
-        run = SceneRun(self.scene, options, self.steps)
-        if not (until is None or isinstance(until, str)):
-            run.until = criterion(until, self.scene)
-            if options.checkpoint is not None:
-                raise InputError(
-                    "until is a function, which a checkpoint cannot hold: use a text such as"
-                    " 'rest,speed=0.01'"
-                )
+        text, question = (until, None) if isinstance(until, str) else (None, until)
+        wanted = steps_of(self.scene, steps, duration)
+        options = RunOptions(steps=wanted, until=text, **with_style(cast(dict[str, Any], outputs), style))
+        run = SceneRun(self.scene, options, self.steps, question)
+        if question is not None and options.checkpoint is not None:
+            raise InputError(
+                "until is a function, which a checkpoint cannot hold: use a text such as 'rest,speed=0.01'"
+            )
         if observer is not None:
             require_observer(observer)
             run.observer = observer

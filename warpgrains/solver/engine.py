@@ -37,7 +37,7 @@ from warpgrains.solver.loading import give_up_step, scene_with_walls
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.service import exact_solver, failure
 from warpgrains.solver.sizes import Sizes, kind_of
-from warpgrains.solver.statistics import FinalStates, Summary, stacked
+from warpgrains.solver.statistics import FinalStates, Sums
 from warpgrains.solver.threads import run_threads
 
 if TYPE_CHECKING:
@@ -125,11 +125,8 @@ class Engine:
         same_kind = kind_of(scene) == kind_of(self.records.scenes[k])
         return scene.method != "exact" and same_kind and self.records.sizes.fits(k, scene)
 
-    def ends(self, which: IndexArray, summaries: Sequence[Summary] | None = None) -> FinalStates:
-        """Return the final states of scenes with equal numbers of grains, on a CPU.
-
-        Summaries are those of the steps since `submit`, unless they are given for each scene.
-        """
+    def ends(self, which: IndexArray, done: Sums) -> FinalStates:
+        """Return the final states of scenes with equal numbers of grains, on a CPU."""
         records, scenes = self.records, [scene_with_walls(self.records, k) for k in which.tolist()]
         dt = records.host["dt"][which]
         contact_mass = records.stacked("grains.contact_mass", which)
@@ -139,7 +136,6 @@ class Engine:
             arrays[name] = records.stacked(f"grains.{name}", which)
         times = (records.host["start_time"][which] + records.host["steps"][which] * dt).tolist()
         grains = Snapshots.of(scenes, times, **arrays)
-        done = self.last_steps.stacked(which) if summaries is None else stacked(summaries)
         return FinalStates(grains, dt, done)
 
     def submit(self, steps: Sequence[int], most_unconverged: int = LARGEST_WHOLE_NUMBER) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from warpgrains.base.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.base.errors import SimulationError
 from warpgrains.kernels.record import StepState, StepSums
-from warpgrains.solver.statistics import StepReport, Summary
+from warpgrains.solver.statistics import StepReport, Summary, Sums
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 STEP = tuple(StepState.vars)  # names of its fields
 SUMS = tuple(StepSums.vars)
 REPORTED = ("iterations", "zeta", "residual", "overlap", "rebuilds", "restarts", "factorizations")
+
+ARRAYS = ("step", "sums", "listed", "left", "seconds")
 
 
 class LastSteps(NamedTuple):
@@ -37,10 +39,16 @@ class LastSteps(NamedTuple):
     errors: dict[int, SimulationError]
     """Reasons why scenes stopped early."""
 
-    def copy(self) -> Self:
-        """Return a copy that later steps do not change."""
-        changing: dict[str, Any] = {name: getattr(self, name).copy() for name in self._fields[1:]}
-        return self._replace(**changing)
+    @classmethod
+    def joined(cls, parts: Sequence[tuple[Self, IndexArray]]) -> Self:
+        """Return a copy of the last steps of several engines, by the numbers of the scenes of each."""
+        order = np.argsort(np.concatenate([numbers for _, numbers in parts]))
+        scenes = [scene for last, _ in parts for scene in last.scenes]
+        own: dict[str, Any] = {
+            name: np.concatenate([getattr(last, name) for last, _ in parts])[order] for name in ARRAYS
+        }
+        errors = {numbers[k].item(): error for last, numbers in parts for k, error in last.errors.items()}
+        return cls([scenes[k] for k in order], errors=dict(sorted(errors.items())), **own)
 
     def report(self, k: int) -> StepReport:
         """Return the report of the last step of scene k."""
@@ -64,7 +72,7 @@ class LastSteps(NamedTuple):
             error=error,
         )
 
-    def stacked(self, which: IndexArray) -> dict[str, np.ndarray[Any, Any]]:
+    def stacked(self, which: Sequence[int]) -> Sums:
         """Return the sums and maxima of scenes as arrays by name, as `statistics.stacked` does."""
         sums = {name: self.sums[name][which] for name in SUMS}
         return {**sums, "seconds": self.seconds[which], "met": np.zeros(len(which), bool)}

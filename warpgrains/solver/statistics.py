@@ -218,7 +218,11 @@ class Summary(Shown):
         }
 
 
-def stacked(summaries: Sequence[Summary]) -> dict[str, NDArray[Any]]:
+Sums = dict[str, NDArray[Any]]
+"""Sums and maxima over steps by name, with the seconds and `met`, shape (m,) each."""
+
+
+def stacked(summaries: Sequence[Summary]) -> Sums:
     """Return the numbers of summaries by name, as arrays of shape (summaries,)."""
     names = [own.name for own in fields(Summary) if isinstance(own.default, int | float)]
     return {name: np.array([getattr(one, name) for one in summaries]) for name in names}
@@ -230,5 +234,4 @@ class FinalStates(NamedTuple):
     grains: Snapshots
     dt: FloatArray
     """[s], shape (m,)."""
-    done: dict[str, NDArray[Any]]
-    """Summaries of the steps by name, shape (m,) each."""
+    done: Sums

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter
 
+import numpy as np
 import warp as wp
 
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.base.files import Row
-from warpgrains.batch.loaded_scenes import LoadedScenes, StepsTaken
+from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.simulation.run import advance_runs
+from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.memory import OutOfMemoryError
-from warpgrains.solver.statistics import Summary
+from warpgrains.solver.statistics import Summary, Sums, stacked
 from warpgrains.sweep.execution import OnFraction, RunSettings
 from warpgrains.sweep.results import RunResult, failure, results
 from warpgrains.sweep.sweep_run import SweepRun
@@ -31,7 +33,7 @@ class Group:
         self.members = members
         self.ended: dict[int, tuple[Row, RunResult]] = {}
         self._loaded: LoadedScenes | None = None
-        self._uncounted: list[int] = []
+        self._uncounted: list[tuple[list[int], Callable[[list[int]], Sums]]] = []
 
     @property
     def is_loaded(self) -> bool:
@@ -57,7 +59,7 @@ class Group:
             if perf_counter() > end:
                 loaded.cancel()
 
-        def take(last: StepsTaken, numbers: Iterable[int]) -> Iterator[tuple[int, Summary]]:
+        def take(last: LastSteps, numbers: Iterable[int]) -> Iterator[tuple[int, Summary]]:
             for k in numbers:
                 done = last.summary(k)
                 if isinstance(last.errors.get(k), OutOfMemoryError) and len(members) > 1:
@@ -74,9 +76,9 @@ class Group:
                     return
             return
         last = loaded.advance([one.steps_due for one in members], poll)
-        for k, done in take(last, last.unfinished):
+        for k, done in take(last, np.flatnonzero(last.left).tolist()):
             members[k].count(done, loaded.scenes[k])
-        self._uncounted = sorted({*range(len(members))} - {*last.unfinished})
+        self._uncounted = [(np.flatnonzero(last.left == 0).tolist(), last.stacked)]
 
     def save(self, chosen: Collection[int]) -> None:
         """Save checkpoints of the present states of runs with a folder, unless they are not loaded."""
@@ -99,8 +101,9 @@ class Group:
         }
         if self._loaded is not None:
             scenes, good = self._loaded.scenes, [k for k in ended if members[k].error is None]
-            for numbers, summaries in ((self._uncounted, None), (good, [one.statistics for one in members])):
-                for alike, ends in self._loaded.ends(numbers, summaries):
+            counted = good, lambda alike: stacked([members[k].statistics for k in alike])
+            for numbers, done in (counted, *self._uncounted):
+                for alike, ends in self._loaded.ends(numbers, done):
                     states = (snapshot(scenes[k]) for k in alike)
                     found |= zip(alike, results(ends, states, settings), strict=True)
         for k in found.keys() - reasons.keys():
