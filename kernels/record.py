@@ -53,16 +53,13 @@ class Phase(IntEnum):
 
     ENDED = 0  # nothing: no step has begun, or the last one has its outcome; the host solves a SLOW one
     FULL = 1  # nothing: the host reserves memory for the list
-    BEGIN = 2  # free velocities
-    SEARCH = 3  # find the candidate contacts
-    START = 4  # freeze contacts, and apply their corrections
-    CORRECTED = 5  # take the velocities that the host's corrections make
-    DECLINED = 6  # go on: the host has found no better corrections
+    SEARCH = 2  # find the candidate contacts
+    START = 3  # freeze contacts, and apply their corrections; at first also free velocities
+    CORRECTED = 4  # take the velocities that the host's corrections make
+    DECLINED = 5  # go on: the host has found no better corrections
+    SCAN = 6  # check the list, measure, and scan all contacts for the working set, before a bout of sweeps
     SWEEP = 7
-    CHECK_LIST = 8  # check the list before all contacts are scanned (working_set.py)
-    MEASURE = 9  # measure the residual; where that is due, it decides, and else it is for a record alone
-    SCAN = 10  # scan all contacts for the working set
-    VERIFY = 11  # verify the list and judge the step: the sweeps have stopped, or the list has not sufficed
+    VERIFY = 8  # verify the list and judge the step: the sweeps have stopped, or the list has not sufficed
 
 
 class Asking(IntEnum):

@@ -38,16 +38,12 @@ def in_phase(*phases: Phase) -> wp.Function:
 
 
 unsolved = in_phase(*set(Phase) - {Phase.ENDED, Phase.FULL})
-beginning = in_phase(Phase.BEGIN)
 searching = in_phase(Phase.SEARCH)
 starting = in_phase(Phase.START)
 answered = in_phase(Phase.CORRECTED, Phase.DECLINED)
 attempting = in_phase(Phase.START, Phase.CORRECTED, Phase.DECLINED)
-sweeping = in_phase(Phase.SWEEP)
-checking_list = in_phase(Phase.CHECK_LIST)
-measuring = in_phase(Phase.MEASURE)
 scanning = in_phase(Phase.SCAN)
-iterating = in_phase(Phase.SWEEP, Phase.CHECK_LIST, Phase.MEASURE, Phase.SCAN)
+sweeping = in_phase(Phase.SWEEP)
 
 
 @wp.func
@@ -139,7 +135,7 @@ def plain_sweeps(kind: Kind) -> list[Stage]:
                 Sets(sweep.sweeping(kind.has_friction, kind.has_rolling, ahead=False)),
                 Serial(sweep.end_sweep),
                 If(verlet.is_sampling_due, [Each(body_count, verlet.sample), Serial(verlet.end_sampling)]),
-                If(measuring, [*recompute(kind), Serial(stopping.end_measurement)]),
+                If(stopping.is_residual_needed, [*recompute(kind), Serial(stopping.end_measurement)]),
             ],
         ),
     ]
@@ -157,27 +153,26 @@ def sweep_ahead(kind: Kind) -> list[Stage]:
 
 
 def accelerated_sweeps(kind: Kind) -> list[Stage]:
-    """Sweep the working set with momentum."""
+    """Sweep the working set with momentum, in bouts between which all contacts are scanned."""
     scatter = Each(chunk_count, working_set.scatter)
+    check_list = [scatter, Each(body_count, working_set.check_peak), Serial(stopping.end_list_check)]
     measure = [
-        scatter,
         *recompute(kind),
         If(stopping.is_measurement_due, [Each(body_count, momentum.take_recomputed_velocity)]),
         Serial(stopping.end_measurement),
     ]
+    scan = [Sets(working_set.select_set), Serial(working_set.end_scan)]
+    record = [scatter, *recompute(kind), Serial(stopping.take_residual)]
+    bout = [*sweep_ahead(kind), If(stopping.is_recorded_during_bout, record)]
     return [
         Each(chunk_count, working_set.empty),
         If(fresh, [Shared(momentum.begin_momentum)]),
         While(
-            iterating,
+            scanning,
             [
-                If(
-                    checking_list,
-                    [scatter, Each(body_count, working_set.check_peak), Serial(stopping.end_list_check)],
-                ),
-                If(measuring, measure),
-                If(scanning, [Sets(working_set.select_set), Serial(working_set.end_scan)]),
-                If(sweeping, sweep_ahead(kind)),
+                *check_list,
+                If(scanning, [If(stopping.is_residual_needed, measure), If(scanning, scan)]),
+                While(sweeping, bout),
             ],
         ),
     ]
@@ -232,7 +227,7 @@ def step(kind: Kind) -> list[Stage]:
     """Return the stages of one step of a kind."""
     return [
         Serial(attempt.begin),
-        If(beginning, [Serial(integrate.begin_step), Each(body_count, integrate.free_velocity)]),
+        If(starting, [Serial(integrate.begin_step), Each(body_count, integrate.free_velocity)]),
         While(
             unsolved,
             [

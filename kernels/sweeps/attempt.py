@@ -24,7 +24,7 @@ from ..record import (
 from ..search.verlet import check_all, outcome_of_check, spare_skin
 from ..walls.driven import closing_speed
 from ..walls.walls import is_periodic, wall_velocity, way
-from .stopping import is_measured, meets_tolerance, phase_of_next_sweep
+from .stopping import is_measured, meets_tolerance
 
 f64 = wp.float64
 
@@ -42,7 +42,7 @@ def begin(s: Scene):
     elif s.control.phase == Phase.DECLINED:
         s.control.resuming = 1
     else:
-        s.control.phase = Phase.BEGIN
+        s.control.phase = Phase.START
         s.control.resuming = 0
         s.step.asking = Asking.EARLY if s.stopping.patience > 0 else Asking.NEVER
         s.step.rebuilds = 0
@@ -54,8 +54,6 @@ def begin(s: Scene):
 def start(s: Scene):
     """Start an attempt to solve the step, with a list that is sorted now, unless the list does not fit."""
     s.control.unordered = 0
-    if s.control.phase == Phase.BEGIN:
-        s.control.phase = Phase.START
     if s.control.phase == Phase.START:
         s.verlet.flags.without_normal = 0
 
@@ -74,10 +72,8 @@ def begin_iterating(s: Scene):
         s.control.rejected = 0
     if outcome_of_check(s) != SOLVED:
         s.control.phase = Phase.VERIFY
-    elif is_accelerated(s):
-        s.control.phase = Phase.CHECK_LIST
     else:
-        s.control.phase = phase_of_next_sweep(s)
+        s.control.phase = Phase.SCAN if is_accelerated(s) else Phase.SWEEP
 
 
 @wp.func

@@ -1,8 +1,12 @@
-"""When the sweeps of a step stop, and what is measured or scanned between them (`Phase`).
+"""When the sweeps of a step stop, and when the residual is measured.
 
 First come the rules, which read numbers and change nothing, then the stages that choose the phase by them.
-Sweeps and scans end in other files, by `end_iteration` and `stop_or_sweep`. Accelerated sweeps stop only on
-the residual, or after a scan of all contacts: zeta is of the working set, and says nothing of the others.
+Sweeps and scans end in other files, by `end_iteration` and `stop_or_sweep`.
+
+Plain sweeps follow one another until they stop. Accelerated ones come in bouts, between which the list is
+checked, the residual measured if that is due, and all contacts scanned for the working set. They stop only
+between two bouts: zeta is of the working set, and says nothing of the other contacts. A measurement is only
+due where a bout ends.
 """
 
 from enum import IntEnum
@@ -106,56 +110,57 @@ def is_too_slow(s: Scene) -> bool:
 
 
 @wp.func
-def phase_of_next_sweep(s: Scene) -> int:
-    """Return SWEEP, unless the sweeps stop, or plain ones give up a list that has expired.
-
-    Plain sweeps go on with such a list to iteration 1, 2, 4, 8, ...: how far grains deviate until then tells
-    how wide the skins of the next list must be.
-    """
-    giving_up = s.verlet.flags.list_expired != 0 and not is_accelerated(s)
-    if s.control.may_stop != 0 or (giving_up and is_power_of_two(s.step.iterations)):
-        return Phase.VERIFY
-    return Phase.SWEEP
+def is_recorded(s: Scene) -> bool:
+    """Return whether the history has a residual of the last iteration."""
+    return s.step.iterations <= s.history.zeta.shape[0]
 
 
 @wp.func
-def measurement_or(s: Scene, following: int) -> int:
-    """Return the phase that measures the residual, if anything needs it, or else another."""
-    k = s.step.iterations
-    begins_trend = s.step.asking == Asking.EARLY and k == HALF_WAY
-    recorded = not is_measured(s) and (k <= s.history.zeta.shape[0] or begins_trend)
-    return Phase.MEASURE if is_measurement_due(s) or recorded else following
+def is_residual_needed(s: Scene) -> bool:
+    """Return whether the residual is measured now: where it is due, recorded, or begins the trend."""
+    begins_trend = s.step.asking == Asking.EARLY and s.step.iterations == HALF_WAY
+    return is_measurement_due(s) or (not is_measured(s) and (is_recorded(s) or begins_trend))
+
+
+@wp.func
+def is_recorded_during_bout(s: Scene) -> bool:
+    """Return whether the history has a residual after which the bout goes on."""
+    return s.control.phase == Phase.SWEEP and is_recorded(s)
 
 
 @wp.func
 def stop_or_sweep(s: Scene):
     """Stop after the last sweep; a scan has found what zeta is of all contacts."""
     s.control.may_stop = 1 if has_swept(s) and is_last_iteration(s) else 0
-    s.control.phase = phase_of_next_sweep(s)
+    s.control.phase = Phase.VERIFY if s.control.may_stop != 0 else Phase.SWEEP
 
 
 @wp.func
 def end_iteration(s: Scene, zeta: f64):
-    """Count an iteration of this zeta [m/s], which may be the last, and choose what follows."""
+    """Count an iteration of this zeta [m/s], which may be the last or end a bout.
+
+    Plain sweeps go on with a list that has expired to iteration 1, 2, 4, 8, ...: how far grains deviate until
+    then tells how wide the skins of the next list must be.
+    """
     iterations = s.step.iterations + 1
     s.step.iterations = iterations
     s.step.zeta = zeta
     if iterations <= s.history.zeta.shape[0]:
         put(s.history.zeta, iterations - 1, zeta)
-    s.control.may_stop = 1 if is_last_iteration(s) else 0
-    if is_accelerated(s) and (is_measurement_due(s) or is_scan_due(iterations)):
-        s.control.phase = Phase.CHECK_LIST
-    else:
-        s.control.phase = measurement_or(s, phase_of_next_sweep(s))
+    stopping = is_last_iteration(s)
+    s.control.may_stop = 1 if stopping else 0
+    if is_accelerated(s):
+        if stopping or is_scan_due(iterations):
+            s.control.phase = Phase.SCAN
+    elif stopping or (s.verlet.flags.list_expired != 0 and is_power_of_two(iterations)):
+        s.control.phase = Phase.VERIFY
 
 
 @wp.func
 def end_list_check(s: Scene):
-    """Pause if the list does not hold: all contacts are scanned with the next one. Otherwise continue."""
+    """Pause if the list does not hold: all contacts are scanned with the next one."""
     if s.verlet.flags.list_expired != 0:
         s.control.phase = Phase.VERIFY
-    else:
-        s.control.phase = measurement_or(s, Phase.SCAN)
 
 
 @wp.func
@@ -181,10 +186,6 @@ def end_measurement(s: Scene):
     if stopping:
         s.control.may_stop = 1
         s.control.phase = Phase.VERIFY
-    elif is_accelerated(s) and (decides or is_scan_due(s.step.iterations)):
-        s.control.phase = Phase.SCAN
-    else:
-        s.control.phase = phase_of_next_sweep(s)
 
 
 @wp.func
@@ -194,4 +195,4 @@ def end_correction(s: Scene):
     s.step.trend_residual = s.step.residual
     s.control.rejected = 0
     s.control.may_stop = 1 if meets_tolerance(s) or not has_iterations_left(s) else 0
-    s.control.phase = Phase.VERIFY if s.control.may_stop != 0 else Phase.CHECK_LIST
+    s.control.phase = Phase.VERIFY if s.control.may_stop != 0 else Phase.SCAN

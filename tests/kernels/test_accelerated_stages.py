@@ -197,7 +197,7 @@ JUDGE, END_SCAN, MEASURED = (
     [Serial(stage)] for stage in (attempt.judge, working_set.end_scan, stopping.end_measurement)
 )
 CASES: dict[str, tuple[list[Stage], Values, Values]] = {}
-AT_REST = {"verlet.reference_velocity": 0.0, "verlet.work.frame_velocity": 0.0, PHASE: Phase.CHECK_LIST}
+AT_REST = {"verlet.reference_velocity": 0.0, "verlet.work.frame_velocity": 0.0, PHASE: Phase.SCAN}
 AT_REST |= {EXPIRES: 0, MAY_STOP: 0, "step.measured": 1}
 # p_i + h, with h = 1/8 of what is nearly violated, is what the skin must allow; p_i was seen, or is now
 for limit, peak, expired in ((5.125, 5.0, 0), (5.125, 5.0 + 2**-40, 1), (0.1, 0.0, 1)):
@@ -241,7 +241,7 @@ for iterations, on, rejected, violation, zeta, left in (
 for iterations, rejected, following in ((100, 0, Phase.VERIFY), (100, 1, Phase.SCAN), (70, 0, Phase.SCAN)):
     slow = {"stopping.on": StopOn.RESIDUAL, "stopping.max_iterations": 1000, "stopping.patience": 750}
     slow |= {"step.asking": Asking.EARLY, "step.trend_residual": 1.0, "partial.residual": 0.99}
-    slow |= {PHASE: Phase.MEASURE, "step.iterations": iterations, "control.rejected": rejected}
+    slow |= {PHASE: Phase.SCAN, "step.iterations": iterations, "control.rejected": rejected}
     trend = 0.99 if following == Phase.VERIFY else 1.0
     found = {PHASE: following, "step.trend_residual": trend, "step.residual": 0.99}
     CASES[f"the trend after {iterations}, {rejected}"] = (MEASURED, slow, found)

@@ -6,9 +6,8 @@ import warp as wp
 from stages import OneRecord, Values, grains_apart
 
 from warpgrains.kernels.record import Phase, Scene, grain_count
-from warpgrains.kernels.sweeps import momentum, sweep
-from warpgrains.kernels.sweeps.stopping import end_list_check
-from warpgrains.kernels.team.stages import Each, Serial, Shared
+from warpgrains.kernels.sweeps import momentum, stopping, sweep
+from warpgrains.kernels.team.stages import Each, If, Serial, Shared
 
 N, TOLERANCE, TINY = 150, 2.0**-4, 2.0**-40
 T, BETA, RELAXATION = "momentum.state.t", "momentum.state.beta", "momentum.state.relaxation"
@@ -93,6 +92,9 @@ def test_how_far_momentum_goes_on(sweeps: int, zeta: float, first: float, t: flo
     record.assert_holds({FIRST: first if sweeps else zeta})
 
 
+MEASURE = If(stopping.is_residual_needed, [Serial(stopping.end_measurement)])
+
+
 @pytest.mark.parametrize("rejected", [0, 1])
 @pytest.mark.parametrize("zeta", [2.0 * TOLERANCE, 3.0 * TOLERANCE])
 @pytest.mark.parametrize("ends", [False, True])
@@ -102,16 +104,17 @@ def test_when_all_contacts_are_scanned(zeta: float, rejected: int, ends: bool) -
     for k in range(1, 205):
         record.write({BETA: 0.5, "stopping.max_iterations": k if ends else 1000, REJECTED: 1 - rejected})
         record.write({"step.iterations": k - 1, "step.measured": 0, "verlet.flags.list_expired": 0})
+        record.write({"control.phase": Phase.SWEEP, "partial.residual": 9.0})
         record["partial.zeta"][0], record["momentum.contact_sums"][0, 0] = zeta, rejected
         record.run(Serial(sweep.end_sweep))
         checks = not rejected and (k == 1 or k % 10 == 0) and zeta <= 2.0 * TOLERANCE
         recomputes = checks or (not rejected and k % 100 == 0)
         scans = k in (1, 2, 4, 8) or k % 10 == 0 or ends or recomputes
-        phase = Phase.CHECK_LIST if scans else Phase.SWEEP
+        phase = Phase.SCAN if scans else Phase.SWEEP
         record.assert_holds({REJECTED: rejected, "control.phase": phase, "control.may_stop": ends})
         if scans:
-            record.run(Serial(end_list_check))
-            record.assert_holds({"control.phase": Phase.MEASURE if recomputes or ends else Phase.SCAN})
+            record.run(Serial(stopping.end_list_check), MEASURE)
+            record.assert_holds({"control.phase": Phase.SCAN, "step.measured": k * (recomputes or ends)})
 
 
 def test_velocities_go_on_as_they_were_rebuilt() -> None:
