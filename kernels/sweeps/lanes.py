@@ -68,7 +68,7 @@ KEEP = """
 
 
 TURN = """
-    const wp::vec_t<2, double> t(-n[1], n[0]);
+    const wp::vec_t<2, double> t(-normal[1], normal[0]);
     impulse = impulse + *(const couple *)&t * dvt.c[k];
     const double slid_i = rim.data[i / 2] - dvt.c[k] * rim_i.c[k];
     const double slid_j = rim.data[j / 2] - dvt.c[k] * rim_j.c[k];
@@ -84,13 +84,18 @@ ROLL = """
 
 
 @cache
-def lanes(count: int, friction: bool = False, rolling: bool = False, keep: bool = False) -> SimpleNamespace:
+def lanes(
+    count: int, weighted: bool = False, friction: bool = False, rolling: bool = False, keep: bool = False
+) -> SimpleNamespace:
     """Return the functions of `count` pairs at once, from index c on, and `vector`, one number of each.
 
     `push` shares changes of corrections out to grains and, with friction, to their rims (eqs. 7, 23 and 37).
+    Equal grains take a half each: their normal is halved, which is exact. A pair waits for the pair before
+    with its grain, and so for one product less. (Otherwise a plain step takes 1.04 to 1.07 of the time.)
     `roll` is the speed of rolling after a tangential correction.
     """
     vector = wp.types.vector(length=count, dtype=f64)
+    half, of_i, of_j = ("", " * share_i.c[k]", " * share_j.c[k]") if weighted else (" * 0.5", "", "")
 
     @wp.func_native(
         checked(f"""
@@ -172,11 +177,12 @@ def lanes(count: int, friction: bool = False, rolling: bool = False, keep: bool 
         for (int k = 0; k < {count}; k++) {{
             const unsigned i = pairs.data[c + k].i, j = pairs.data[c + k].j;
             const auto n = pairs.data[c + k].n;
-            couple impulse = *(const couple *)&n * dv.c[k];
+            const couple normal = *(const couple *)&n{half};
+            couple impulse = normal * dv.c[k];
             {TURN if friction else ""}
             {ROLL if rolling else ""}
             couple *vi = velocity_at(i), *vj = velocity_at(j);
-            const couple after_i = *vi - impulse * share_i.c[k], after_j = *vj + impulse * share_j.c[k];
+            const couple after_i = *vi - impulse{of_i}, after_j = *vj + impulse{of_j};
             *vi = after_i;
             *vj = after_j;
             {KEEP if keep else ""}

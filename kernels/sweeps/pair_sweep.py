@@ -51,7 +51,7 @@ def sweeping_pairs(
     It returns the largest change of a correction, the sums of momentum.py, and bits of the pairs of large
     changes, whose velocities are kept from index `kept` on. A plain sweep has no sums, one ahead no bits.
     """
-    several = lanes(count, friction, resists_rolling, keep=not ahead)
+    several = lanes(count, weighted, friction, resists_rolling, keep=not ahead)
     vector, numbers_at, set_numbers = several.vector, several.numbers_at, several.set_numbers
     sum_of, product_of, larger_of = several.sum_of, several.product_of, several.larger_of
     approach, gap_rates, slip, push = several.approach, several.gap_rates, several.slip, several.push
