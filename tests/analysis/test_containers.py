@@ -223,4 +223,4 @@ def test_a_sweep_of_silos(tmp_path, capfd):
             assert float(row["pressure"]) == analysis.pressure(simulation, region) > 0.1
     capfd.readouterr()
     assert exit_code("batch", silos, "-o", folder, "--resume", "--measure", "stress") == 2
-    require_refusal(capfd, "is of a sweep with --region x = [-0.25, 0.25], y = [-0.35, -0.2]")
+    require_refusal(capfd, "holds a sweep with --region x = [-0.25, 0.25], y = [-0.35, -0.2]")

@@ -35,13 +35,28 @@ def test_slurm_leaves_interrupts_as_they_are(tmp_path, monkeypatch):
     [
         ("done", (), "", "use --resume to continue the sweep"),
         ("kept", (), "", "use --resume to continue the sweep"),
-        ("done", ("[5, 15]", "[5, 14]"), "--resume", "settings.json' is of a sweep with other runs: choose"),
-        ("done", ("= 30", "= 31"), "--resume", "annulus.toml' is of a sweep with another scene: choose"),
-        ("done", (), "--resume --measure stress --until rest", "with --measure none and --until none: "),
-        ("done", (), "--resume --usd", "settings.json' is of a sweep with --fps none: choose"),
-        ("recorded", (), "--resume --usd --fps 12", "settings.json' is of a sweep with --fps 24.0: choose"),
-        ("recorded", (), "--resume", "settings.json' is of a sweep with --fps 24.0: choose"),
-        ("done", ("physics.drag =", "contact.friction ="), "--resume", "of a sweep with other runs: choose"),
+        ("done", ("[5, 15]", "[5, 14]"), "--resume", "out' holds a sweep with other scenes or axes: give"),
+        (
+            "done",
+            ("= 30", "= 31"),
+            "--resume",
+            "annulus.toml' is of a sweep with another scene or [set]: choose",
+        ),
+        (
+            "done",
+            (),
+            "--resume --measure stress --until rest",
+            "out' holds a sweep without --measure and without --until: give",
+        ),
+        ("done", (), "--resume --usd", "out' holds a sweep without --fps: give"),
+        ("recorded", (), "--resume --usd --fps 12", "out' holds a sweep with --fps 24.0: give"),
+        ("recorded", (), "--resume", "out' holds a sweep with --fps 24.0: give"),
+        (
+            "done",
+            ("physics.drag =", "contact.friction ="),
+            "--resume",
+            "out' holds a sweep with other scenes or axes: give",
+        ),
     ],
 )
 def test_output_of_another_sweep(tmp_path, request, capfd, output, change, options, complaint):
@@ -65,7 +80,7 @@ def test_output_of_another_sweep(tmp_path, request, capfd, output, change, optio
         (".*", "7", "settings.json' does not hold"),
         (".*", "[" * 100_000, "settings.json' does not hold"),
         ("axes", "axis", "settings.json' does not hold"),
-        ("null", "[2]", "with --until 2: choose"),
+        ("null", "[2]", "holds a sweep with --until 2: give"),
     ],
 )
 def test_damaged_settings(tmp_path, capfd, done, found, instead, complaint):
@@ -110,8 +125,8 @@ def test_settings_that_another_process_has_just_written(tmp_path, done, meanwhil
 @pytest.mark.parametrize(
     ("changes", "options", "complaint"),
     [
-        (("= 30", "= 31"), (), "annulus.toml' is of a sweep with another scene: choose another -o"),
-        ((), ("--measure", "rattlers"), "is of a sweep with --measure rattlers: choose another -o"),
+        (("= 30", "= 31"), (), "annulus.toml' is of a sweep with another scene or [set]: choose another -o"),
+        ((), ("--measure", "rattlers"), "holds a sweep with --measure rattlers: give"),
     ],
 )
 def test_another_sweep_that_begins_at_once(tmp_path, meanwhile, capfd, changes, options, complaint):

@@ -17,7 +17,6 @@ from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError
 from warpgrains.base.files import read_table, require_writable_path
 from warpgrains.base.locks import Lock
-from warpgrains.base.shown import number_of
 from warpgrains.drawing.kinds import STILLS
 from warpgrains.drawing.looks import Looks
 from warpgrains.drawing.painter import Painter
@@ -61,14 +60,7 @@ def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
         return sorted(set(np.linspace(0, count - 1, _FRAMES_IN_A_ROW).round().astype(int).tolist()))
     if not len(frames):
         raise InputError("frames is empty: name one frame or more")
-    for frame in frames:
-        number = checks.whole_number("frame", frame, least=-checks.LARGEST_WHOLE_NUMBER)
-        if not -count <= number < count:
-            raise InputError(
-                f"frame {frame} does not exist: the recording has {number_of(count, 'frame')}, 0 to"
-                f" {count - 1}"
-            )
-    return [frame % count for frame in frames]
+    return [checks.whole_number("frames", frame, least=-count, most=count - 1) % count for frame in frames]
 
 
 def _draw(source: Recording, painter: Painter, numbers: list[int], curves: bool) -> Figure:

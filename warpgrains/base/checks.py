@@ -132,7 +132,7 @@ def one_of(field: str, value: Any, known: Iterable[str]) -> str:
         raise InputError(f"unknown {field} {value!r}: there is none, because {ABSENT[value]}")
     nearest = get_close_matches(str(value), known, n=1)
     hint = f"did you mean {nearest[0]!r}? Known" if nearest else "known"
-    raise InputError(f"unknown {field} {shown(value)}: {hint}: {', '.join(sorted(known))}")
+    raise InputError(f"unknown {field} {shown(value)}: {hint}: {', '.join(sorted(filter(None, known)))}")
 
 
 def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
@@ -166,7 +166,7 @@ def interval(field: str, value: Any) -> tuple[float, float]:
 
 def vectors(field: str, value: Any, of: str = "grain") -> FloatArray:
     """Return a read-only copy of one finite vector per grain, or `of`, shape (n, 2) with n >= 1."""
-    array = _floats(field, value)
+    array = _floats(field, value, of, 2)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
         raise InputError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one {of}")
     require_finite(field, array, of)
@@ -186,7 +186,7 @@ def per_grain(field: str, value: Any, n: int, of: str = "grain") -> FloatArray:
     """Return a read-only array of finite numbers, shape (n,), from n numbers or from one for all grains."""
     import numpy as np
 
-    array = _floats(field, value)
+    array = _floats(field, value, of)
     if array.ndim == 0:
         array = np.full(n, number(field, array[()]))
     if array.shape != (n,):
@@ -199,7 +199,7 @@ def per_grain(field: str, value: Any, n: int, of: str = "grain") -> FloatArray:
 
 def positive_per_grain(field: str, value: Any, n: int, of: str = "grain") -> FloatArray:
     """Return a read-only array of positive numbers, shape (n,), from n numbers or from one for all grains."""
-    array = _floats(field, value)
+    array = _floats(field, value, of)
     if array.ndim == 0:
         positive(field, array[()])
     array = per_grain(field, array, n, of)
@@ -215,18 +215,34 @@ def first_bad(field: str, array: FloatArray, bad: BoolArray, of: str = "grain") 
     return f"{field} of {of} {number} is {tuple(value) if array.ndim > 1 else value}"
 
 
-def _floats(field: str, value: Any) -> FloatArray:
+def _floats(field: str, value: Any, of: str, width: int = 1) -> FloatArray:
+    """Return a copy of `value` as an array; `width` is how many numbers each grain, or `of`, must have."""
     import numpy as np
 
     if np.ma.is_masked(value):
         raise InputError(f"{field} holds masked values: it must hold real numbers")
     try:
         array = np.asarray(value)
-    except ValueError:
-        raise InputError(f"{field} is ragged: every grain must have the same number of values") from None
+    except ValueError:  # lists of several lengths
+        array = np.array(None)
     if array.dtype.kind not in "iuf" and array.size > 0:
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            number(field, value)
+        else:
+            for k, own in enumerate(value):
+                _require_numbers(f"{field} of {of} {k}", own, width)
         raise InputError(f"{field} holds {array.dtype.name} values: it must hold real numbers")
     return np.array(array, dtype=np.float64, order="C")
+
+
+def _require_numbers(field: str, value: Any, width: int) -> None:
+    """Raise InputError unless a value is a number, if `width` is 1, or a list of `width` real numbers."""
+    is_list = isinstance(value, Iterable) and not isinstance(value, str)
+    parts = list(value) if is_list else [value]
+    if len(parts) != width or not all(isinstance(own, Real) and not isinstance(own, bool) for own in parts):
+        raise InputError(
+            f"{field} is {shown(value)}: it must be {'a number' if width == 1 else 'two numbers'}"
+        )
 
 
 def frozen(array: FloatArray) -> FloatArray:

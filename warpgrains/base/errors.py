@@ -1,6 +1,7 @@
 """Exceptions for users. Each message is one clear line."""
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 
@@ -66,6 +67,22 @@ class SimulationError(RuntimeError):
         ...
     warpgrains.base.errors.SimulationError: step 20, from t = 0.19 s: not converged after 3 iterations: ...
     """
+
+
+@contextmanager
+def written_as(names: Mapping[str, str], where: str = "") -> Iterator[None]:
+    """Let InputErrors name fields as their user has written them.
+
+    The field with which a message begins, such as drag, is replaced by its name in `names`, such as
+    physics.drag. The message is preceded by `where` it is written, such as a file.
+    """
+    try:
+        yield
+    except InputError as error:
+        message = re.sub(
+            r"^(unknown )?(\w+)", lambda own: (own[1] or "") + names.get(own[2], own[2]), str(error)
+        )
+        raise type(error)(f"{where}: {message}" if where else message) from None
 
 
 @contextmanager

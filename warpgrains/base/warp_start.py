@@ -62,5 +62,6 @@ def find_device(name: str) -> warp.Device:
         ):  # of the driver that is not there
             return warp.get_device(name)
     except (ValueError, RuntimeError) as error:
-        known = ", ".join(device.alias for device in warp.get_devices())
-        raise InputError(f"device {name!r} does not exist: choose one of {known}") from error
+        known = [device.alias for device in warp.get_devices()]
+        told = f"choose one of {', '.join(known)}" if len(known) > 1 else "Warp finds no GPU, so choose cpu"
+        raise InputError(f"device {name!r} does not exist: {told}") from error

@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from warpgrains.base import checks
 from warpgrains.base.console import exit_on_interrupt, in_columns, stdout_to_stderr
-from warpgrains.base.errors import InputError
+from warpgrains.base.errors import InputError, written_as
 from warpgrains.base.files import require_writable_path
 from warpgrains.base.frame_log import log_of
 from warpgrains.base.shown import number_of
@@ -24,11 +24,13 @@ from warpgrains.base.warp_start import start_warp
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.drawing.kinds import FILM, RECORDING
 from warpgrains.drawing.looks import with_style
+from warpgrains.scene.fields import KEY_OF
 from warpgrains.scene.scene import Scene
 from warpgrains.simulation.options import FLAGS, RunOptions, require_needed, spacing, steps_of
 from warpgrains.simulation.run import ResumedRun, SceneRun
 from warpgrains.solver.statistics import Summary
 
+DURATION = {"duration": "--duration"}
 OF_SCENE = {"scene": "SCENE", "overrides": "--set"}
 OF_SCENE |= {name: f"--{name}" for name in ("order", "method", "separate")}
 
@@ -84,7 +86,7 @@ def _carry_out(run: SceneRun, arguments: Namespace) -> Summary:
     if run.options.shows is RECORDING:
         with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
-    with stdout_to_stderr(), run.opened():
+    with stdout_to_stderr(), written_as(FLAGS), run.opened():
         start_warp()
         from warpgrains.simulation.simulation import Simulation
 
@@ -117,7 +119,10 @@ def _begun(arguments: Namespace) -> SceneRun:
     given = with_style(given, arguments.style)
     given |= spacing(every, arguments.checkpoint, arguments.series, FLAGS.__getitem__)
     scene = _scene(arguments)
-    run = SceneRun(scene, RunOptions(steps=steps_of(scene, *_length(arguments)), **given))
+    with written_as(KEY_OF if arguments.duration is None else DURATION):
+        steps = steps_of(scene, *_length(arguments))
+    with written_as(FLAGS):
+        run = SceneRun(scene, RunOptions(steps=steps, **given))
     if arguments.separate:  # which may take long
         for name in given.keys() & {"record", "checkpoint", "series"}:
             require_writable_path("output", Path(given[name]))
@@ -129,7 +134,8 @@ def _resumed(arguments: Namespace) -> SceneRun:
     for name in _given(arguments, *OF_SCENE):
         raise InputError(f"{OF_SCENE[name]} cannot be combined with --resume: the checkpoint has a scene")
     given = with_style(_given(arguments, *FLAGS), arguments.style)
-    return ResumedRun(arguments.resume, *_length(arguments), given, FLAGS.__getitem__)
+    with written_as(DURATION):
+        return ResumedRun(arguments.resume, *_length(arguments), given, FLAGS.__getitem__)
 
 
 def _given(arguments: Namespace, *names: str) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from warpgrains.base import checks
 from warpgrains.base.console import in_columns
 from warpgrains.base.described import described_fields
-from warpgrains.base.errors import InputError, OutputError
+from warpgrains.base.errors import InputError, OutputError, written_as
 from warpgrains.base.files import require_writable_path, write_atomically
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
@@ -72,9 +72,10 @@ def _read(name: str) -> tuple[str, Table]:
     """Return the text of a scene's file and its sections, which scene files may have."""
     text = read_text(Path(name), "scene")
     document = parse_toml(text, name)
-    section_fields(document)
-    if "layout" in (grains := document.get("grains", {})):
-        checks.one_of("grains.layout", grains["layout"], LAYOUTS)
+    with written_as({}, name):
+        section_fields(document)
+        if "layout" in (grains := document.get("grains", {})):
+            checks.one_of("grains.layout", grains["layout"], LAYOUTS)
     return text, document
 
 

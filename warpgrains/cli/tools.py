@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warpgrains.base.console import in_columns, stdout_to_stderr
-from warpgrains.base.errors import InputError, requiring
+from warpgrains.base.errors import InputError, requiring, written_as
 from warpgrains.base.files import require_writable_path, suffix_of
 from warpgrains.base.shown import number_of
 from warpgrains.base.warp_start import start_warp
@@ -16,10 +16,14 @@ from warpgrains.drawing.kinds import FILMS, require_drawing
 from warpgrains.drawing.looks import Looks, with_style
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.toml import shipped_scenes
+from warpgrains.simulation.options import FLAGS
 
 if TYPE_CHECKING:
     from warpgrains.packings.compress import Packing
     from warpgrains.packings.pack import Rest
+
+_PACKED = {name: f"--{name}" for name in ("pressure", "duration", "steps", "threads")}
+"""Options of `compress` and `pack`."""
 
 
 def recover(arguments: Namespace) -> bool:
@@ -30,6 +34,7 @@ def recover(arguments: Namespace) -> bool:
     return False
 
 
+@written_as(FLAGS | {"frames": "--frames"})
 def plot(arguments: Namespace) -> bool:
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
     is_film, is_history = suffix_of(output) in FILMS, suffix_of(arguments.file) == ".csv"
@@ -68,6 +73,7 @@ def export(arguments: Namespace) -> bool:
     return False
 
 
+@written_as(_PACKED)
 def compress(arguments: Namespace) -> bool:
     """Compress the grains of a scene, and print what the packing is like."""
     scene = _scene_to_pack(arguments, "checkpoint", ".npz")
@@ -82,6 +88,7 @@ def compress(arguments: Namespace) -> bool:
     return _print_packing(arguments, packing, packing.run.seconds)
 
 
+@written_as(_PACKED)
 def pack(arguments: Namespace) -> bool:
     """Let the grains of a scene settle, and print how well they rest."""
     scene = _scene_to_pack(arguments, "packing", ".npz", ".csv")

@@ -160,7 +160,8 @@ def _under_pressure(scene: Scene, box: Box, pressure: float | None) -> Scene:
     pressed = {name: own for name in box.sides if (own := getattr(box, name)) and "pressure" in own}
     if not pressed:
         raise InputError(
-            "no side of the box has a pressure: give pressure and mass to one that is not periodic"
+            "no side of the box has a pressure: give pressure and mass to one that is not periodic, such as"
+            " domain.top"
         )
     if pressure is not None:
         changes: dict[str, Any] = {name: {**own, "pressure": pressure} for name, own in pressed.items()}

@@ -172,11 +172,11 @@ def _of_friction(scene: Scene) -> Iterator[str]:
     if not scene.has_friction:
         if scene.spin.any():
             grain = checks.first_bad("spin", scene.spin, scene.spin != 0.0)
-            yield f"{grain}: grains rotate only with friction"
+            yield f"{grain}: grains rotate only with friction; give friction"
         if scene.spin_drag:
-            yield f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction"
+            yield f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction; give friction"
         if scene.has_rolling_friction:
-            yield f"{_rolling_friction(scene)}: grains rotate only with friction"
+            yield f"{_rolling_friction(scene)}: grains rotate only with friction; give friction"
         return
     lost = scene.spin_drag * scene.dt / scene.inertia
     if scene.scheme == "text" and (lost >= 1.0).any():
@@ -194,7 +194,7 @@ def _of_friction(scene: Scene) -> Iterator[str]:
 def _rolling_friction(scene: Scene) -> str:
     """Return which rolling friction is given."""
     given = {name: getattr(scene, name) for name in ("rolling_friction", "wall_rolling_friction")}
-    given |= {f"rolling_friction of walls[{k}]": one.rolling_friction for k, one in enumerate(scene.walls)}
+    given |= {f"walls[{k}].rolling_friction": one.rolling_friction for k, one in enumerate(scene.walls)}
     return next(f"{name} is {value}" for name, value in given.items() if value)
 
 

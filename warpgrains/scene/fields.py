@@ -287,6 +287,13 @@ SECTIONS: dict[str, list[str]] = {}
 for _name, _field in FIELDS.items():
     if _field.metadata["section"]:
         SECTIONS.setdefault(_field.metadata["section"], []).append(_name)
+OF_GRAINS = ("position", "velocity", "radius", "mass", "spin")
+KEY_OF = {
+    name: f"{section}.{name}"
+    for section, names in {**SECTIONS, "grains": OF_GRAINS}.items()
+    for name in names
+}
+"""The keys of fields in scene files."""
 
 
 def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]:

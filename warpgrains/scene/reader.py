@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
+from zipfile import is_zipfile
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from warpgrains.base.arrays import FloatArray
 from warpgrains.base.described import described_fields
 from warpgrains.base.errors import InputError
 from warpgrains.base.files import open_regular, suffix_of
-from warpgrains.scene.fields import SECTIONS
+from warpgrains.scene.fields import KEY_OF, OF_GRAINS, SECTIONS
 from warpgrains.scene.layouts import LAYOUTS, Placement
 from warpgrains.scene.toml import LISTS, Table, fields_of_sections, numbered_key, overridden, parse_toml
 from warpgrains.space.region import Region
@@ -49,20 +50,18 @@ PROPERTIES = {
 DOMAINS = {"annulus": ("kind", *SECTIONS["domain"]), "box": ("kind", *described_fields(Box))}
 """The keys of `[domain]` of each kind."""
 
-_ARRAYS = ("position", "velocity", "radius", "mass", "spin")
 _COLUMNS = ("x", "y", "vx", "vy", "radius", "mass", "spin")
 _SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 
-def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
-    """Return the fields of a scene from its text. File names in it are relative to the folder of `path`."""
+def scene_document(text: str, path: Path, overrides: Iterable[str] = ()) -> tuple[Table, Table]:
+    """Return the document of a scene with some keys overridden, and the fields name and text of the scene."""
     document = parse_toml(text, path)
     for override in overrides:
         document = overridden(document, override)
         text += f"\n# --set {' '.join(override.split())}"
     texts = {"name": path.stem, "text": text}  # file names need not be UTF-8
-    readable = {field: value.encode(errors="replace").decode() for field, value in texts.items()}
-    return {**document_fields(document, path.parent), **readable}
+    return document, {field: value.encode(errors="replace").decode() for field, value in texts.items()}
 
 
 def require_key(section: str, key: str) -> None:
@@ -92,7 +91,7 @@ def document_fields(document: Table, folder: Path) -> Table:
     if boundary is None and "radius_out" not in fields:
         raise InputError('domain.radius_out is missing; or give domain.kind = "box", with x and y')
     if "grains" not in document:
-        raise InputError("section [grains] is missing")
+        raise InputError(f"section [grains] is missing: it needs one of {', '.join(SOURCES)}")
     boundary = boundary or Annulus(fields.get("radius_in", 0.0), fields["radius_out"]).checked()
     boundary.require_size()
     time = checks.number("time", fields.get("time", 0.0))
@@ -114,7 +113,10 @@ def section_fields(document: Table) -> Table:
         if section in SECTIONS:
             known: Iterable[str] = SECTIONS[section]
             if section == "domain":
-                known = DOMAINS[checks.one_of("domain.kind", table.get("kind", "annulus"), DOMAINS)]
+                kind = checks.one_of("domain.kind", table.get("kind", "annulus"), DOMAINS)
+                known, (other,) = DOMAINS[kind], DOMAINS.keys() - {kind}
+                for key in [key for key in table if key in DOMAINS[other] and key not in known]:
+                    raise InputError(f'domain.{key} needs domain.kind = "{other}", and it is "{kind}"')
             _refuse_unknown_keys(section, table, known)
             fields |= fields_of_sections({section: table})
     return fields
@@ -140,7 +142,7 @@ def _grains(table: Table, space: Region, walls: tuple[Wall, ...], folder: Path) 
     if np.iterable(velocity) and not any(np.iterable(component) for component in velocity):  # one for all
         grains["velocity"] = np.tile(checks.vector("grains.velocity", velocity), (len(grains["position"]), 1))
     if "radius" not in grains:
-        raise InputError("grains.radius is missing")
+        raise InputError("grains.radius is missing: give the radius of all grains, or a list [m]")
     _set_once(grains, _with_mass(table, grains), "mass")
     if "mass" not in grains:
         raise InputError("grains.mass or grains.density is missing: give one of them")
@@ -191,7 +193,10 @@ def _set_once(grains: Table, table: Table, key: str) -> None:
 
 
 def _refuse_unknown_keys(section: str, table: Iterable[str], known: Iterable[str]) -> None:
+    known = list(known)
     for key in table:
+        if key not in known and key in KEY_OF and not KEY_OF[key].startswith(f"{section}."):
+            raise InputError(f"unknown key in [{section}] {key!r}: did you mean {KEY_OF[key]}?")
         checks.one_of(f"key in [{section}]", key, known)
 
 
@@ -237,9 +242,13 @@ def _grains_of_file(folder: Path, name: Any) -> dict[str, FloatArray]:
 
 
 def _read_npz(path: Path) -> dict[str, FloatArray]:
-    with open_regular(path) as stream, np.load(stream, allow_pickle=False) as archive:
+    with open_regular(path) as stream:
+        if not is_zipfile(stream):
+            raise InputError("it is not an archive of arrays, as numpy.savez writes it")
+        stream.seek(0)
+        archive = np.load(stream, allow_pickle=False)
         for name in archive.files:
-            checks.one_of("array", name, _ARRAYS)
+            checks.one_of("array", name, OF_GRAINS)
         return dict(archive)
 
 
@@ -261,7 +270,7 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
             column = np.loadtxt([*lines.values()], column.dtype, None, ",", quotechar='"', ndmin=1)
         except ValueError as error:
             raise InputError(_complaint(str(error), header, [*lines])) from None
-    grains: dict[str, FloatArray] = {name: column[name] for name in header if name in _ARRAYS}
+    grains: dict[str, FloatArray] = {name: column[name] for name in header if name in OF_GRAINS}
     for field, (x, y) in {"position": ("x", "y"), "velocity": ("vx", "vy")}.items():
         if (x in header) != (y in header):
             raise InputError(f"column {x if y in header else y!r} is missing")

@@ -14,12 +14,13 @@ from numpy.typing import ArrayLike
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray, Indices
 from warpgrains.base.described import documented, fields_in_help
-from warpgrains.base.errors import InputError
+from warpgrains.base.errors import InputError, written_as
 from warpgrains.base.shown import Shown, number_of
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import (
     FIELDS,
+    KEY_OF,
     OF_ANNULUS,
     SceneChanges,
     SceneFields,
@@ -28,7 +29,7 @@ from warpgrains.scene.fields import (
     checked_fields,
 )
 from warpgrains.scene.gravity import TurningGravity, upwards
-from warpgrains.scene.reader import scene_fields
+from warpgrains.scene.reader import document_fields, scene_document
 from warpgrains.scene.toml import read_text
 from warpgrains.space.bounds import Bounds
 from warpgrains.space.geometry import ROUNDING, Period, Side, distance, overlapping_pairs
@@ -135,7 +136,9 @@ class Scene(SceneFields, Shown):
             raise InputError(f"overrides is {given}: it must be strings such as 'physics.drag=0.1'")
         texts = [checks.text(f"overrides[{k}]", override) for k, override in enumerate(overrides)]
         path = Path(checks.path("scene", name_or_path))
-        return cls(**scene_fields(read_text(path, "scene"), path, texts))
+        document, own = scene_document(read_text(path, "scene"), path, texts)
+        with written_as(KEY_OF, str(path)):
+            return cls(**document_fields(document, path.parent), **own)
 
     @classmethod
     def of_later_state(cls, **fields: Any) -> Self:
@@ -506,8 +509,13 @@ class Scene(SceneFields, Shown):
         return self.steps_in(self.duration)
 
     def steps_in(self, duration: float) -> int:
-        """Return the whole number of time steps nearest to a duration [s], at least 1."""
-        return _steps_in(checks.positive("duration", duration), self.dt)
+        """Return the whole number of time steps nearest to a duration [s]; InputError if that is 0."""
+        steps = _steps_in(checks.positive("duration", duration), self.dt)
+        if steps == 0:
+            raise InputError(
+                f"duration is {duration} s: it must be at least one step, dt, which is {self.dt} s"
+            )
+        return steps
 
     def count_overlaps(self) -> Overlaps:
         """Count the initial overlaps between grains and with the walls, and find the largest."""
@@ -558,4 +566,4 @@ def _range(values: FloatArray) -> str:
 @lru_cache(1024)
 def _steps_in(duration: float, dt: float) -> int:
     """Divide decimals as they are written, so that 0.3 s is three steps of 0.1 s."""
-    return max(1, round(Fraction(str(duration)) / Fraction(str(dt))))
+    return round(Fraction(str(duration)) / Fraction(str(dt)))

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import tomllib
+from difflib import get_close_matches
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -48,6 +49,14 @@ def shipped_text(kind: str, name: str) -> str:
 def read_text(path: Path, kind: str) -> str:
     """Return the text of a scene or sweep, given by file or by the name of a shipped one."""
     if not _exists(path):
+        if path.suffix == ".toml" or len(path.parts) > 1:
+            nearest = get_close_matches(path.stem, shipped(kind), n=1)
+            told = (
+                f"did you mean the shipped {nearest[0]!r}?"
+                if nearest
+                else "`warpgrains scenes` lists shipped ones"
+            )
+            raise InputError(f"{kind} file {checks.shown(str(path))} does not exist: {told}")
         checks.one_of(f"{kind}, neither a file nor a shipped one,", str(path), shipped(kind))
         return shipped_text(kind, str(path))
     try:
@@ -127,10 +136,13 @@ def with_key(document: Table, key: str, value: Any) -> Table:
     if section in LISTS:
         number, own = numbered_key(section, name)
         if not isinstance(table, list) or not number < len(table) or not isinstance(table[number], dict):
-            raise InputError(
-                f"{key}: there is no {LISTS[section]} {number} in [[{section}]], of which the first is"
-                f" {section}.0"
+            has = (
+                f"{len(table)} of them, the last is {section}.{len(table) - 1}"
+                if table
+                else "none, so add such a table to its file"
             )
+            what = f"{LISTS[section]} {number} in [[{section}]]"
+            raise InputError(f"{key}: there is no {what}: the scene has {has}")
         return {**document, section: [*table[:number], {**table[number], own: value}, *table[number + 1 :]]}
     if not isinstance(table, dict):
         raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")

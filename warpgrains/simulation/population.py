@@ -12,7 +12,7 @@ from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray, IndexArray
 from warpgrains.base.errors import InputError
 from warpgrains.scene.compatibility import allowed_overlap, require_clear, require_size
-from warpgrains.scene.fields import SceneFields, checked_grains
+from warpgrains.scene.fields import OF_GRAINS, SceneFields, checked_grains
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import at_positions, before_positions
 from warpgrains.scene.state import Corrections, State
@@ -23,7 +23,6 @@ from warpgrains.space.geometry import overlapping_pairs
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-OF_GRAINS = ("position", "velocity", "spin", "radius", "mass")
 NOBODY = {name: np.zeros((0, 2) if name in ("position", "velocity") else 0) for name in OF_GRAINS}
 
 
@@ -83,7 +82,7 @@ class Population:
         more = checked_grains(SceneFields(**grains))
         if more["spin"].any() and not self.scene.has_friction:
             grain = checks.first_bad("spin", more["spin"], more["spin"] != 0.0)
-            raise InputError(f"{grain}: grains rotate only with friction")
+            raise InputError(f"{grain}: grains rotate only with friction; give friction")
         found = self._of(np.arange(self.scene.n), more)
         if overlap := found._overlap(self.scene.n):
             if not is_separated:

@@ -15,10 +15,11 @@ from time import perf_counter
 from typing import Any
 
 from warpgrains.analysis.quantities import require_quantities
-from warpgrains.base.errors import InputError, LockedError, MissingExtraError
+from warpgrains.base.errors import InputError, LockedError, MissingExtraError, written_as
 from warpgrains.base.locks import RunLocks
 from warpgrains.base.warp_start import find_device
 from warpgrains.batch.loaded_scenes import team_size
+from warpgrains.scene.fields import KEY_OF
 from warpgrains.scene.reader import document_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.solver.memory import OutOfMemoryError
@@ -146,10 +147,13 @@ class Runner:
                 self._on_progress(1.0)
 
     def _member(self, run: Run) -> SweepRun:
-        scene, settings = self._scene(run), self._folder.settings
+        settings = self._folder.settings
+        with written_as(KEY_OF):
+            scene = self._scene(run)
+            one = SweepRun(run, scene, settings, team_size(scene, self._device, self._threads) > 1)
         exact_solver(scene.method)
         require_quantities(settings.measured, scene, settings.table)
-        return SweepRun(run, scene, settings, team_size(scene, self._device, self._threads) > 1)
+        return one
 
     def _scene(self, run: Run) -> Scene:
         """Return the scene of a run, derived from a cached one with the same grains and walls, if any."""

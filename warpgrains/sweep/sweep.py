@@ -30,8 +30,9 @@ from typing import Any, NamedTuple, Self
 
 from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.base import checks
-from warpgrains.base.errors import InputError
+from warpgrains.base.errors import InputError, written_as
 from warpgrains.base.files import Row, read_regular
+from warpgrains.scene.fields import KEY_OF
 from warpgrains.scene.reader import is_file_of_radii, read_radii, require_key
 from warpgrains.scene.toml import (
     Table,
@@ -146,6 +147,12 @@ class Sweep:
         if str(path) in shipped("sweep") and not any(path.glob("*.toml")):
             is_folder = False  # results of the shipped sweep may be in a folder of its name
         document: Table = {"folder": "."} if is_folder else parse_toml(read_text(path, "sweep"), path)
+        with written_as({}, str(path)):
+            return cls._of(document, path if is_folder else path.parent)
+
+    @classmethod
+    def _of(cls, document: Table, folder: Path) -> Self:
+        """Return the sweep of a document, whose files are relative to a folder."""
         for key in document:
             checks.one_of("key of a sweep", key, KEYS)
         combine = checks.one_of("combine", document.get("combine", "grid"), COMBINATIONS)
@@ -160,7 +167,7 @@ class Sweep:
         for key, values in ({key: [value] for key, value in fixed.items()} | lists).items():
             for value in values:
                 _require_toml(key, value)
-        bases = list(_bases(document, path if is_folder else path.parent, fixed, lists))
+        bases = list(_bases(document, folder, fixed, lists))
         count = len(bases) * prod(map(len, lists.values()))
         if combine == "grid" and count > MOST_VALUES:
             raise InputError(
@@ -183,6 +190,10 @@ def _by_key(document: Table, name: str) -> KeyValues:
     """Return the entries of a section of a sweep by "section.key", each a key of scene files."""
     found: KeyValues = {}
     for section, table in _table(name, document.get(name, {})).items():
+        if "." in section:
+            raise InputError(
+                f"{name} has the key {section!r} in quotes: write it without them, {name}.{section}"
+            )
         if name == "axes" and _is_named(section, table):
             found[section] = table
             continue
@@ -220,7 +231,9 @@ def _require_uses(fixed: KeyValues, named: list[str]) -> None:
         raise InputError(f"{used[name]} in [set] is {fixed[used[name]]!r}: [axes] has no {name}")
     for name in named:
         if name not in used:
-            raise InputError(f"axes.{name}: no value in [set] is '${name}', '-${name}' or '0.5 ${name}'")
+            told = f", or did you mean axes.{KEY_OF[name]}?" if name in KEY_OF else ""
+            uses = f"'${name}', '-${name}' or '0.5 ${name}'"
+            raise InputError(f"axes.{name}: no value in [set] is {uses}{told}")
 
 
 def _names_in(value: Any) -> set[str]:

@@ -85,7 +85,7 @@ class SweepFolder:
         for base in sweep.bases:
             scene = self._scene_file(base)
             if scene.exists() and read_regular(scene) != base.text.encode():
-                raise OutputError(f"'{scene}' is of a sweep with another scene: choose another -o")
+                raise OutputError(f"'{scene}' is of a sweep with another scene or [set]: choose another -o")
             for source, name in base.grain_files.values():
                 copy = self.path / GRAINS / name
                 if copy.exists() and read_regular(copy) != source.read_bytes():
@@ -117,9 +117,10 @@ class SweepFolder:
             )
         differing = [_option(name, value) for name, value in found.items() if value != own[name]]
         if not has_same_runs:
-            differing.append("other runs")
+            differing.append("with other scenes or axes")
         if differing:
-            raise OutputError(f"'{file}' is of a sweep with {' and '.join(differing)}: choose another -o")
+            how = "give the same options and sweep file, or choose another -o"
+            raise OutputError(f"'{self.path}' holds a sweep {' and '.join(differing)}: {how}")
 
     def unfinished(self, runs: Sequence[Run]) -> list[Run]:
         """Return those of some runs that have no result, or a failure of an earlier process."""
@@ -175,9 +176,9 @@ class SweepFolder:
 
 
 def _option(name: str, value: Any) -> str:
-    """Return the option of the command line that gives a setting."""
+    """Return with which option of the command line a sweep was begun, or that it was without it."""
     text = ",".join(map(str, value)) if isinstance(value, list) else value
-    return f"--{name} {text or 'none'}"
+    return f"with --{name} {text}" if text else f"without --{name}"
 
 
 def _write_if_missing(path: Path, content: bytes) -> None:

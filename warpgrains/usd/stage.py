@@ -213,7 +213,7 @@ def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64])
 def open_recording(path: Path) -> Usd.Stage:
     """Open a recording. Raises InputError if the file is missing or cannot be read."""
     if not path.is_file():
-        raise InputError(f"recording '{path}' does not exist")
+        raise InputError(f"recording '{path}' does not exist: `warpgrains run SCENE -o FILE.usdc` writes one")
     try:
         _unprinted = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings would be lines beside ours
         # not the layer that USD keeps of an earlier file of this name

@@ -45,7 +45,9 @@ def _side(field: str, value: Any) -> dict[str, Any]:
     given = {key: own for key, own in value.items() if own is not None}
     if len(given.keys() & {"pressure", "mass"}) == 1:
         missing = "pressure" if "mass" in given else "mass"
-        raise InputError(f"{field}.{missing} is missing: a side that a pressure drives needs both")
+        raise InputError(
+            f"{field}.{missing} is missing: a side that moves needs a pressure [N/m] and a mass [kg]"
+        )
     return {key: OF_SIDES[key](f"{field}.{key}", own) for key, own in given.items()}
 
 
@@ -101,13 +103,14 @@ class Box(Boundary):
     top: Mapping[str, Any] | None = _side_field("Upper side, as ``left``.")
 
     def __post_init__(self) -> None:
-        for name, own in described_fields(type(self)).items():
-            vars(self)[name] = checked(f"domain.{name}", own, getattr(self, name))
-        for name, (component, _) in SIDES.items():
-            if getattr(self, name) is not None and "xy"[component] in self.periodic:
+        for name, own in described_fields(type(self)).items():  # the sides come last
+            value = getattr(self, name)
+            if name in SIDES and value is not None and "xy"[SIDES[name][0]] in self.periodic:
                 raise InputError(
-                    f"domain.{name} is given, and domain.periodic is {self.periodic!r}: give one"
+                    f"domain.{name} is given, and domain.periodic is {self.periodic!r}: a periodic side has"
+                    " no wall, so remove one of them"
                 )
+            vars(self)[name] = checked(f"domain.{name}", own, value)
 
     def __hash__(self) -> int:
         return hash((self.x, self.y, self.periodic))
@@ -219,6 +222,12 @@ class Box(Boundary):
         fewest = max(1, int(line.length / (2.0 * spacing)))
         steps = (line.length / count for count in (fewest, fewest + 1))
         step = min(steps, key=lambda step: abs(0.5 * step - spacing))
+        if step < 2.0 * radius:
+            rounded = "" if spacing < radius else f" ({0.5 * step:.6g} m, to divide the side)"
+            raise InputError(
+                f"roughness.spacing is {spacing} m{rounded}: it must be greater, because discs of radius"
+                f" {radius} m would overlap"
+            )
         common: dict[str, Any] = {own.name: getattr(line, own.name) for own in fields(Wall)}
         (x, y), (tx, ty) = line.point, line.along
         for way in (-0.25 * step, 0.25 * step):

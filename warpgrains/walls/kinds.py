@@ -24,7 +24,7 @@ WRITTEN_KINDS: dict[str, type[Wall]] = {**WALL_KINDS, Polyline.kind: Polyline}
 def checked_walls(field: str, value: Any) -> tuple[Wall, ...]:
     """Return walls, each given as an object or by the keys of a `[[walls]]` table; polylines as segments."""
     if not isinstance(value, list | tuple):
-        raise InputError(f"{field} is {checks.shown(value)}: it must be a list of walls")
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a list of walls, [[walls]] in a file")
     found: list[Wall] = []
     walls = [_checked_wall(f"{field}[{k}]", given) for k, given in enumerate(value)]
     for k, wall in enumerate(walls):

@@ -370,7 +370,8 @@ class StraightWall(Wall):
         has_force = self.force is not None or getattr(self, "pressure", None) is not None
         if has_force != (self.mass is not None):
             missing = "mass" if has_force else "force"
-            raise InputError(f"{missing} of {self.one()} is missing: a wall that a force drives needs both")
+            told = "a wall that a force drives needs a force [N] and a mass [kg]"
+            raise InputError(f"{missing} of {self.one()} is missing: {told}")
 
     @property
     def across(self) -> tuple[float, float]:
