@@ -97,7 +97,7 @@ def test_frames_of_a_strip_are_those_that_are_asked_for(recording, capsys):
     assert exit_code("plot", recording, "-o", picture, "--frames", 1, "--no-curves") == 0
     assert not any(title in picture.read_text() for title in titles)
     assert exit_code("plot", recording, "--frames", "0,-1") == 0
-    for wrong, message in (([], "frames is empty"), ([1.5], r"frame is 1\.5"), (["1"], "frame is '1'")):
+    for wrong, message in (([], "frames is empty"), ([1.5], r"frames is 1\.5"), (["1"], "frames is '1'")):
         with pytest.raises(InputError, match=message):
             plot(recording, picture, wrong)
     beside = recording.with_suffix(".png")

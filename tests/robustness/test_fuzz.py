@@ -28,7 +28,7 @@ from warpgrains.analysis.vtk import export
 from warpgrains.cli import check
 from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.pictures.film import draw_film
-from warpgrains.scene.reader import scene_fields
+from warpgrains.scene.reader import document_fields, scene_document
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recording import Recording
@@ -91,17 +91,22 @@ def file_of(name, content):
         assert path.read_bytes() == content
 
 
+def scene_of(text, path):
+    document, own = scene_document(text, path)
+    return Scene(**document_fields(document, path.parent), **own)
+
+
 def check_scene(content):
     with file_of("scene.toml", content) as path:
         scene = Scene.load(path)
         assert np.isfinite(scene.position).all()
-        assert contents(Scene(**scene_fields(scene.text, path))) == contents(scene)
+        assert contents(scene_of(scene.text, path)) == contents(scene)
 
 
 def check_grains(content):
     with file_of("grains.csv", content) as path:
         document = 'domain = {radius_out = 1.0}\n[grains]\nfile = "grains.csv"'
-        assert Scene(**scene_fields(document, path.with_name("scene.toml"))).n > 0
+        assert scene_of(document, path.with_name("scene.toml")).n > 0
 
 
 test_scene_files = fuzzed(check_scene, mutations(SCENE_FILE.encode()) | reworded_texts(SCENE_FILE))
