@@ -12,8 +12,10 @@ from pathlib import Path
 from tests.bench.__main__ import BENCHES
 from tests.bench.plane_shear import FIGURES, error
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES
-from warpgrains.cli.scenes import exchange_keys, keys, wall_keys
+from warpgrains.cli.scenes import Key, exchange_keys, keys, wall_keys
+from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.radii import DISTRIBUTIONS, OF_MEAN
+from warpgrains.scene.reader import keyword_parameters
 from warpgrains.sweep import axes, sweep
 from warpgrains.sweep.results import COLUMNS
 
@@ -28,6 +30,17 @@ def _scene() -> Iterable[Sequence[str]]:
     yield "key", "unit", "default", "meaning"
     for key in keys(None):
         yield f"`{key.section}.{key.name}`", key.unit, _code(key.shown_default), key.meaning
+
+
+def _layouts() -> Iterable[Sequence[str]]:
+    yield "layout", "key", "unit", "default", "meaning"
+    found: dict[Key, list[str]] = {}
+    for layout, function in LAYOUTS.items():
+        for key in keys(layout):
+            if key.section == "grains" and key.name in keyword_parameters(function):
+                found.setdefault(key, []).append(layout)
+    for key, layouts in sorted(found.items(), key=lambda item: -len(item[1])):
+        yield ", ".join(layouts), f"`{key.name}`", key.unit, _code(key.shown_default), key.meaning
 
 
 def _walls() -> Iterable[Sequence[str]]:
@@ -199,6 +212,7 @@ TABLES = {
     "over_grains": _over_grains,
     "shear": _shear,
     "scene": _scene,
+    "layouts": _layouts,
     "walls": _walls,
     "exchange": _exchange,
     "radii": _radii,

@@ -18,6 +18,7 @@ from sphinx.cmd.build import main as sphinx
 from warpgrains import Scene
 from warpgrains.cli import main as command_line
 from warpgrains.scene.fields import FIELDS, SceneChanges
+from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.sweep.sweep import Sweep
 
 TIMES = re.compile(r"^time +\d.*$", re.M)  # the line of a summary that tells how long it took
@@ -47,6 +48,16 @@ def ended(line: str) -> int:
     return subprocess.run(["bash", "-c", line], env={**os.environ, "PATH": path}).returncode
 
 
+@pytest.fixture
+def layouts():
+    """Remove the layouts that a page adds."""
+    kept = dict(LAYOUTS)
+    yield
+    LAYOUTS.clear()
+    LAYOUTS.update(kept)
+
+
+@pytest.mark.usefixtures("layouts")
 @pytest.mark.parametrize(
     ("name", "slow"),
     [

@@ -6,9 +6,9 @@ import shutil
 import textwrap
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import MISSING
+from dataclasses import MISSING, Field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from warpgrains.base import checks
 from warpgrains.base.console import in_columns
@@ -30,8 +30,6 @@ from warpgrains.scene.toml import Table, parse_toml, read_text, shipped, toml_va
 from warpgrains.walls.box import Box
 from warpgrains.walls.kinds import WRITTEN_KINDS
 
-REQUIRED = object()
-"""Marker for keys without a default."""
 KINDS = {"scene": "warpgrains run NAME", "sweep": "warpgrains batch NAME -o DIR"}
 _LISTS = {
     "walls": "a wall inside the domain",
@@ -100,8 +98,17 @@ class Key(NamedTuple):
     section: str
     name: str
     default: Any
-    """Default value; None if the description of the key gives it."""
+    """Default value, or None."""
     meaning: str
+    mark: str = "absent"
+    """Shown instead of a default: "required"; "inherited", from a key that the meaning names; or "absent"."""
+
+    @classmethod
+    def of(cls, section: str, name: str, field: Field[Any]) -> Self:
+        meaning, mark = field.metadata["meaning"], field.metadata.get("mark", "absent")
+        if field.default is MISSING:
+            return cls(section, name, None, meaning, "required")
+        return cls(section, name, None if field.default == "" else field.default, meaning, mark)
 
     @property
     def unit(self) -> str:
@@ -110,11 +117,7 @@ class Key(NamedTuple):
 
     @property
     def shown_default(self) -> str:
-        if self.default is None:
-            return "none"
-        if self.default is REQUIRED:
-            return "required"
-        return toml_value(self.default)
+        return self.mark if self.default is None else toml_value(self.default)
 
 
 def keys(layout: str | None, domains: Iterable[str] = DOMAINS) -> Iterator[Key]:
@@ -124,30 +127,32 @@ def keys(layout: str | None, domains: Iterable[str] = DOMAINS) -> Iterator[Key]:
     for section, names in SECTIONS.items():
         for name in domain_keys(domains) if section == "domain" else names:
             field = FIELDS.get(name) or of_boxes.get(name)
-            default = None if name in of_boxes else field and field.default
-            yield Key(section, name, default, field.metadata["meaning"]) if field else kind
-    yield from (Key("grains", name, None, meaning) for name, meaning in SOURCES.items())
+            yield Key.of(section, name, field) if field else kind
+    yield from (Key("grains", name, None, meaning, "required") for name, meaning in SOURCES.items())
     if layout in LAYOUTS:
         own = {**COMMON, **parameters_of(LAYOUTS[layout])}
         for name, parameter in keyword_parameters(LAYOUTS[layout]).items():
             if name not in own:
                 raise InputError(f"layout {layout!r} has the parameter {name}: describe it in its docstring")
-            default = REQUIRED if parameter.default is parameter.empty else parameter.default
-            yield Key("grains", name, default, own[name])
+            if parameter.default is parameter.empty:
+                yield Key("grains", name, None, own[name], "required")
+            else:
+                yield Key("grains", name, parameter.default, own[name])
     else:
-        yield Key("grains", "radius", None, COMMON["radius"])
-    yield from (Key("grains", name, None, meaning) for name, meaning in PROPERTIES.items())
+        yield Key("grains", "radius", None, COMMON["radius"], "required")
+    for name, meaning in PROPERTIES.items():
+        yield Key("grains", name, None, meaning, "required" if name in ("mass", "density") else "absent")
 
 
 def wall_keys() -> Iterator[Key]:
     """Yield the keys of `[[walls]]`: those of some kinds, then those of all."""
-    yield Key("walls", "kind", REQUIRED, f"Kind of a wall inside the domain: {', '.join(WRITTEN_KINDS)}.")
+    kinds = f"Kind of a wall inside the domain: {', '.join(WRITTEN_KINDS)}."
+    yield Key("walls", "kind", None, kinds, "required")
     found = {name: field for wall in WRITTEN_KINDS.values() for name, field in wall.keys().items()}
     for name, field in sorted(found.items(), key=lambda item: item[1].kw_only is True):
-        default = REQUIRED if field.default is MISSING else field.default
         with_key = [kind for kind, wall in WRITTEN_KINDS.items() if name in wall.keys()]  # noqa: SIM118
-        kinds = "" if field.kw_only else ", ".join(with_key) + ": "
-        yield Key("walls", name, default, kinds + field.metadata["meaning"])
+        key = Key.of("walls", name, field)
+        yield key if field.kw_only else key._replace(meaning=f"{', '.join(with_key)}: {key.meaning}")
 
 
 def exchange_keys() -> Iterator[Key]:
@@ -170,7 +175,7 @@ def commented(document: Table) -> str:
         if key.name in document.get(section, {}):
             lines.append(f"{key.name} = {toml_value(document[section][key.name])}")
         else:
-            value = "..." if key.default in (None, REQUIRED) else key.shown_default
+            value = "..." if key.default is None else key.shown_default
             lines.append(f"# {key.name} = {value}")
     for section, meaning in _LISTS.items():
         lines.append(f"\n# A table [[{section}]] is {meaning}.")

@@ -32,10 +32,12 @@ STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
 
 
-def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING) -> Any:
+def _key(
+    meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING, mark: str = "absent"
+) -> Any:
     """Return a field of a scene, with its section in scene files, and its check or a tuple of names."""
     known = partial(checks.one_of, known=check) if isinstance(check, tuple) else check
-    return described(meaning, section=section, check=known, default=default)
+    return described(meaning, section=section, check=known, default=default, mark=mark)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -55,9 +57,10 @@ class SceneFields:
     )
     radius_in: float = _key("Radius of the inner wall [m]; 0 means there is none.", "domain", default=0.0)
     radius_out: float = _key(
-        "Radius of the outer wall [m]; by default there is a box.",
+        "Radius of the outer wall [m], unless the domain is a box.",
         "domain",
         default=None,
+        mark="required",
     )
     domain: Box | None = _key(
         "A `Box` that contains the grains, instead of the annulus.", check=checked_domain, default=None
@@ -80,6 +83,7 @@ class SceneFields:
         "domain",
         checks.positive,
         default=None,
+        mark="inherited",
     )
     angular_velocity_out: float = _key(
         "Angular velocity at which the outer wall rotates about the origin [rad/s]. Only with friction.",
@@ -135,6 +139,7 @@ class SceneFields:
         "contact",
         checks.not_negative,
         default=None,
+        mark="inherited",
     )
     rolling_friction: float = _key(
         "Coefficient of rolling friction between grains: the largest moment against their relative rotation,"
@@ -148,6 +153,7 @@ class SceneFields:
         "contact",
         checks.not_negative,
         default=None,
+        mark="inherited",
     )
     restitution: float = _key(
         "Coefficient of restitution between grains, from 0 to 1: the speed at which they part, in speeds at"
@@ -161,6 +167,7 @@ class SceneFields:
         "contact",
         checks.fraction,
         default=None,
+        mark="inherited",
     )
     restitution_speed: float = _key(
         "Speed up to which grains meet without bouncing [m/s].",
@@ -200,7 +207,7 @@ class SceneFields:
     )
     method: str = _key(
         'Method of the contact iteration: "gauss-seidel", as in the course text; "accelerated", the same with'
-        ' momentum; or "exact", which solves steps directly where sweeps are slow (extra ``[exact]``).',
+        ' momentum; or "exact", which solves steps directly where these converge slowly (extra ``[exact]``).',
         "solver",
         METHODS,
         default="gauss-seidel",
@@ -213,8 +220,8 @@ class SceneFields:
         default="default",
     )
     exact_time: float | None = _key(
-        'Most time that method "exact" takes for a step with friction beside its sweeps, in units of the time'
-        " of `max_iterations` sweeps; by default 500.",
+        'Most time that method "exact" takes for a step with friction besides its iterations, in units of the'
+        " time of `max_iterations` iterations; by default 500.",
         "solver",
         checks.positive,
         default=None,

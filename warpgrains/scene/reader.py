@@ -34,9 +34,10 @@ from warpgrains.walls.rim import Rim
 from warpgrains.walls.wall import Wall
 
 SOURCES = {
-    "layout": f"Where grains start: the name of a layout, one of {', '.join(LAYOUTS)}. Or:",
+    "layout": f"Where grains start: the name of a layout, {', '.join(LAYOUTS)}, which has more keys; or:",
     "position": "centers of the grains [m], a list of pairs; or:",
-    "file": "name of an .npz or .csv file of grains, relative to the scene file.",
+    "file": "name of an .npz or .csv file of grains, relative to the scene file. It has arrays position,"
+    " velocity, radius, mass and spin, or columns x, y, vx, vy, radius, mass and spin, positions at least.",
 }
 """Keys that give the positions of the grains; a scene file has exactly one of them."""
 PROPERTIES = {

@@ -87,16 +87,19 @@ class Wall(Motion):
         "Coefficient of friction of the wall; by default that of the scene at walls.",
         check=checks.not_negative,
         default=None,
+        mark="inherited",
     )
     rolling_friction: float | None = described(
         "Coefficient of rolling friction of the wall; by default that of the scene at walls.",
         check=checks.not_negative,
         default=None,
+        mark="inherited",
     )
     restitution: float | None = described(
         "Coefficient of restitution of the wall; by default that of the scene at walls.",
         check=checks.fraction,
         default=None,
+        mark="inherited",
     )
     name: str | None = described(
         "Name of the wall; forces on walls of one name are added up. By default each has its own, such as"
