@@ -117,7 +117,7 @@ def sweeps(options: argparse.Namespace) -> Iterator[Row]:
 
             ways = partial(us_a_sweep, arrays.run), partial(us_a_sweep, arrays.run_in_c)
             ours, in_c = in_turn(options.repeats, *ways)
-            subject = Subject(f"one sweep, {kind}", n, order)
+            subject = Subject(f"one iteration, {kind}", n, order)
             yield row(subject, ours, "us", f"same arrays, {COMPILER}", in_c, target=target)
 
 

@@ -105,7 +105,7 @@ def piles(options: argparse.Namespace) -> Iterator[Row]:
         subject = Subject(f"resting pile, exact to {EXACT_ERROR:g}", n, "color")
         other = f"accelerated to {SWEPT_ERROR:g}"
         yield row(subject, times, "ms a step", other, its_times, SPEEDUP, ">= 5")
-        yield row(subject, counts, "factorizations", f"{other}, sweeps", its_sweeps)
+        yield row(subject, counts, "factorizations", f"{other}, iterations", its_sweeps)
 
 
 def shipped(options: argparse.Namespace) -> Iterator[Row]:
@@ -118,7 +118,7 @@ def shipped(options: argparse.Namespace) -> Iterator[Row]:
         steps = min(scene.steps, options.steps or scene.steps)
         done = Simulation(scene, threads=1).run(steps=steps)
         subject = Subject(f"{name}, {done.steps} steps to 1e-9 m/s", scene.n, "color")
-        yield row(subject, [done.unconverged], "steps not there", target="<= 0")
+        yield row(subject, [done.unconverged], "steps not converged", target="<= 0")
 
 
 def with_friction(options: argparse.Namespace) -> Iterator[Row]:
@@ -138,6 +138,6 @@ def with_friction(options: argparse.Namespace) -> Iterator[Row]:
         subject = Subject(f"{scene.name}, {steps} steps to {tolerance:g} m/s", scene.n, scene.order)
         most = f"<= {steps // 500}" if tolerance == 1e-6 else ""
         swept = subject._replace(name=f"{subject.name}, accelerated")
-        yield row(subject, short[:1], "steps not there", target=most)
-        yield row(swept, short[1:], "steps not there")
+        yield row(subject, short[:1], "steps not converged", target=most)
+        yield row(swept, short[1:], "steps not converged")
         yield row(subject, [taken[0]], "s", "accelerated", [taken[1]])

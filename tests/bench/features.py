@@ -79,12 +79,12 @@ FEATURES: dict[str, tuple[Switch, Switch]] = {
     "distinct masses": ({}, partial(_of_distinct, "mass")),
     "periodic box": (_in_a_ring, partial(_in_a_box, periodic="x")),
     "restitution": ({}, {"restitution": 0.5, "restitution_speed": 1e9}),
-    f"acceleration, {ITERATIONS} sweeps": (SWEPT, FASTER),
-    f"leapfrog, {ITERATIONS} sweeps": (SWEPT, {"scheme": "leapfrog"}),
-    f"round wall, {ITERATIONS} sweeps": (SWEPT, {"wall": "round"}),
-    f"friction, {ITERATIONS} sweeps": (SWEPT, {"friction": 0.5}),
-    f"friction, {ITERATIONS} accelerated sweeps": (FASTER, {"friction": 0.5}),
-    f"rolling friction beside friction, {ITERATIONS} sweeps": (RUBBING, {"rolling_friction": 0.1}),
+    f"acceleration, {ITERATIONS} iterations": (SWEPT, FASTER),
+    f"leapfrog, {ITERATIONS} iterations": (SWEPT, {"scheme": "leapfrog"}),
+    f"round wall, {ITERATIONS} iterations": (SWEPT, {"wall": "round"}),
+    f"friction, {ITERATIONS} iterations": (SWEPT, {"friction": 0.5}),
+    f"friction, {ITERATIONS} accelerated iterations": (FASTER, {"friction": 0.5}),
+    f"rolling friction beside friction, {ITERATIONS} iterations": (RUBBING, {"rolling_friction": 0.1}),
 }
 """Changes of a scene after which it lacks a feature, and changes of that one that switch it on."""
 

@@ -46,11 +46,11 @@ def threads(options: argparse.Namespace) -> Iterator[Row]:
         kind, *pile = settled_pile(n, options.cache)
         flow = splashing(n, options.cache)
         cases = {
-            f"{ITERATIONS} plain sweeps, {kind}": partial(continued, *pile, order="color"),
-            f"{ITERATIONS} accelerated sweeps, {kind}": partial(
+            f"{ITERATIONS} plain iterations, {kind}": partial(continued, *pile, order="color"),
+            f"{ITERATIONS} accelerated iterations, {kind}": partial(
                 continued, *pile, order="color", method="accelerated"
             ),
-            f"{ITERATIONS} plain sweeps, flowing": partial(continued, *flow, **SWEPT),
+            f"{ITERATIONS} plain iterations, flowing": partial(continued, *flow, **SWEPT),
             "accelerated to 1e-2 m/s, flowing": partial(continued, *flow),
         }
         for (name, make), loops in product(cases.items(), (0, 1)):
