@@ -86,7 +86,7 @@ def _carry_out(run: SceneRun, arguments: Namespace) -> Summary:
     if run.options.shows is RECORDING:
         with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
-    with stdout_to_stderr(), written_as(FLAGS), run.opened():
+    with stdout_to_stderr(), written_as(FLAGS | {"threads": "--threads"}), run.opened():
         start_warp()
         from warpgrains.simulation.simulation import Simulation
 

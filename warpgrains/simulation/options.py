@@ -127,7 +127,8 @@ class RunOptions(Look):
         require_needed([name for name, one in OPTIONS.items() if getattr(self, name) != one.default])
         if self.mean and 0 < self.steps < self.measure_every:
             raise InputError(
-                f"steps is {self.steps}: no mean over {self.measure_every} steps ends within them"
+                f"steps is {self.steps}: no mean over {self.measure_every} steps ends within them; give more"
+                " steps, or means over fewer"
             )
         if self.shows is not None:
             self._require_effect(self.shows)

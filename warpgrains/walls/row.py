@@ -60,7 +60,10 @@ class Row(InfiniteWall):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not hypot(*self.step) >= 2.0 * self.radius:
-            raise InputError(f"step of a row is {self.step}: discs of radius {self.radius} m would overlap")
+            raise InputError(
+                f"step of a row is {self.step}: discs of radius {self.radius} m would overlap; it must be at"
+                f" least {2.0 * self.radius} m long"
+            )
         if self.length > MOST_SHOWN * hypot(*self.step):
             raise InputError(
                 f"length of a row is {self.length} m: it must be at most {MOST_SHOWN:g} steps of"
