@@ -128,9 +128,9 @@ def hard_steps() -> Section:
         median = np.median(curves, axis=0)
         axes.loglog(BUDGETS, curves.T, "-", color="C0", alpha=0.4)
         axes.loglog(BUDGETS, median, "ko-")
-        axes.set(xlabel="sweeps", title=method)
+        axes.set(xlabel="iterations", title=method)
         for sweeps, value in zip(BUDGETS, median, strict=True):
-            numbers[f"{method}, {sweeps} sweeps: median residual [m/s]"] = float(value)
+            numbers[f"{method}, {sweeps} iterations: median residual [m/s]"] = float(value)
     both[0].set_ylabel("residual [m/s]")
     return figure, numbers
 
