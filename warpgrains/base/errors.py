@@ -13,7 +13,7 @@ class InputError(ValueError):
     >>> wg.Scene.load("annulus", ["physics.drag=-1"])
     Traceback (most recent call last):
         ...
-    warpgrains.base.errors.InputError: drag is -1.0: it must be 0 or more
+    warpgrains.base.errors.InputError: annulus: physics.drag is -1.0: it must be 0 or more
     """
 
     def __init__(self, message: str = "") -> None:
