@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 from contextlib import nullcontext
+from functools import partial
 
 import imageio_ffmpeg
 import numpy as np
@@ -51,6 +52,10 @@ def states():
 
 def film_frames(path):
     """Return the frames of a film, shape (f, height, width, 3), and how many it shows a second."""
+    if "%" in path.name:
+        pictures = sorted(path.parent.glob(f"*{path.suffix}"))
+        assert [one.name for one in pictures] == [path.name % k for k in range(len(pictures))]
+        return np.array([imread(one)[:, :, :3] for one in pictures]), 25.0
     if path.suffix in (".mp4", ".mov"):
         reader = imageio_ffmpeg.read_frames(str(path))
         meta = next(reader)
@@ -93,26 +98,56 @@ def test_a_picture_of_a_periodic_box_is_the_same_on_both_sides(kind):
 
 
 @pytest.mark.parametrize(
-    ("recorded", "drawn"), [(".mp4", None), (".mov", None), (".webp", None), (".usdc", ".gif")]
+    ("recorded", "drawn"),
+    [
+        ("run.mp4", None),
+        ("run.mov", None),
+        ("run.webp", None),
+        ("%02d.PNG", None),
+        ("run.usdc", "run.gif"),
+        ("run.usdc", "run.mov"),
+        ("run.usdc", "run_%04d.png"),
+    ],
 )
 def test_frames_show_the_states(tmp_path, states, capsys, recorded, drawn):
     """Of a run, and of its recording."""
-    path, scene = tmp_path / f"run{recorded}", Scene.load("annulus")
-    if drawn is None:
+    path, scene = tmp_path / recorded, Scene.load("annulus")
+    if drawn is None and "%" not in recorded:
         path.write_bytes(b"earlier")
     summary = Simulation(scene).run(steps=STRIDE * (len(states) - 1), record=path, fps=25, color_by="speed")
     assert summary.output == str(path)
-    assert list(tmp_path.iterdir()) == [path]
     if drawn:
-        recording, path = path, path.with_suffix(drawn)
+        recording, path = path, tmp_path / drawn
         assert exit_code("plot", recording, "-o", path) == 0
         assert capsys.readouterr().out == f"{path}: {len(states)} frames\n"
+        recording.unlink()
     frames, rate = film_frames(path)
+    assert len(list(tmp_path.iterdir())) == (len(states) if "%" in path.name else 1)
     assert (len(frames), rate) == (len(states), pytest.approx(25.0))
     view, colors = View(frames[0], 0.08), GrainColors(scene, "speed")
     for pixels, (position, velocity) in zip(frames, states, strict=True):
         assert np.allclose(view.at(pixels, position), colors.of(moment(position, velocity)), atol=LOSS)
         assert np.allclose(view.at(pixels, -position), 1.0, atol=0.05)
+
+
+def test_numbered_pictures_replace_no_others(tmp_path, states):
+    """Because those of an earlier, longer film would remain; and an interrupted film leaves none or all."""
+    path, scene = tmp_path / "a_%02d.png", Scene.load("annulus")
+    recording = record(tmp_path / "run.usdc", states[:3], scene)
+    (tmp_path / "a_b7.png").touch()
+    for number in (11, 5):  # the first is named
+        earlier = tmp_path / f"a_{number}.png"
+        earlier.touch()
+        for draw in (partial(draw_film, recording), lambda path: Simulation(scene).run(2, record=path)):
+            with pytest.raises(InputError, match=rf"refusing to overwrite '{earlier}': remove"):
+                draw(path)
+        earlier.unlink()
+    with (
+        pytest.raises(KeyboardInterrupt),
+        Film(scene, RunOptions(steps=1, record=path), FrameTimes(0.01, 50)),
+    ):
+        raise KeyboardInterrupt
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["a_b7.png", "run.usdc"]
 
 
 @pytest.mark.parametrize(("suffix", "options"), [(".mp4", {"fps": 25}), (".png", {})])

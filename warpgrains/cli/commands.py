@@ -38,7 +38,7 @@ class Command(NamedTuple):
                 places[group, ""] = parser.add_argument_group(group)
             if (group, rivals) not in places:
                 places[group, rivals] = places[group, ""].add_mutually_exclusive_group()
-            option["help"] = option["help"].format(**_VALUES)
+            option["help"] = option["help"].format(**_VALUES).replace("%", "%%")
             if "type" in option:
                 option["type"] = _TYPES[option["type"]]
             places[group, rivals].add_argument(*names.split(), **option)

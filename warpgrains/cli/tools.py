@@ -12,7 +12,7 @@ from warpgrains.base.errors import InputError, requiring, written_as
 from warpgrains.base.files import require_writable_path, suffix_of
 from warpgrains.base.shown import number_of
 from warpgrains.base.warp_start import start_warp
-from warpgrains.drawing.kinds import FILMS, require_drawing
+from warpgrains.drawing.kinds import FILMS, form_of, require_drawing
 from warpgrains.drawing.looks import Looks, with_style
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.toml import shipped_scenes
@@ -37,7 +37,7 @@ def recover(arguments: Namespace) -> bool:
 @written_as(FLAGS | {"frames": "--frames"})
 def plot(arguments: Namespace) -> bool:
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
-    is_film, is_history = suffix_of(output) in FILMS, suffix_of(arguments.file) == ".csv"
+    is_film, is_history = form_of(output) in FILMS, suffix_of(arguments.file) == ".csv"
     require_drawing("plot", is_film)
     given = {name: getattr(arguments, name) for name in (*Looks.__annotations__, "style")}
     given = {name: value for name, value in given.items() if value is not None}

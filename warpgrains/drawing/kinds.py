@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from warpgrains.base import checks
 from warpgrains.base.errors import InputError, requiring
+from warpgrains.base.files import suffix_of
 from warpgrains.space.bounds import Bounds
 
 if TYPE_CHECKING:
@@ -19,6 +21,10 @@ if TYPE_CHECKING:
 
 RECORDINGS = (".usdc", ".usda", ".usdz")
 STILLS = (".png", ".pdf", ".svg")
+SEQUENCE = "%d.png"
+"""Form of a film that is one picture for each frame, with the number of the frame in its name."""
+
+_NUMBERED = re.compile(r"[^%]*%0?\d?d[^%]*\.png", re.IGNORECASE)
 
 _SMALLEST, _LARGEST = 64, 8192  # pixels of a side of a picture
 
@@ -44,8 +50,9 @@ FILMS = {
     ".mov": FilmFormat("mov", _H264, side=720, fastest=1e6),
     ".gif": FilmFormat("gif"),
     ".webp": FilmFormat("webp", ("libwebp_anim", "yuv420p", "-lossless", "0", "-q:v", "80", "-loop", "0")),
+    SEQUENCE: FilmFormat("image2", ("png", "rgb24", "-start_number", "0"), side=720, fastest=1e6),
 }
-"""Formats of films by suffix."""
+"""Formats of films, see `form_of`."""
 
 
 class Output(AbstractContextManager[Any], Protocol):
@@ -101,7 +108,12 @@ STILL = Kind(
     has_frames=False, lacks=("draw_as", "fps", "slow"),
 )  # fmt: skip
 KINDS = {suffix: kind for kind in (RECORDING, FILM, STILL) for suffix in kind.suffixes}
-"""Kinds by suffix."""
+"""Kinds of outputs, see `form_of`."""
+
+
+def form_of(path: str | Path) -> str:
+    """Return the suffix of a file's name in lower case; `SEQUENCE` for a name such as "a_%04d.png"."""
+    return SEQUENCE if _NUMBERED.fullmatch(Path(path).name) else suffix_of(path)
 
 
 def described_kinds() -> str:

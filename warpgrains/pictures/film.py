@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import subprocess
-from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from errno import EIO
 from fractions import Fraction
 from math import ceil
@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.base.console import progress_bar
-from warpgrains.base.errors import InputError
-from warpgrains.base.files import draft_folder, draft_of, draft_path, require_writable_path, suffix_of
+from warpgrains.base.errors import InputError, OutputError
+from warpgrains.base.files import draft_folder, draft_of, draft_path, naming, publish, require_writable_path
 from warpgrains.base.locks import Lock
 from warpgrains.drawing.frames import FrameTimes
-from warpgrains.drawing.kinds import FILMS, SLOWEST, FilmFormat, size_of
+from warpgrains.drawing.kinds import FILMS, SEQUENCE, SLOWEST, FilmFormat, form_of, size_of
 from warpgrains.drawing.looks import Looks
 from warpgrains.drawing.painter import Painter
 from warpgrains.pictures.still import Canvas, DrawnOutput
@@ -47,9 +47,11 @@ class Encoding:
 
     def __init__(self, arguments: Sequence[str | Path], output: Path) -> None:
         self._complaints = TemporaryFile()  # noqa: SIM115  # open until the process ends
-        program = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error"]
+        program, form = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error"], form_of(output)
+        folder = str(output.parent).replace("%", "%%") if form == SEQUENCE else output.parent
+        name = Path(folder, output.name)
         self._process = subprocess.Popen(
-            [*program, *arguments, "-f", _FORMATS[suffix_of(output)].container, f"file:{output}"],
+            [*program, *arguments, "-f", _FORMATS[form].container, f"file:{name}"],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=self._complaints,
@@ -91,7 +93,7 @@ class Encoding:
 
 def encoding_of_frames(output: Path, shape: tuple[int, ...], rate: float) -> Encoding:
     """Return an encoding of frames of shape (height, width, 3); `rate` is in frames per second [1/s]."""
-    codec, colors, *options = _FORMATS[suffix_of(output)].encoding
+    codec, colors, *options = _FORMATS[form_of(output)].encoding
     height, width = shape[:2]
     frames = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"]
     # codecs require even widths and heights
@@ -106,6 +108,25 @@ def require_rate(rate: float) -> None:
         raise InputError(f"a film has at least {SLOWEST:g} frames a second of simulated time, not {rate:g}")
 
 
+@contextmanager
+def _draft_of(target: Path) -> Iterator[Path]:
+    """Yield the path of a film, which replaces `target` after the block, see `draft_of`.
+
+    Pictures with numbers replace no others: those of an earlier film, if it is longer, would remain.
+    """
+    if form_of(target) != SEQUENCE:
+        with draft_of(target) as draft:
+            yield draft
+        return
+    numbered = re.compile(re.sub(r"%\d*d", r"\\d+", re.escape(target.name)))
+    if earlier := sorted(path for path in target.parent.iterdir() if numbered.fullmatch(path.name)):
+        raise OutputError(f"refusing to overwrite '{earlier[0]}': remove the pictures '{target}' first")
+    with naming(target), draft_folder(target) as folder:
+        yield folder / target.name
+        for draft in sorted(folder.iterdir()):
+            publish(draft, target.with_name(draft.name))
+
+
 class FilmWriter:
     """Writer of a film of snapshots, at `rate` frames per second [1/s], until the end of the ``with`` block.
 
@@ -114,9 +135,9 @@ class FilmWriter:
 
     def __init__(self, path: Path, painter: Painter, rate: float) -> None:
         self._path, self._rate, self.frames = path, rate, 0
-        self._canvas = Canvas(painter, FILMS[suffix_of(path)].side)
+        self._canvas = Canvas(painter, FILMS[form_of(path)].side)
         self._held = ExitStack()
-        has_palette = not FILMS[suffix_of(path)].encoding
+        has_palette = not FILMS[form_of(path)].encoding
         self._encoded = draft_path(path) / "film.mkv" if has_palette else path
         self._encoder: Encoding | None = None
 
@@ -162,7 +183,7 @@ def draw_film(
     from warpgrains.usd.recording import Recording, painter_of  # a film of a run needs no USD
 
     output = Path(output)
-    require_writable_path("film", output, *FILMS)
+    require_writable_path("film", output, *(() if form_of(output) in FILMS else FILMS))
     if (size := looks.get("size")) is not None:
         size_of("size", size, is_film=True)
     source = Recording(recording)
@@ -174,12 +195,12 @@ def draw_film(
             f"fps {shown:g} cannot be met: '{recording}' has {rate / slow:g} frames a second at this"
             " speed, and these over whole numbers"
         )
-    step = round(step) * max(1, ceil(shown / FILMS[suffix_of(output)].fastest))
+    step = round(step) * max(1, ceil(shown / FILMS[form_of(output)].fastest))
     require_rate(rate / slow / step)
     frames, painter = range(0, len(source), step), painter_of(source, **looks)
     with (
         Lock(output),
-        draft_of(output) as draft,
+        _draft_of(output) as draft,
         FilmWriter(draft, painter, rate / slow / step) as film,
         progress_bar(len(frames), shown=progress, unit="frame") as bar,
     ):
@@ -198,7 +219,7 @@ class Film(DrawnOutput):
         self._rate = times.played
 
     def __enter__(self) -> Self:
-        draft = self.enter_context(draft_of(self._path))
+        draft = self.enter_context(_draft_of(self._path))
         self._writer = self.enter_context(FilmWriter(draft, self._painter, self._rate))
         return self
 

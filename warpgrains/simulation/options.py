@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Self
 from warpgrains.base import checks
 from warpgrains.base.described import described_fields
 from warpgrains.base.errors import InputError
-from warpgrains.base.files import resolve_link, suffix_of
+from warpgrains.base.files import resolve_link
 from warpgrains.drawing.frames import FrameTimes
-from warpgrains.drawing.kinds import FILM, FILMS, KINDS, Kind, described_kinds, size_of
+from warpgrains.drawing.kinds import FILM, FILMS, KINDS, Kind, described_kinds, form_of, size_of
 from warpgrains.drawing.looks import Look, Looks, option
 
 if TYPE_CHECKING:
@@ -42,9 +42,9 @@ def _file(field: str, name: Any) -> str:
 
 
 def _output(field: str, name: Any) -> str:
-    """Return the name of an output, whose suffix is one of `KINDS`."""
+    """Return the name of an output, whose form is one of `KINDS`."""
     name = _file(field, name)
-    if suffix_of(name) not in KINDS:
+    if form_of(name) not in KINDS:
         raise InputError(f"output '{name}' must end in {', '.join(KINDS)}")
     return name
 
@@ -136,13 +136,13 @@ class RunOptions(Look):
     @property
     def shows(self) -> Kind | None:
         """Kind of output that `record` is by its suffix; None without it."""
-        return None if self.record is None else KINDS[suffix_of(self.record)]
+        return None if self.record is None else KINDS[form_of(self.record)]
 
     def times(self, scene: Scene, first_step: int) -> FrameTimes | None:
         """Return the times of the frames, whose rate is limited by what the file can store."""
         if self.shows is None or not self.shows.has_frames:
             return None
-        film = FILMS.get(suffix_of(self.record or ""))
+        film = FILMS.get(form_of(self.record or ""))
         rate = self.fps if film is None else min(self.fps, film.fastest)
         slow = self.slow or (1.0 if film is None else self._slow_enough(self.steps * scene.dt, scene.dt))
         return FrameTimes.of(scene.dt, rate, first_step, scene.time, slow)
