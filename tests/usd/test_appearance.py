@@ -17,6 +17,7 @@ from recordings import (
     opened,
     record,
 )
+from walled_scenes import BOXES, boxed, stirred
 
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, all_contacts
@@ -184,3 +185,27 @@ def test_there_may_be_no_force_chain(tmp_path):
     Simulation(Scene.load("annulus")).run(steps=1, record=tmp_path / "run.usdc", forces=True)
     assert bands_of(tmp_path / "run.usdc", 0)[0].shape == (0, 2, 2)
     assert Recording(tmp_path / "run.usdc").frame(0).force.shape == (0,)
+
+
+@pytest.mark.parametrize("kind", ["turning", *BOXES])
+def test_walls_are_bodies_about_the_bands_of_pictures(tmp_path, kind):
+    """Also where they move: their volume, by their faces, is that of the bands times their depth."""
+    scene, path = stirred(20) if kind == "turning" else boxed(kind, 30), tmp_path / "run.usdc"
+    Simulation(scene).run(duration=0.3, record=path)
+    stage, height = Usd.Stage.Open(str(path)), float(scene.radius.mean())
+    painter = painter_of(recording := Recording(path))
+    last = len(recording) - 1
+    bands = painter.walls | painter.moved_walls(
+        scene.with_walls_at(recording.places(last)), recording.time[last]
+    )
+    for name, band in bands.items():
+        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/World/Walls/{name}"))
+        get = (mesh.GetPointsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetNormalsAttr())
+        points, faces, normals = (np.array(own.Get(last)) for own in get)
+        corner = points[faces.reshape(-1, 4)].astype(np.float64)
+        area = 0.5 * np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+        size = np.linalg.norm(area, axis=1)
+        assert_allclose((area * normals).sum(axis=1), size, rtol=0.0, atol=1e-5 * size.max())
+        flat = sum(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)) for x, y in band.outlines().swapaxes(1, 2))
+        volume = (area * corner.mean(axis=1)).sum() / 3.0
+        assert volume == pytest.approx(2.0 * height * abs(flat), rel=1e-4)  # float32

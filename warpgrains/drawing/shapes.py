@@ -38,10 +38,23 @@ class Shape:
     """Corners of each polygon, shape (p,)."""
     corners: NDArray[np.int64]
     """Indices of the points at the corners of all polygons, counter-clockwise from outside, shape (c,)."""
-    normals: FloatArray
-    """Normals of the points, shape (v, 3), or of the corners, shape (c, 3)."""
     marked: BoolArray | None = None
     """Polygons that form the mark, shape (p,)."""
+    is_round: bool = False
+    """Whether the mesh is that of a sphere about the origin, and is shaded so."""
+
+    @property
+    def normals(self) -> FloatArray:
+        """Normals of the polygons, shape (p, 3), or of the points of a sphere, shape (v, 3)."""
+        if self.is_round:
+            return self.points
+        first = np.cumsum(self.counts) - self.counts
+        corner = self.points[self.corners] - np.repeat(self.points[self.corners[first]], self.counts, axis=0)
+        onward = np.arange(1, len(corner) + 1)
+        onward[first + self.counts - 1] = first
+        area = np.add.reduceat(np.cross(corner, corner[onward]), first)
+        size = np.linalg.norm(area, axis=1)[:, np.newaxis]
+        return np.where(size > 0.0, area / np.where(size > 0.0, size, 1.0), (0.0, 0.0, 1.0))
 
     @property
     def height(self) -> float:
@@ -64,11 +77,7 @@ def disc(is_marked: bool = False) -> Shape:
         marked = np.concatenate([[True, False, False], _in_mark()])
     counts = np.concatenate([[len(sector) for sector in sectors], np.full(len(rim), 4)])
     corners = np.concatenate([*sectors, rim.ravel()])
-    first = np.cumsum(counts) - counts
-    a, b, c = (points[corners[first + corner]] for corner in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
-    return Shape(points, counts, corners, np.repeat(normal, counts, axis=0), marked)
+    return Shape(points, counts, corners, marked)
 
 
 def sphere(is_marked: bool = False) -> Shape:
@@ -84,7 +93,8 @@ def sphere(is_marked: bool = False) -> Shape:
     sides = _bands(number)
     counts = np.repeat([3, 4], [len(triangles), len(sides)])
     marked = np.tile(_in_mark(), len(counts) // _SEGMENTS) if is_marked else None
-    return Shape(points, counts, np.concatenate([triangles.ravel(), sides.ravel()]), points, marked)
+    corners = np.concatenate([triangles.ravel(), sides.ravel()])
+    return Shape(points, counts, corners, marked, is_round=True)
 
 
 SHAPES: dict[str, Callable[..., Shape] | None] = {"points": None, "discs": disc, "spheres": sphere}
@@ -104,13 +114,21 @@ def marks(position: FloatArray, radius: FloatArray, angle: FloatArray) -> FloatA
     return position[:, np.newaxis] + radius[:, np.newaxis, np.newaxis] * (x * along + y * across)
 
 
-def wall_mesh(band: Band) -> Shape:
-    """Return the mesh of a band in the plane z = 0, facing +z."""
-    points = np.insert(np.concatenate([band.first, band.second]), 2, 0.0, axis=1)
-    bands = _bands(np.arange(len(points)).reshape(2, -1))
-    bands = bands if band.is_closed else bands[:-1]
-    normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-    return Shape(points, np.full(len(bands), 4), bands.ravel(), normals)
+def wall_mesh(band: Band, height: float = 0.0) -> Shape:
+    """Return the mesh of a band in the plane z = 0, facing +z; with a height [m], from z = -height to height.
+
+    The band has no faces where it has no width, as between its copies.
+    """
+    lines = [(band.first, height), (band.second, height), (band.second, -height), (band.first, -height)]
+    lines = lines[: 4 if height > 0.0 else 2]
+    points = np.concatenate([np.insert(line, 2, z, axis=1) for line, z in lines])
+    number = np.arange(len(points)).reshape(len(lines), -1)
+    around = [0, 1, 2, 3, 0] if height > 0.0 else [0, 1]
+    is_wide = (band.first != band.second).any(axis=1)
+    has_faces = is_wide | np.roll(is_wide, -1)
+    has_faces[-1] &= band.is_closed
+    faces = _bands(number[around]).reshape(-1, len(is_wide), 4)[:, has_faces]
+    return Shape(points, np.full(faces.size // 4, 4), faces.ravel())
 
 
 def drawn_walls(scene: Scene, thickness: float) -> dict[str, Band]:

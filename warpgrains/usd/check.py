@@ -27,7 +27,7 @@ from warpgrains.usd.grains import (
     position_of,
     quaternions,
 )
-from warpgrains.usd.meshes import FORCES, GRAINS_OF, PLACES, TANGENTIAL, THICKNESS, WALLS
+from warpgrains.usd.meshes import FORCES, GRAINS_OF, HEIGHT, PLACES, TANGENTIAL, THICKNESS, WALLS
 from warpgrains.usd.recording import Recording
 from warpgrains.usd.stage import (
     RECORDED_BY,
@@ -127,14 +127,14 @@ def _stage_problems(stage: Usd.Stage, codes: list[float]) -> list[str]:
 def _misplaced_walls(recording: Recording, stage: Usd.Stage) -> Iterator[str]:
     """Yield the walls that are not drawn where the scene of a recording has them."""
     scene, prim = recording.recorded_scene, stage.GetPrimAtPath(WALLS)
-    thickness = checks.positive("thickness of walls", prim.GetAttribute(THICKNESS).Get())
+    thickness, height = (checks.positive(name, prim.GetAttribute(name).Get()) for name in (THICKNESS, HEIGHT))
     still = drawn_walls(scene, thickness)
     largest, where = dict.fromkeys(still, 0.0), dict[str, int]()
     for code in range(len(recording)):
         now = scene.placed(recording.places(code))
         moved = moved_walls(scene, now, recording.times.time(code), thickness)
         for name, band in (moved if code else still | moved).items():
-            expected = wall_mesh(band).points
+            expected = wall_mesh(band, height).points
             points = _values(prim.GetChild(name).GetAttribute("points"), code)
             if points.shape != expected.shape:
                 yield f"{name}: points hold {len(points)} values, not {len(expected)} (frame {code})"
@@ -191,7 +191,8 @@ def _table(stage: Usd.Stage) -> list[Row]:
         rows += [Row(forces.GetAttribute(name), own, is_still=False) for name, own in per.items()]
     if walls:
         places = [walls.GetAttribute(PLACES)] if walls.GetAttribute(PLACES) else []
-        rows += [Row(own) for own in (*places, *(one.GetAttribute("points") for one in walls.GetChildren()))]
+        each = (one.GetAttribute(name) for one in walls.GetChildren() for name in ("points", "normals"))
+        rows += [Row(own) for own in (*places, *each)]
     return rows
 
 

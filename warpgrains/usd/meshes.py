@@ -20,6 +20,8 @@ PLACES = "warpgrains:places"
 """Attribute of `WALLS` in scenes with driven walls: the coordinates of all walls [m], see `State.driven`."""
 THICKNESS = "warpgrains:thickness"
 """Attribute of `WALLS`: with which thickness [m] they are drawn."""
+HEIGHT = "warpgrains:height"
+"""Attribute of `WALLS`: how far they reach from the plane z = 0 to both sides [m]."""
 FORCES = Sdf.Path("/World/Forces")
 GRAINS_OF = ("grain", "neighbour")
 """Primvars of a band: the grains of its contact, see `all_contacts`."""
@@ -27,31 +29,40 @@ TANGENTIAL = "primvars:tangential_force"
 """The attribute of the tangential forces [N], in recordings with friction."""
 
 _GAP = 0.05  # distance of force chains to the grains behind, in their height
+_HIGHEST = 0.1  # height of walls, in half of the longer side of the view, up to which the camera shows all
 
 
 class Walls:
-    """The walls, which lie outside the space of the grains. Frames hold points and extents of mobile ones."""
+    """The walls, which lie outside the space of the grains, as high as a mean grain of height `height` radii.
 
-    def __init__(self, painter: Painter) -> None:
+    Frames hold points, normals and extents of mobile walls.
+    """
+
+    def __init__(self, painter: Painter, height: float) -> None:
         self._painter, self._scene = painter, painter.scene
+        self._height = min(height * float(self._scene.radius.mean()), _HIGHEST * painter.view.half)
 
     def define(self, stage: Usd.Stage) -> None:
         """Author the prims, completely if the walls are not mobile."""
         walls = UsdGeom.Xform.Define(stage, WALLS).GetPrim()
         set_kind(walls, "subcomponent")
         walls.CreateAttribute(THICKNESS, Sdf.ValueTypeNames.Double).Set(self._painter.thickness)
+        walls.CreateAttribute(HEIGHT, Sdf.ValueTypeNames.Double).Set(self._height)
         if self._scene.has_driven_walls:
             walls.CreateAttribute(PLACES, Sdf.ValueTypeNames.DoubleArray)
         for name, wall in self._painter.walls.items():
-            define_mesh(stage, WALLS.AppendChild(name), wall_mesh(wall), np.array(WALL_COLOR))
+            mesh = wall_mesh(wall, self._height)
+            define_mesh(stage, WALLS.AppendChild(name), mesh, np.array(WALL_COLOR))
 
     def samples(self, now: Snapshot) -> Arrays:
         values: dict[str, NDArray[Any]] = {}
         if now.places is not None:
             values[f"{WALLS}.{PLACES}"] = now.places
         for name, wall in self._painter.moved_walls(now.scene, now.time).items():
-            shown, path = as_float32("a point of a wall", wall_mesh(wall).points), WALLS.AppendChild(name)
+            mesh, path = wall_mesh(wall, self._height), WALLS.AppendChild(name)
+            shown = as_float32("a point of a wall", mesh.points)
             values[f"{path}.points"] = shown
+            values[f"{path}.normals"] = mesh.normals.astype(np.float32)
             values[f"{path}.extent"] = covering_extent(shown, np.zeros(len(shown)))
         return values
 

@@ -55,7 +55,7 @@ class Recorder:
         self.needs_contacts = painter.needs_contacts
         shape_of = SHAPES[checks.one_of("draw_as", options.draw_as, SHAPES)]
         grains = Grains(painter, shape_of and shape_of(is_marked=scene.has_friction), times.slow)
-        self._drawings: list[Drawing] = [grains, Walls(painter)]
+        self._drawings: list[Drawing] = [grains, Walls(painter, grains.height)]
         if painter.chain_scale is not None:
             height = grains.height * float(scene.radius.max())
             self._drawings.append(ForceChains(painter.chain_scale, height, scene.has_friction))
