@@ -4,11 +4,13 @@ from functools import partial
 
 import numpy as np
 import pytest
+from matplotlib.path import Path
 
-from warpgrains import Box, Disc, Scene
+from warpgrains import Box, Disc, InputError, Polyline, Scene
 from warpgrains.scene.layouts import column, lattice, random_layout, rows
 from warpgrains.scene.placing import place_at_random
 from warpgrains.walls.annulus import Annulus
+from warpgrains.walls.kinds import checked_walls
 
 
 def space(radius_in, radius_out):
@@ -41,6 +43,10 @@ def test_lattice_fills_from_the_bottom():
     assert (np.diff(filled[:, 1]) >= 0.0).all()
     require_clear((filled, radius), 0.3, 1.0)
     assert len(filled) * 0.05**2 / (1.0 - 0.3**2) > 0.7
+    position, _ = lattice(space(0.3, 1.0), radius=0.05, region={"x": [0.0, 0.52], "y": [-0.3, 0.3]})
+    assert len(position) > 10
+    assert (position >= (0.05, -0.25)).all()
+    assert (position <= (0.47, 0.25)).all()
     position, _ = lattice(space(0.0, 0.25 + 0.5 * 3.0**0.5), radius=0.25, spacing=2.0)
     assert (position == 0.0).all(axis=1).sum() == 1  # at the origin, too
 
@@ -127,3 +133,62 @@ def test_rows_and_columns_in_a_box():
 def test_column_stands_a_little_apart_on_the_outer_wall():
     position, _ = column(space(0.5, 2.0), count=3, radius=0.25, spacing=2.5)
     assert np.array_equal(position, [[0.0, -1.625], [0.0, -1.0], [0.0, -0.375]])
+
+
+STAR = [
+    (np.cos(a), np.sin(a)) * np.array([0.8, 0.9]) * (1.0, 0.45)[k % 2]
+    for k, a in enumerate(np.arange(10) * np.pi / 5)
+]
+POLYGONS = {
+    "bowl": ((-0.5, 0.4), (-0.3, -0.5), (0.3, -0.5), (0.5, 0.4)),
+    "star": tuple(map(tuple, STAR)),
+    "rectangle": ((-0.2, -0.3), (0.5, -0.3), (0.5, 0.4), (-0.2, 0.4)),
+    "hourglass": ((-0.5, -0.6), (0.5, -0.6), (0.1, 0.0), (0.5, 0.6), (-0.5, 0.6), (-0.1, 0.0)),
+}
+
+
+@pytest.mark.parametrize(
+    ("layout", "fraction"),
+    [(LATTICE, 0.5), (LOOSE, 0.49), (partial(DENSE, packing_fraction=0.6), 0.59)],
+    ids=["lattice", "loose", "dense"],
+)
+@pytest.mark.parametrize("name", POLYGONS)
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_closed_polyline_is_filled(layout, fraction, name, way):
+    """Also one that is not convex; no grain is outside of it."""
+    corner = np.array(POLYGONS[name][::way])
+    around = Polyline([(-0.9, 0.0), (0.0, -0.9), (0.9, 0.0), (0.0, 0.9)], closed=True)
+    walls = checked_walls("walls", [around, Polyline(POLYGONS[name][::way], closed=True, name=name)])
+    position, radius = layout(space(0.0, 1.0), walls, region=name)
+    x, y = corner.T
+    area = 0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    assert np.pi * (radius**2).sum() > fraction * area
+    assert Path(corner).contains_points(position).all()
+    scene = Scene(position=position, radius=radius, mass=1.0, radius_out=1.0, walls=walls)
+    assert scene.count_overlaps()[0] == 0
+    sides = np.stack([corner, np.roll(corner, -1, axis=0)], axis=1)
+    for start, end in sides:
+        share = np.clip((position - start) @ (end - start) / ((end - start) @ (end - start)), 0.0, 1.0)
+        apart = np.hypot(*(position - start - share[:, np.newaxis] * (end - start)).T)
+        assert (apart - radius).min() >= -1e-15
+
+
+@pytest.mark.parametrize(
+    ("points", "region", "complaint"),
+    [
+        (None, "bowl", "grains.region is 'bowl': it must be a table, because no wall is a closed polyline"),
+        (POLYGONS["bowl"], "bowel", "did you mean 'bowl'"),
+        (POLYGONS["bowl"], True, "it must be a table such as"),
+        (
+            ((-0.5, 0.0), (0.5, 0.4), (0.5, 0.0), (-0.5, 0.4)),
+            "bowl",
+            "sides of this polygon cross between y = 0",
+        ),
+        (((2.0, 0.0), (2.5, 0.0), (2.5, 0.4)), "bowl", "no point of this polyline lies in the domain"),
+    ],
+)
+def test_what_is_no_closed_polyline_is_refused(points, region, complaint):
+    walls = [] if points is None else [Polyline(points, closed=True, name="bowl")]
+    walls += [Polyline([(-0.9, 0.0), (0.0, -0.9), (0.9, 0.0)], name="open")]
+    with pytest.raises(InputError, match=complaint):
+        LATTICE(space(0.0, 1.0), checked_walls("walls", walls), region=region)

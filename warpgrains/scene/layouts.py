@@ -13,12 +13,13 @@ import numpy as np
 
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray, IndexArray
-from warpgrains.base.errors import InputError
+from warpgrains.base.errors import InputError, NoAreaError
 from warpgrains.scene.placing import grow, place_at_random
 from warpgrains.scene.radii import drawn_radii, listed_radii
 from warpgrains.space.geometry import MOST_RADII, ROUNDING, distance
-from warpgrains.space.region import Region, region_of
+from warpgrains.space.region import Region, polygon, region_of
 from warpgrains.walls.bodies import with_images
+from warpgrains.walls.polyline import closed_corners
 from warpgrains.walls.wall import Wall
 
 MOST_GRAINS = 10_000_000
@@ -29,6 +30,8 @@ COMMON = {
     "count": "Number of grains.",
     "radius": "Radius of every grain [m].",
     "spacing": "Distance of neighbors, center to center, in radii.",
+    "region": "Bounds of the grains [m], such as {x = [-1.0, 0.0], y = [-1.0, 0.5], distance = [0.5, 0.9]},"
+    " where \"distance\" is from the origin; or the name of a closed polyline. By default the whole domain.",
 }
 """Keys that several layouts share, and their meanings."""
 
@@ -83,12 +86,14 @@ def lattice(
     radius: float,
     count: int | None = None,
     spacing: float = 2.02,
+    region: Any = None,
 ) -> Placement:
     """Place grains on a hexagonal lattice from the bottom up, each row from left to right.
 
     Sites that overlap a wall stay empty. By default the lattice is filled. In periodic directions, neighbors
     are as much farther apart as whole rows and columns need.
     """
+    space = _part(space, walls, region)
     radius = fitting_radius(space, radius)
     pitch = _spacing(spacing) * radius
     rise = pitch * sqrt(3.0) / 2.0
@@ -109,7 +114,10 @@ def lattice(
     y = np.broadcast_to(row * rise + bottom, x.shape)
     position = np.column_stack([x.ravel(), y.ravel()])
     (near, far), rho = space.ring, distance(position)
-    position = position[(rho <= far - radius) & (rho >= near + radius * (near > 0.0))]
+    is_inside = (rho <= far - radius) & (rho >= near + radius * (near > 0.0))
+    if region is not None:
+        is_inside &= space.contains(position) & (np.abs(position[:, 0] - 0.5 * (left + right)) <= 0.5 * width)
+    position = position[is_inside]
     rounding = 0.0 if far < inf else 2.0 * ROUNDING * float(distance(space.box).max())  # at a side
     for wall in with_images(walls, space.period, radius):
         places = wall.places(position, space.period)
@@ -151,7 +159,7 @@ def random_layout(
         subtracted from the area.
     region
         Bounds of the grains [m], such as {x = [-1.0, 0.0], y = [-1.0, 0.5], distance = [0.5, 0.9]}, where
-        "distance" is from the origin; by default the whole domain.
+        "distance" is from the origin; or the name of a closed polyline. By default the whole domain.
     seed
         Seed of the random numbers.
 
@@ -172,7 +180,7 @@ def random_layout(
     >>> position.shape
     (63, 2)
     """
-    space = region_of(space, region)
+    space = _part(space, walls, region)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
     radii = _random_radii(radius, count, packing_fraction, space, generator)
     for extreme in (radii.min(), radii.max()):
@@ -195,6 +203,16 @@ def random_layout(
             f" region, so about {int(share * share * len(radii))} of these radii fit"
         )
     return position, radii
+
+
+def _part(space: Region, walls: Sequence[Wall], region: Any) -> Region:
+    """Return the part of a domain in a table of ranges [m], or in the closed polyline of a name."""
+    if not isinstance(region, str):
+        return region_of(space, region)
+    found = space.within(polygon("grains.region", closed_corners("grains.region", region, walls)))
+    if found.area <= 0.0:
+        raise NoAreaError(f"grains.region is {region!r}: no point of this polyline lies in the domain")
+    return found
 
 
 def _random_radii(

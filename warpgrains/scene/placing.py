@@ -55,9 +55,11 @@ def place_at_random(
     low, high = region.box
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     tries = FIRST_TRIES * len(radius)
-    while discs.placed < len(radius) and discs.tries < most_tries:
+    most = most_tries if region.is_box else most_tries * region.area / float((high - low).prod())
+    while discs.placed < len(radius) and discs.tries < most:
         tries = min(tries, MOST_AT_ONCE)
-        discs.try_positions(middle + half * (2.0 * generator.random((tries, 2)) - 1.0))
+        places = middle + half * (2.0 * generator.random((tries, 2)) - 1.0)
+        discs.try_positions(places if region.is_box else places[region.contains(places)])
         tries *= 2
     placed = np.empty_like(discs.position)
     placed[order] = discs.position
@@ -145,6 +147,8 @@ def grow(
 
 def _clear_share(region: Region, walls: Sequence[Wall], position: FloatArray, radius: FloatArray) -> float:
     """Return the largest scale of the radii at which no disc overlaps another one, a wall or the box."""
+    if not (region.is_box or region.contains(position).all()):
+        return 0.0
     i, j = _near(region, position, radius).T
     (near, far), rho = region.ring, distance(position)
     to_border = [far - rho, *([rho - near] if near else [])]

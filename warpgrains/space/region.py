@@ -22,7 +22,7 @@ from warpgrains.base.arrays import BoolArray, FloatArray
 from warpgrains.base.described import fields_in_help
 from warpgrains.base.errors import InputError, NoAreaError
 from warpgrains.space.geometry import Circle, Ends, Period, area_below
-from warpgrains.space.outline import TOUCH, Part, clip, distinct
+from warpgrains.space.outline import ONE_CORNER, TOUCH, Part, clip, distinct
 
 RANGES = ("x", "y", "distance")
 ROUNDING = 1e-13  # of areas, sums of dozens of parts, in squares of the region's diameter
@@ -81,6 +81,12 @@ class Region:
     def box(self) -> FloatArray:
         """The part of it that lies in the box about a circle that bounds the region [m], shape (2, 2)."""
         return np.clip(self.outer_box, -self.ring[1], self.ring[1])
+
+    @property
+    def is_box(self) -> bool:
+        """Whether the region is one rectangle along the axes, apart from its discs."""
+        corner = np.concatenate([np.zeros((0, 2)), *self._corners])
+        return len(corner) == 4 and bool((corner[:, np.newaxis] == self.outer_box).any(axis=1).all())
 
     def contains(self, position: FloatArray) -> BoolArray:
         """Return which points [m], shape (..., 2), lie in the region or on its border, shape (...,)."""
@@ -210,6 +216,24 @@ def rectangle(x: Ends, y: Ends) -> Corners:
     """Return the corners of a rectangle [m]."""
     (left, right), (bottom, top) = x, y
     return (left, bottom), (right, bottom), (right, top), (left, top)
+
+
+def polygon(field: str, corner: FloatArray) -> Region:
+    """Return the region in a polygon from its corners [m], shape (k, 2), as trapezoids one above the other.
+
+    Raises InputError, which names `field`, where sides of the polygon cross.
+    """
+    (x, y), (onward, above) = corner.T, np.roll(corner, -1, axis=0).T
+    cells: list[Corners] = []
+    for low, high in pairwise(np.unique(y).tolist()):
+        k = np.flatnonzero((np.minimum(y, above) < high) & (np.maximum(y, above) > low))
+        ends = x[k] + (onward - x)[k] / (above - y)[k] * (np.array([[low], [high]]) - y[k])
+        ends = ends[:, np.argsort(ends.sum(axis=0))]
+        if (np.diff(ends) < -ONE_CORNER * np.abs(corner).max()).any():
+            raise InputError(f"{field}: sides of this polygon cross between y = {low:g} and {high:g} m")
+        pairs = ends.T.reshape(-1, 2, 2).tolist()
+        cells += [((a, low), (b, low), (d, high), (c, high)) for (a, c), (b, d) in pairs]
+    return Region(tuple(cells))
 
 
 def sides_of(corner: FloatArray) -> Iterable[Side]:

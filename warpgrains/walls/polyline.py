@@ -1,5 +1,6 @@
 """A polyline: segments from corner to corner, written as one wall."""
 
+from collections.abc import Sequence
 from dataclasses import fields
 from math import dist
 from typing import Any, ClassVar
@@ -7,11 +8,25 @@ from typing import Any, ClassVar
 import numpy as np
 
 from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
 from warpgrains.base.described import described
 from warpgrains.base.errors import InputError
 from warpgrains.space.geometry import SMALLEST
 from warpgrains.walls.segment import Segment
 from warpgrains.walls.wall import Wall, kind_of_wall
+
+
+def closed_corners(field: str, name: str, walls: Sequence[Wall]) -> FloatArray:
+    """Return the corners [m], shape (k, 2), of a closed polyline from its segments among walls."""
+    closed = dict[str, FloatArray]()
+    for one in dict.fromkeys(wall.name for wall in walls if wall.name):
+        ends = [(wall.start, wall.end) for wall in walls if isinstance(wall, Segment) and wall.name == one]
+        starts, stops = [start for start, _ in ends], [end for _, end in ends]
+        if len(ends) > 2 and stops == starts[1:] + starts[:1]:
+            closed[one] = np.array(starts)
+    if not closed:
+        raise InputError(f"{field} is {name!r}: it must be a table, because no wall is a closed polyline")
+    return closed[checks.one_of(field, name, closed)]
 
 
 def _corners(field: str, value: Any) -> tuple[tuple[float, float], ...]:
