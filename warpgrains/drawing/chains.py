@@ -24,13 +24,13 @@ class ChainScale(NamedTuple):
     """Linear scale from forces to widths of bands."""
 
     force: float
-    """Force with the full width [N]; larger forces have it too."""
+    """Force [N] whose band has the full width; larger forces have no wider bands."""
     width: float
-    """Full width [m], the smallest radius, so that grains stay visible."""
+    """Full width of a band [m]: the smallest radius, so that grains stay visible."""
 
     @classmethod
     def of(cls, scene: Scene) -> ChainScale:
-        """Return the scale of a scene: a large pressure in it times the diameter of a mean grain."""
+        """Return the scale of a scene, whose force is `pressure_scale` times the mean diameter."""
         return cls(pressure_scale(scene) * 2.0 * float(scene.radius.mean()), float(scene.radius.min()))
 
     def described(self) -> dict[str, str | float]:
@@ -39,24 +39,29 @@ class ChainScale(NamedTuple):
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> ChainScale:
+        """Return the scale that a recording stores. Raises InputError if it is damaged."""
         return cls(*(checks.positive(f"{name} of forces", described[name]) for name in cls._fields))
 
 
 class Chains(NamedTuple):
-    """Bands of the contacts of a snapshot, in the order of `all_contacts`, and then what `cut` cuts off."""
+    """Bands of the contacts of a snapshot, in the order of `all_contacts`.
+
+    In a periodic box, the parts of bands that lie beyond a side follow, see `cut`.
+    """
 
     corners: FloatArray
     """Corners of each band [m], counter-clockwise, shape (m, 4, 2)."""
     width: FloatArray
     """Width of each band [m], shape (m,)."""
     contact: IndexArray
-    """Number of the contact of each band, shape (m,)."""
+    """Index into `all_contacts` of the contact of each band, shape (m,)."""
 
 
 def chains_of(scale: ChainScale, now: Snapshot) -> Chains:
-    """Return a band from center to center or wall for each contact, in the direction of its force.
+    """Return a band for each contact, from the center of a grain to the other center, or to the wall.
 
-    Bands are cut where they leave a periodic box.
+    With friction, a band is turned about the contact point into the direction of the total force. Bands are
+    cut where they leave a periodic box.
     """
     pair, force, tangential = all_contacts(now)
     start, end, normal = contact_lines(now, pair)
@@ -71,7 +76,13 @@ def chains_of(scale: ChainScale, now: Snapshot) -> Chains:
 
 
 def cut(cell: Period, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, IndexArray]:
-    """Return the pieces of lines in a periodic box [m], and the line of each: first those at their starts."""
+    """Cut lines where they leave a periodic box, and move all pieces into it.
+
+    Returns
+    -------
+    Starts and ends of the pieces [m], shape (k, 2), and the index of the line of each, shape (k,). The first
+    pieces are those at the starts of all lines, in order.
+    """
     start, end, line = start.copy(), end.copy(), np.arange(len(start))
     for d in np.flatnonzero(cell.repeats).tolist():
         low, period = cell.low[d], cell.lengths[d]
@@ -94,7 +105,7 @@ def cut(cell: Period, start: FloatArray, end: FloatArray) -> tuple[FloatArray, F
 def _turned(
     radius: FloatArray, normal: FloatArray, ends: tuple[FloatArray, ...], force: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return segments turned about contact points into forces (normal, tangential) [N]."""
+    """Turn segments about their contact points into the direction of the force (normal, tangential) [N]."""
     size = np.maximum(np.hypot(*force), np.finfo(np.float64).tiny)[:, np.newaxis]
     along, across = (part[:, np.newaxis] / size for part in force)
     direction = along * normal + across * left_of(normal)
@@ -108,8 +119,8 @@ def all_contacts(now: Snapshot) -> tuple[IntArray, FloatArray, FloatArray]:
 
     Returns
     -------
-    Grains i < j, shape (m, 2), where j is -1 for the outer wall, -2 for the inner one, and -3, -4, ... for
-    those of `Scene.walls`; and normal and tangential forces [N], shape (m,) each.
+    Grains i < j, shape (m, 2), where j is -1 - k at wall k of `Scene.walls`; and normal and tangential
+    forces [N], shape (m,) each.
     """
     at_wall = np.stack([now.wall[:, 0], -1 - now.wall[:, 1]], axis=1)
     force = np.concatenate([now.force, now.wall_force])
@@ -118,16 +129,23 @@ def all_contacts(now: Snapshot) -> tuple[IntArray, FloatArray, FloatArray]:
 
 
 def pairs_and_walls(pair: IntArray) -> tuple[BoolArray, IntArray, IntArray]:
-    """Return which of `all_contacts` are pairs, these, and the others as grain and wall, (m, 2)."""
+    """Split contacts of `all_contacts` into pairs of grains and contacts with walls.
+
+    Returns
+    -------
+    A mask of the pairs, shape (m,); the pairs (i, j), shape (p, 2); and the others as (grain, wall), shape
+    (m - p, 2).
+    """
     between = pair[:, 1] >= 0
     grain, code = pair[~between].T
     return between, pair[between], np.stack([grain, -1 - code], axis=1)
 
 
 def contact_lines(now: Snapshot, pair: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return where contacts of `all_contacts` begin and end [m], and their unit vectors, (m, 2) each.
+    """Return the starts [m], ends [m] and unit normals of contacts of `all_contacts`, shape (m, 2) each.
 
-    They go from a grain's center to the nearest image of the other center, or into a wall.
+    A contact starts at the center of grain i. It ends at the nearest image of the center of j, or where
+    grain i touches the wall.
     """
     between, pairs, wall = pairs_and_walls(pair)
     normal, (i, j), center = np.zeros(pair.shape), pair.T, now.position

@@ -1,4 +1,4 @@
-"""Quantities by which grains are colored: their values in a snapshot, and the ends of their scales."""
+"""Quantities that give grains their colors: values in a snapshot, and ends of the scale in a scene."""
 
 from __future__ import annotations
 
@@ -23,26 +23,27 @@ class Coloring(NamedTuple):
     """A quantity by which grains are colored, which recordings also hold as numbers."""
 
     unit: str
-    """Empty for a pure number."""
+    """Unit of the values; empty for a pure number."""
     colormap: str
+    """Name of the colormap, see `colors.colormap`."""
     ends: Callable[[Scene], tuple[float, float]]
     """Function that returns the values of the first and last color in a scene."""
     values: Callable[[Any], FloatArray]
-    """Function that returns the value of each grain, shape (n,), in a snapshot, or in a scene."""
+    """Function that returns the value of each grain, shape (n,), in a snapshot; if constant, in a scene."""
     extends: str = "neither"
-    """Matplotlib's name of the ends of the scale that values may exceed."""
+    """Ends of the scale that values may exceed, as Matplotlib names them: neither, max or both."""
     changes: bool = True
-    """Whether snapshots of a scene differ in it."""
+    """Whether the values change during a run."""
     has_root: bool = False
-    """Whether colors are spread by the root of the value: most grains are far slower than the fastest."""
+    """Whether colors follow the square root of the value, so that small values have several colors."""
     needs_friction: bool = False
-    """Whether only scenes with friction have it."""
+    """Whether only scenes with friction have the quantity."""
     needs_contacts: bool = False
-    """Whether it follows from the contacts of a snapshot."""
+    """Whether the values are computed from the contacts of a snapshot."""
 
 
 def colorings_of(scene: Scene, has_contacts: bool = True) -> dict[str, Coloring]:
-    """Return the colorings of a scene by name, with or without those that need contacts."""
+    """Return the colorings that a scene has, by name; without contacts, only those that need none."""
     return {
         name: own
         for name, own in COLORINGS.items()
@@ -51,7 +52,10 @@ def colorings_of(scene: Scene, has_contacts: bool = True) -> dict[str, Coloring]
 
 
 def speed_scale(scene: Scene) -> float:
-    """Return a speed [m/s] of grains: at the start, by a fall across the domain, a force, or a wall."""
+    """Return the largest speed [m/s] to expect in a scene.
+
+    It is that of the fastest grain at the start, of a fall across the domain, or of a wall that moves.
+    """
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
     falling = np.sqrt(gravity * scene.widest)
@@ -77,15 +81,16 @@ def _length(wall: Wall) -> float:
 
 
 def spin_scale(scene: Scene) -> float:
-    """Return the spin [rad/s] that many grains reach: rolling at half of `speed_scale`, or at the start."""
+    """Return the largest spin at the start, or that of rolling at half of `speed_scale` [rad/s]."""
     return max(float(np.abs(scene.spin).max()), 0.5 * speed_scale(scene) / scene.typical_radius)
 
 
 def pressure_scale(scene: Scene) -> float:
-    """Return a large pressure [N/m]: the weight of all grains on a quarter of the width of the domain.
+    """Return a large pressure [N/m] in a scene.
 
-    It is at least four times the pressure on a driven wall. Without these, it is that on a mean grain that is
-    stopped within one step from the scene's largest speed, or if that is zero, from a radius per step.
+    It is the weight of all grains on a quarter of the width of the domain, and at least four times the
+    pressure on a driven wall. Without gravity and driven walls, it is the pressure on a mean grain that stops
+    within one step from `speed_scale`, or from one radius per step if that is 0.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
     driven = [
@@ -102,7 +107,7 @@ def pressure_scale(scene: Scene) -> float:
 
 
 def pressure(now: Snapshot) -> FloatArray:
-    """Return the mean of the principal stresses of each grain, force by circumference [N/m], shape (n,)."""
+    """Return the sum of the normal forces on each grain by its circumference [N/m], shape (n,)."""
     return force(now) / (2.0 * np.pi * now.scene.radius)
 
 
@@ -114,7 +119,10 @@ def force(now: Snapshot) -> FloatArray:
 
 
 def mobilized(now: Snapshot) -> FloatArray:
-    """Return the largest |tangential| / (friction * normal force) of each grain, shape (n,); 1 slides."""
+    """Return the largest |tangential force| / (friction * normal force) of each grain, shape (n,).
+
+    A contact with the value 1 slides.
+    """
     found, (i, j), grain = np.zeros(now.n), now.pair.T, now.wall[:, 0]
     between = _share(now.tangential_force, now.scene.friction * now.force)
     at_wall = _share(now.wall_tangential_force, now.scene.at_walls("friction", now.wall) * now.wall_force)
@@ -124,12 +132,12 @@ def mobilized(now: Snapshot) -> FloatArray:
 
 
 def _share(tangential: FloatArray, most: FloatArray) -> FloatArray:
-    """Return |tangential force| over what friction allows, of each contact, shape (m,)."""
+    """Return |tangential force| / most of each contact, shape (m,); 0 where `most`, its limit [N], is 0."""
     return np.divide(np.abs(tangential), most, out=np.zeros_like(most), where=most > 0.0)
 
 
 def start_height(scene: Scene) -> FloatArray:
-    """Return how high each grain is at the start, against gravity [m], to what recordings hold of it."""
+    """Return the height of each grain at the start [m], against gravity, as rounded in recordings."""
     return scene.position.astype(np.float32).astype(np.float64) @ scene.up_at(scene.time)
 
 
@@ -143,7 +151,7 @@ def _up_to(most: Callable[[Scene], float], scene: Scene) -> tuple[float, float]:
 
 
 def force_scale(scene: Scene) -> float:
-    """Return a large force on a mean grain [N]."""
+    """Return the sum of the forces on a mean grain at `pressure_scale` [N]."""
     return pressure_scale(scene) * 2.0 * np.pi * float(scene.radius.mean())
 
 

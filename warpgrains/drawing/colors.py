@@ -63,20 +63,20 @@ _COLORMAPS = {
 
 @dataclass(frozen=True)
 class ColorScale:
-    """Colors of a quantity, with the same colormap in recordings, pictures, films and windows."""
+    """Scale from the values of a quantity to colors, the same in recordings, pictures, films and the page."""
 
     quantity: str
     """One of `COLORINGS`."""
     low: float
-    """Value of the first color; smaller values have it too."""
+    """Value of the first color, which smaller values also have."""
     high: float
-    """Value of the last color; larger values have it too."""
+    """Value of the last color, which larger values also have."""
     colormap: str
     """Name of a colormap, or a list of colors, see `Look.colors`."""
 
     @property
     def label(self) -> str:
-        """Name and unit of the quantity, of which a pure number has none, and whether the scale is a root."""
+        """Name and unit of the quantity, and "root scale" if colors follow the square root."""
         unit, root = COLORINGS[self.quantity].unit, ", root scale" * COLORINGS[self.quantity].has_root
         return f"{self.quantity} [{unit}]{root}" if unit else self.quantity
 
@@ -86,6 +86,7 @@ class ColorScale:
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> Self:
+        """Return the scale that a recording stores. Raises InputError if it is damaged."""
         name = checks.one_of("quantity of colors", described["quantity"], COLORINGS)
         low, high = (checks.number(f"{end} of colors", described[end]) for end in ("low", "high"))
         colors = checks.text("colormap of colors", described["colormap"])
@@ -100,17 +101,19 @@ class ColorScale:
         return np.rint(share * (LEVELS - 1)).astype(np.int64)
 
     def colors(self) -> FloatArray:
-        """Colors from low to high (sRGB), shape (64, 3)."""
+        """Return the colors from low to high (sRGB), shape (64, 3)."""
         return colormap(self.colormap, np.linspace(0.0, 1.0, LEVELS))
 
 
 class GrainColors:
-    """Colors of the grains of a scene by one of `COLORINGS`, by their number, or by bands at the start.
+    """Colors of the grains of a scene, by a quantity of `COLORINGS` or without a scale, see `CATEGORIES`.
 
-    Scales depend only on the scene, so that a color means the same in every snapshot and after a restart; for
-    `colors` and `range`, see `Look`. `still` holds the index of the color of each grain, shape (n,), where it
-    is constant; in scenes with sources or sinks it is not. Raises InputError where `color_by` is unknown, or
-    needs friction that the scene does not have, and for a `range` without a scale.
+    The scale depends only on the scene, so that a color means the same in every snapshot and after a restart.
+    `colors` and `range` are those of `Look`. `still` holds the index of each grain's color, shape (n,), if
+    colors do not change during a run; in scenes with sources or sinks they do.
+
+    Raises InputError if `color_by` is unknown or needs friction that the scene does not have, and for a
+    `range` without a scale.
     """
 
     def __init__(
@@ -158,7 +161,7 @@ class GrainColors:
 
 
 def _bands(scene: Scene) -> IndexArray:
-    """Return the band in which each grain is at the start, shape (n,)."""
+    """Return the number of the band of heights in which each grain starts, 0 at the bottom, shape (n,)."""
     height = start_height(scene)
     share = (height - height.min()) / (np.ptp(height) or 1.0)
     return np.minimum((_BANDS * share).astype(np.int64), _BANDS - 1)
@@ -168,15 +171,18 @@ CATEGORIES: dict[str, tuple[FloatArray, Callable[[Any], IndexArray]]] = {
     "palette": (PALETTE, numbers_of_birth),
     "bands": (BANDS, _bands),
 }
-"""Colors without a scale by name, and which of them each grain has, counted again from the first."""
+"""Tables of colors without a scale, by name, and functions that return the number of each grain's color.
+
+Numbers count modulo the length of the table.
+"""
 OF_START = ("bands", "height")
 """Colorings that follow from where grains start."""
 
 
 def colormap(name: str, share: FloatArray) -> FloatArray:
-    """Return the sRGB colors at shares of the range, shape (n,), as an array of shape (n, 3), in [0, 1].
+    """Return the colors (sRGB, 0 to 1) of a colormap at places from 0 to 1, shape (n,), as shape (n, 3).
 
-    The name is that of a colormap, known here or to Matplotlib, or a list of colors.
+    The name is that of a colormap of Matplotlib, or a list of colors with commas.
     """
     forwards = name.removesuffix("_r")
     if "," in name:
@@ -194,22 +200,22 @@ def colormap(name: str, share: FloatArray) -> FloatArray:
 
 
 def mark_color(color: FloatArray) -> FloatArray:
-    """Return the colors (sRGB) of marks on grains of some colors (sRGB), shape (n, 3): darker, or lighter."""
+    """Return a color for the mark on each color (sRGB), shape (n, 3): darker, or lighter on a dark one."""
     return np.where(is_dark(color)[..., np.newaxis], 1.0 - _CONTRAST * (1.0 - color), _CONTRAST * color)
 
 
 def is_dark(color: FloatArray) -> BoolArray:
-    """Return whether colors (sRGB) look less than half as bright as white."""
+    """Return whether each color (sRGB), shape (..., 3), looks less than half as bright as white."""
     return np.asarray(linear(color) @ _LUMINANCE <= _DARK)
 
 
 def linear(encoded: FloatArray) -> NDArray[np.float32]:
-    """Return the linear values of sRGB colors, as displayColor holds them."""
+    """Return the linear values of sRGB colors, which displayColor of USD holds."""
     values = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     return values.astype(np.float32)
 
 
 def encoded(linear: FloatArray) -> FloatArray:
-    """Return the sRGB colors of linear values, as screens need them."""
+    """Return the sRGB colors of linear values, which screens show."""
     clipped = np.clip(linear, 0.0, 1.0)
     return np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1.0 / 2.4) - 0.055)

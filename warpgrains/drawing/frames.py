@@ -14,9 +14,9 @@ _TOLERANCE = Fraction(1, 10**9)  # tolerance, in steps
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """Frames k = 0, 1, 2, ... of a run at times k / rate after its start, for a scene with time step dt.
+    """Times of the frames k = 0, 1, 2, ... of a run: k / rate after its start, in a scene with time step dt.
 
-    Both are taken as the decimals that a user writes, so that rounding does not shift a frame to another
+    Rate and dt count as the decimal numbers that a user writes, so that rounding moves no frame to another
     step.
     """
 
@@ -25,17 +25,17 @@ class FrameTimes:
     rate: float
     """Frames per second of simulated time [1/s], at most one per step."""
     first_step: int = 0
-    """Time steps before the run."""
+    """Number of time steps before the run."""
     start: float = 0.0
     """Time at the start of the simulation [s]."""
     slow: float = 1.0
-    """How many times slower than it happened the run is played."""
+    """Factor by which the run plays slower than it happened."""
 
     @classmethod
     def of(
         cls, dt: float, wanted: float, first_step: int = 0, start: float = 0.0, slow: float = 1.0
     ) -> FrameTimes:
-        """Return frame times with the rate as played [1/s] > 0, or one frame per step if steps are longer."""
+        """Return the times of `wanted` frames per second as played [1/s], but at most one frame per step."""
         if not 0 < wanted < float("inf"):
             raise InputError(f"frames per second is {wanted}: it must be greater than 0")
         rate = float(_as_written(wanted) * _as_written(slow))
@@ -47,15 +47,15 @@ class FrameTimes:
         return float(_as_written(self.rate) / _as_written(self.slow))
 
     def step(self, k: int) -> int:
-        """Return the step of the run in which frame k lies, or at whose end it is."""
+        """Return the number of the step, from 1, within which or at whose end frame k lies; 0 for k = 0."""
         return ceil(k * self._steps_a_frame - _TOLERANCE)
 
     def simulated_step(self, k: int) -> int:
-        """Return the same step, counted from the start of the simulation."""
+        """Return `step(k)` counted from the start of the simulation."""
         return self.first_step + self.step(k)
 
     def count(self, steps: int) -> int:
-        """Return the number of frames of the first steps of a run, the first frame included."""
+        """Return the number of frames within the first `steps` steps of a run, including frame 0."""
         return floor((steps + _TOLERANCE) / self._steps_a_frame) + 1
 
     @property
@@ -68,7 +68,7 @@ class FrameTimes:
         return self.start + self.simulated_step(k) * self.dt - self.left(k)
 
     def left(self, k: int) -> float:
-        """Return the time from frame k to the end of its step [s]."""
+        """Return the time from frame k to the end of `step(k)` [s]."""
         left = self.step(k) - k * self._steps_a_frame
         return float(left) * self.dt if left > _TOLERANCE else 0.0
 

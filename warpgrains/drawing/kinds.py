@@ -1,4 +1,4 @@
-"""Kinds of outputs of runs, by the suffix of their files, and what their options say."""
+"""Kinds of outputs of runs, by the suffix of their files, and parsers of the texts of their options."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ _SMALLEST, _LARGEST = 64, 8192  # pixels of a side of a picture
 
 
 class FilmFormat(NamedTuple):
-    """Options of ffmpeg for a film, or for a file on the way to one."""
+    """Options of ffmpeg for a film, or for an intermediate file of one."""
 
     container: str
-    """ffmpeg's name of the file format; without one, it takes %d in a file name for a sequence of images."""
+    """ffmpeg's name of the file format."""
     encoding: tuple[str, ...] = ()
     """Codec, format of the pixels, and options; empty if the film needs a palette of all its frames first."""
     side: int = 400
-    """Longer side of what a frame shows [pixels], unless the film has a size."""
+    """Longer side of the axes in a frame [pixels], if the film is given no size."""
     fastest: float = 50.0
     """Largest frame rate that browsers play, or ffmpeg writes [1/s]."""
 
 
 SLOWEST = 1e-4
-"""Least frame rate of a film [1/s], which ffmpeg takes as a fraction."""
+"""Smallest frame rate of a film [1/s], so that ffmpeg can read it as a fraction."""
 _H264 = ("libx264", "yuv420p", "-crf", "18", "-preset", "fast", "-movflags", "+faststart")
 FILMS = {
     ".mp4": FilmFormat("mp4", _H264, side=720, fastest=1e6),
@@ -62,27 +62,30 @@ class Output(AbstractContextManager[Any], Protocol):
     """Whether frames must have contacts."""
 
     def record(self, now: Snapshot) -> None:
-        """Append the next frame, which is at its time; a picture's only frame is the end."""
+        """Append a snapshot, which is already moved to its frame's time.
+
+        A picture receives only the last state.
+        """
 
     def flush(self) -> None:
-        """Flush to the disk the frames from which a later run can continue."""
+        """Write all frames so far to the disk, so that a later run can continue after them."""
 
 
 class Kind(NamedTuple):
     name: str
     shows: str
-    """What it is, for users."""
+    """Description for users."""
     suffixes: tuple[str, ...]
     factory: str
-    """Where to find the function that `opened` calls, `module:name`; its module is imported then."""
+    """Function that `opened` imports and calls, as "module:name"."""
     extra: str | None = None
-    """Extra with the libraries that it needs."""
+    """Extra with the libraries that the output needs."""
     has_frames: bool = True
-    """Whether it shows the whole run; otherwise it is a picture of the end."""
+    """Whether the output shows the whole run rather than its end."""
     continues: bool = False
-    """Whether a run that is resumed from a checkpoint continues it."""
+    """Whether a run that is resumed from a checkpoint can continue the output."""
     lacks: tuple[str, ...] = ()
-    """Options of runs that have no effect on it."""
+    """Options of runs that have no effect on the output."""
 
     @property
     def listed(self) -> str:
@@ -91,7 +94,7 @@ class Kind(NamedTuple):
     def opened(
         self, scene: Scene, options: RunOptions, times: FrameTimes | None, resume_at: int | None
     ) -> Output:
-        """Return a locked output of a run, which continues at a frame if the run is resumed."""
+        """Return a locked output of a run; a resumed run continues it at frame `resume_at`."""
         with requiring(f"'{options.record}'", self.extra) if self.extra else nullcontext():
             factory = resolve_name(f"warpgrains.{self.factory}")
         output: Output = factory(scene, options, times, resume_at)
@@ -117,7 +120,7 @@ def form_of(path: str | Path) -> str:
 
 
 def described_kinds() -> str:
-    """Return what there is to record, with the suffixes."""
+    """Return a description of all kinds of outputs with their suffixes, for users."""
     *first, last = (f"{kind.shows} ({kind.listed})" for kind in dict.fromkeys(KINDS.values()))
     return f"{', '.join(first)} or {last}"
 
@@ -150,7 +153,10 @@ def _numbers(field: str, text: Any, count: int, form: str) -> list[float]:
 
 
 def size_of(field: str, text: Any, is_film: bool = False) -> tuple[int, int]:
-    """Return the numbers of a text "WIDTHxHEIGHT" [pixels]. Raises InputError if no picture has them."""
+    """Return the numbers of a text "WIDTHxHEIGHT" [pixels].
+
+    Raises InputError if they do not suit a picture or a film.
+    """
     words = checks.text(field, text).split("x")
     if len(words) != 2 or not all(word.isascii() and word.isdigit() for word in words):
         raise InputError(f"{field} is {text!r}: it must be WIDTHxHEIGHT in pixels, such as 1920x1080")
@@ -175,7 +181,7 @@ def color_of(field: str, text: str) -> tuple[float, float, float]:
 
 
 def colors_of(field: str, text: str) -> list[tuple[float, float, float]] | None:
-    """Return the colors (sRGB) of a text of several, with commas between; None for a colormap's name."""
+    """Return the colors (sRGB) of a text with commas; None for one without, which names a colormap."""
     return [color_of(field, one.strip()) for one in text.split(",")] if "," in text else None
 
 

@@ -1,4 +1,4 @@
-"""Looks of pictures, films and recordings: each option stands here once, for runs, `plot` and Python."""
+"""Options for the look of pictures, films and recordings, the same for runs, `plot` and Python."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from warpgrains.drawing.kinds import color_of, colors_of, frame_of, range_of, si
 DEFAULT_RATE = 24.0
 """Frames per second [1/s] at which Blender plays by default."""
 COLORS = ("palette", "bands", "height", "id", "radius", "speed", "pressure", "force", "spin", "mobilized")
-"""What grains may be colored by: much alike; by their height at the start, in bands or evenly; and so on."""
+"""Values of `color_by`: the names of `CATEGORIES` and `COLORINGS`."""
 
 
 def option(
@@ -27,9 +27,10 @@ def option(
     default: Any = None,
     **more: Any,
 ) -> Any:
-    """Return a field for an option of runs, a switch without metavar.
+    """Return the field of a dataclass for an option of runs; without a metavar, it is a switch.
 
-    `more`: a `flag` other than its name (None: none), and the option that it `needs` to have an effect.
+    `more` may hold `needs`, the option without which this one has no effect, and `flag`: its flag on the
+    command line if that is not its name, or None if it has none.
     """
     return described(meaning, default=default, **{"needs": None} | more, check=check, metavar=metavar)
 
@@ -38,7 +39,7 @@ _look = partial(option, needs="record")
 
 
 def _readable(read: Callable[[str, Any], object]) -> Callable[[str, Any], str]:
-    """Return the check of a text that a function reads."""
+    """Return a check that returns a text unchanged if `read` can read it."""
 
     def check(field: str, text: Any) -> str:
         read(field, checks.text(field, text))
@@ -48,7 +49,7 @@ def _readable(read: Callable[[str, Any], object]) -> Callable[[str, Any], str]:
 
 
 class Looks(TypedDict, total=False):
-    """Keywords that are fields of `Look`, so that type checkers find wrong ones."""
+    """The fields of `Look` as keywords, so that type checkers find wrong ones."""
 
     color_by: str
     colors: str | None
@@ -64,7 +65,7 @@ class Looks(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """How grains and walls are shown. Raises InputError where a value is invalid."""
+    """Look of grains and walls in pictures, films and recordings. Raises InputError for invalid values."""
 
     color_by: str = _look(
         f"Color of grains: {', '.join(COLORS)}; the last two with friction.", checks.text, "WHAT", "palette"
@@ -114,7 +115,7 @@ class Look:
 
     @property
     def changed(self) -> dict[str, Any]:
-        """The fields of pictures that differ from their defaults, as a style has them."""
+        """Fields that differ from their defaults, by name, without `fps` and `slow`."""
         names = [name for name in LOOKS if getattr(self, name) != LOOKS[name].default]
         return {name: getattr(self, name) for name in names if name not in ("fps", "slow")}
 
@@ -124,7 +125,7 @@ LOOKS = described_fields(Look)
 
 
 def with_style(given: Mapping[str, Any], style: str | Path | None) -> dict[str, Any]:
-    """Return options with those of a style, a TOML table of looks, which do not stand among them."""
+    """Return the given options by name, completed by those of a style, a TOML file."""
     if style is None:
         return dict(given)
     path = Path(checks.path("style", style))

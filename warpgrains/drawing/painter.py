@@ -1,4 +1,4 @@
-"""Contents of pictures of a scene, which every program that draws it shows."""
+"""Contents of a picture of a scene, the same for every program that draws it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MARGIN = 0.04  # about the extent, in half of its longer side: walls are drawn 
 
 
 class Painter:
-    """Colors and force chains of the snapshots of a scene in some look, and the rectangle to show."""
+    """Colors, force chains and walls of the snapshots of a scene in a look, and the rectangle to show."""
 
     def __init__(self, scene: Scene, look: Look) -> None:
         self.scene, self.look = scene, look
@@ -49,7 +49,7 @@ class Painter:
         return drawn_walls(self.scene, self.thickness)
 
     def moved_walls(self, now: Scene, time: float) -> dict[str, Band]:
-        """Return the mobile walls as drawn at a time [s], by name; driven ones as in the scene now."""
+        """Return the mobile walls as drawn at a time [s], by name; driven ones as in the scene `now`."""
         return moved_walls(self.scene, now, time, self.thickness)
 
     @property
@@ -64,7 +64,7 @@ class Painter:
 
     @property
     def ink(self) -> str:
-        """Color of texts, which are read on the background."""
+        """Color of texts, which contrasts with the background."""
         return "white" if is_dark(np.array(self.background)) else "black"
 
     def color(self, now: Snapshot) -> FloatArray:

@@ -63,7 +63,10 @@ class Shape:
 
 
 def disc(is_marked: bool = False) -> Shape:
-    """Return the mesh of a disc that faces +z, with a sloping rim; with a mark, its top is three sectors."""
+    """Return the mesh of a disc of radius 1 m that faces +z, with a sloping rim.
+
+    With a mark, its top has three sectors, of which the narrow one at angle 0 is the mark.
+    """
     height = _SLOPE * (1.0 - _RIM)
     points = np.concatenate([_circle(_SEGMENTS, _RIM, height), _circle(_SEGMENTS, 1.0, 0.0)])
     top = np.arange(_SEGMENTS)
@@ -81,7 +84,10 @@ def disc(is_marked: bool = False) -> Shape:
 
 
 def sphere(is_marked: bool = False) -> Shape:
-    """Return the mesh of a sphere with poles on the z axis; its mark is a lune from pole to pole."""
+    """Return the mesh of a sphere of radius 1 m with poles on the z axis.
+
+    The mark is a lune from pole to pole.
+    """
     polar = np.linspace(0.0, np.pi, _RINGS + 1)[1:-1]
     rings = [_circle(_SEGMENTS, np.sin(angle), np.cos(angle)) for angle in polar]
     points = np.concatenate([*rings, [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]])
@@ -98,16 +104,16 @@ def sphere(is_marked: bool = False) -> Shape:
 
 
 SHAPES: dict[str, Callable[..., Shape] | None] = {"points": None, "discs": disc, "spheres": sphere}
-"""Meshes of a grain by the form in which recordings have it, which `draw_as` names."""
+"""Functions that return the mesh of a grain, by the value of `draw_as`; None where grains are points."""
 
 
 def mark() -> FloatArray:
-    """Return the corners of the mark of a disc of radius 1 that has not turned: a line, shape (4, 2)."""
+    """Return the corners of the mark of a disc of radius 1 that has not turned, a thin line, shape (4, 2)."""
     return np.array([(0.0, -_LINE), (1.0 - _LINE, -_LINE), (1.0 - _LINE, _LINE), (0.0, _LINE)])
 
 
 def marks(position: FloatArray, radius: FloatArray, angle: FloatArray) -> FloatArray:
-    """Return the corners of the marks of discs that have turned by angles [rad] [m], shape (n, k, 2)."""
+    """Return the corners [m] of the marks of discs that have turned by angles [rad], shape (n, 4, 2)."""
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)[:, np.newaxis]
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
     x, y = mark().T[:, :, np.newaxis]
@@ -139,14 +145,17 @@ def drawn_walls(scene: Scene, thickness: float) -> dict[str, Band]:
 
 
 def moved_walls(scene: Scene, now: Scene, time: float, thickness: float) -> dict[str, Band]:
-    """Return the mobile walls of a scene as drawn at a time [s], by name; driven ones as in the scene now."""
+    """Return the mobile walls of a scene as drawn at a time [s] with a thickness [m], by name.
+
+    Walls that a force drives are where the scene `now` has them.
+    """
     own = ((number, wall) for number, wall in now.mobile_walls.items() if wall.image is None)
     moved = {number: _drawn(scene, wall, time, thickness) for number, wall in own}
     return _by_name(scene, moved)
 
 
 def _drawn(scene: Scene, wall: Wall, time: float | None, thickness: float) -> Band:
-    """Return a wall as drawn at a time [s] or, for None, as given; and in a periodic box its images."""
+    """Return a wall as drawn at a time [s], or as given for None; in a periodic box, with its images."""
     when, (x, y, reach) = scene.time if time is None else time, wall.circle
     if isinstance(wall, Row):
         return wall.drawn_about(scene.space_at(scene.time).outer_box.mean(axis=0), when)
@@ -181,7 +190,7 @@ def _circle(segments: int, radius: float, height: float) -> FloatArray:
 
 
 def _bands(number: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the quadrilaterals between rings of point indices, from top to bottom, shape (k, 4)."""
+    """Return the quadrilaterals between successive rings of point indices, shape (k, 4)."""
     onward = np.roll(number, -1, axis=1)
     corners = [number[:-1], number[1:], onward[1:], onward[:-1]]
     return np.stack(corners, axis=-1).reshape(-1, 4)

@@ -68,7 +68,7 @@ class Encoding:
             raise
 
     def finish(self) -> None:
-        """Wait until the file is complete; OSError, with ffmpeg's first line, if it cannot be written."""
+        """Wait until the file is complete. Raises OSError with ffmpeg's first message if that fails."""
         try:
             self._wait()
         except BaseException:  # an interrupt reaches this process only
@@ -92,7 +92,7 @@ class Encoding:
 
 
 def encoding_of_frames(output: Path, shape: tuple[int, ...], rate: float) -> Encoding:
-    """Return an encoding of frames of shape (height, width, 3); `rate` is in frames per second [1/s]."""
+    """Start to encode frames of shape (height, width, 3) at a rate in frames per second [1/s]."""
     codec, colors, *options = _FORMATS[form_of(output)].encoding
     height, width = shape[:2]
     frames = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"]
@@ -103,7 +103,7 @@ def encoding_of_frames(output: Path, shape: tuple[int, ...], rate: float) -> Enc
 
 
 def require_rate(rate: float) -> None:
-    """Raise InputError if a film cannot have so few frames a second [1/s]."""
+    """Raise InputError if a frame rate [1/s] is too low for a film."""
     if rate < SLOWEST:
         raise InputError(f"a film has at least {SLOWEST:g} frames a second of simulated time, not {rate:g}")
 
@@ -130,7 +130,7 @@ def _draft_of(target: Path) -> Iterator[Path]:
 class FilmWriter:
     """Writer of a film of snapshots, at `rate` frames per second [1/s], until the end of the ``with`` block.
 
-    ValueError if the film has no frame, OSError if it cannot be encoded.
+    Raises ValueError if the film has no frame, OSError if it cannot be encoded.
     """
 
     def __init__(self, path: Path, painter: Painter, rate: float) -> None:
@@ -176,9 +176,18 @@ class FilmWriter:
 def draw_film(
     recording: str | Path, output: str | Path, progress: bool = False, **looks: Unpack[Looks]
 ) -> list[int]:
-    """Make a film of a recording in its look or another, see `RunOptions`; return the frames in it.
+    """Make a film of a recording; return the numbers of the frames that it shows.
 
-    With `fps` or `slow`, the recording must have a whole number of frames to each one of the film.
+    Parameters
+    ----------
+    looks
+        Fields of `Look` that replace those of the recording. For each frame of the film, the recording must
+        have a whole number of frames at this `fps` and `slow`.
+
+    Raises
+    ------
+    InputError
+        A look is invalid, contacts were not recorded, or a file cannot be read or written.
     """
     from warpgrains.usd.recording import Recording, painter_of  # a film of a run needs no USD
 
@@ -227,6 +236,6 @@ class Film(DrawnOutput):
         self._writer.add(now)
 
     def __exit__(self, kind: type[BaseException] | None, *error: Any) -> bool | None:
-        """Complete the film; after Ctrl-C, of the frames so far, if there are several."""
+        """Complete the film; after Ctrl-C, with the frames so far if there are several."""
         is_kept = kind is KeyboardInterrupt and self._writer.frames > 1
         return super().__exit__(*((None, None, None) if is_kept else (kind, *error)))

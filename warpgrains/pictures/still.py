@@ -113,7 +113,7 @@ def _outline(wall: Band) -> Path:
 
 
 def add_color_bar(figure: Figure | SubFigure, axes: Any, painter: Painter) -> None:
-    """Draw the colors of a painter's scale next to axes, with its unit and range, if it shows one."""
+    """Draw a color bar with unit and range next to axes, if the painter's colors have a scale."""
     scale = painter.colors.scale
     if scale is None or painter.look.clean:
         return
@@ -140,13 +140,16 @@ def _add_chain_legend(axes: Axes, scale: ChainScale, painter: Painter) -> None:
 
 
 def shares(view: Bounds) -> tuple[float, float]:
-    """Return width and height of the axes of a view, in their longer side, with room for legends."""
+    """Return width and height of axes that show a view, by their longer side; at least 0.4, for legends."""
     across, along = (max(length / (2.0 * view.half), _LEAST_SHARE) for length in (view.width, view.height))
     return across, along
 
 
 class Canvas:
-    """A frame with its color bar, drawn for each snapshot; `side` [pixels] is the longer, without a size."""
+    """A frame with its color bar, in which one snapshot after the other is drawn.
+
+    `side` is the longer side of its axes [pixels], if the look has no size.
+    """
 
     def __init__(self, painter: Painter, side: int) -> None:
         bar, size = (
@@ -172,7 +175,10 @@ class Canvas:
         self._artists.show(now)
 
     def pixels(self, now: Snapshot) -> NDArray[np.uint8]:
-        """Return the picture of a snapshot, shape (height, width, 3); later ones redraw only what changes."""
+        """Return the picture of a snapshot, shape (height, width, 3).
+
+        Later calls redraw only what changes.
+        """
         if self._background is None:
             for artist in self._artists.changing:
                 artist.set_animated(True)
@@ -194,7 +200,7 @@ def save_figure(
 
 
 class Picture:
-    """A picture, which notebooks show. Unless a frame is given, it shows all grains.
+    """A picture of a snapshot, which notebooks display. Unless a frame is given, it shows all grains.
 
     Attributes
     ----------
@@ -230,7 +236,7 @@ class Picture:
 
 
 class DrawnOutput(ExitStack):
-    """Base of the film and the picture of a run: locked until the block ends, it replaces any file."""
+    """Base class of the film and the picture of a run, which replace any file and are locked until then."""
 
     def __init__(self, scene: Scene, options: RunOptions, *_: object) -> None:
         super().__init__()
