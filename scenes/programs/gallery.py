@@ -102,7 +102,7 @@ def balls() -> Section:
         heights.append(simulation.position[:, 1] + 0.5)
     fall, height = scene.position[0, 1] + 0.5, np.array(heights).T
     tops = [bouncing.tops(one)[0] / fall for one in height]
-    restitutions = scene.wall_restitutions[2:]
+    restitutions = scene.wall_restitutions[:3]  # of the floors
     return figure, {
         f"e {e:g}: first bounce / fall": float(top) for e, top in zip(restitutions, tops, strict=True)
     }

@@ -1,4 +1,4 @@
-"""The true error of a step, and exact steps that are computed without the kernels."""
+"""Measurement of the true error of a step, by an exact solution that is computed without the kernels."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["ErrorBound", "certify"]
 @fields_in_help
 @dataclass(frozen=True)
 class ErrorBound:
-    """Bounds of the distance of a step's velocities from the exact ones.
+    """Error of the velocities of a step: measured, and as a proven bound.
 
     Examples
     --------
@@ -29,13 +29,17 @@ class ErrorBound:
     """
 
     error: float | None
-    """Largest difference of a component [m/s]; None if it is not above `solver_error`, because then it says
-    nothing about the step."""
+    """Largest difference of a velocity component from the reference velocities [m/s].
+
+    None if it is not above `solver_error`, because it then says nothing about the step.
+    """
     solver_error: float
-    """Largest possible error of the reference velocities [m/s], proven by their duality gap, for the step's
-    gaps as they are rounded to double precision."""
+    """Proven bound of the error of the reference velocities [m/s], from their duality gap.
+
+    It holds for the gaps of the step as rounded to double precision.
+    """
     at_most: float
-    """Proven upper bound of the true error [m/s]."""
+    """Proven upper bound of the true error of the step [m/s]."""
 
 
 def certify(simulation: Simulation) -> ErrorBound:
@@ -45,9 +49,10 @@ def certify(simulation: Simulation) -> ErrorBound:
     start, with all pairs of grains that could touch within it and with all walls. It is solved by clarabel,
     an interior point method, in about 0.2 s for a pile of 1,000 grains.
 
-    With friction a step may have several solutions. The slip of the contacts is then frozen at the step's own
-    velocities; the error is the distance from the exact solution of that convex problem, rim speeds included,
-    and is 0 only for a solution of Coulomb's law (De Saxce and Feng 1998).
+    With friction a step may have several solutions. The slip of the contacts is then frozen at the velocities
+    that the simulation found, which makes the problem convex. The error is the distance from the exact
+    solution of this problem, including rim speeds. It is 0 only for a solution of Coulomb's law (De Saxce and
+    Feng 1998).
 
     Parameters
     ----------

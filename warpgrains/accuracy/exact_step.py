@@ -53,13 +53,13 @@ REACH = 1.5  # in known speeds: speed of a grain up to which the constraints are
 
 @dataclass(frozen=True, eq=False)
 class StepProblem:
-    """Start of a step: centers [m] and velocities [m/s], shape (n, 2), with their times."""
+    """Start of a step: centers [m] and velocities [m/s], shape (n, 2), and the time."""
 
     scene: Scene
     position: FloatArray
     velocity: FloatArray
     staggered: bool = False
-    """As in `State`."""
+    """Whether velocities are half a step behind the positions, see `State`."""
     spin: FloatArray | None = None
     """Angular velocities [rad/s], shape (n,); only with friction."""
     time: float = 0.0
@@ -67,17 +67,20 @@ class StepProblem:
 
     @property
     def free_velocity(self) -> FloatArray:
-        """v* (eq. 2, or 16 and 17) [m/s], shape (n, 2)."""
+        """Velocities v* without contacts (eq. 2, or 16 and 17) [m/s], shape (n, 2)."""
         return free_velocity(self.scene, self.velocity, self.staggered, self.time)
 
     @property
     def free_rim(self) -> FloatArray:
-        """u* (eq. 21) [m/s], shape (n,)."""
+        """Rim speeds u* without contacts (eq. 21) [m/s], shape (n,)."""
         spin = self.scene.spin if self.spin is None else self.spin
         return self.scene.radius * free_spin(self.scene, spin, self.staggered)
 
     def constraints(self, speed: FloatArray, sliding: FloatArray) -> StepConstraints:
-        """Return the constraints that grains up to a `speed` [m/s] can violate; round gaps by eq. 18."""
+        """Return the constraints that grains can violate if each has at most its `speed` [m/s], shape (n,).
+
+        At a round wall, gaps follow from the velocities `sliding` [m/s], shape (n, 2) (eq. 18).
+        """
         scene, position = self.scene, self.position
         pair = pairs_within(scene, position, scene.dt * speed)
         wall = every_wall(scene)
@@ -87,7 +90,7 @@ class StepProblem:
 
 
 def pairs_within(scene: Scene, position: FloatArray, reach: FloatArray) -> IndexArray:
-    """Return the pairs i < j of grains whose gap is at most the sum of their reaches, shape (m, 2)."""
+    """Return the pairs i < j of grains whose gap is at most reach[i] + reach[j] [m], shape (m, 2)."""
     radius, places = scene.radius, scene.period.from_corner(position)
     around = cKDTree(places, boxsize=scene.period.lengths).query_ball_point(
         places, radius + radius.max() + 2.0 * reach
@@ -100,16 +103,16 @@ def pairs_within(scene: Scene, position: FloatArray, reach: FloatArray) -> Index
 
 
 class ExactStep(NamedTuple):
-    """Exact velocities of a step, as far as they can be proven."""
+    """Exact velocities of a step, with a proven bound of their error."""
 
     velocity: FloatArray
-    """[m/s], shape (n, 2); with friction the third component is the rim speed, shape (n, 3)."""
+    """Velocities [m/s], shape (n, 2); with friction, velocities and rim speed, shape (n, 3)."""
     error: float
     """Proven bound of the error of every component [m/s]."""
 
 
 def solve_with_clarabel(projection: Projection) -> tuple[FloatArray, FloatArray]:
-    """Return the library's y, and its z with negative entries set to 0."""
+    """Solve a projection by clarabel; return its y, and its multipliers z with negative entries set to 0."""
     unknowns, rows = len(projection.free), sparse.csc_array(projection.rows)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
@@ -128,9 +131,10 @@ def solve_with_clarabel(projection: Projection) -> tuple[FloatArray, FloatArray]
 def solve_exactly(problem: StepProblem, motion: FloatArray) -> ExactStep:
     """Solve a step as a convex problem over all pairs and walls.
 
-    `motion`, an estimate of velocities, or with friction of velocities and rim speeds (n, 3) [m/s], limits
-    the search for pairs and sets gaps at a round wall and the frozen slip: there the result is exact if it
-    equals the estimate. Raises SimulationError where there is no solution, or clarabel finds none.
+    `motion` is an estimate of the velocities, (n, 2), or with friction of velocities and rim speeds, (n, 3)
+    [m/s]. It limits the search for pairs. Gaps at a round wall and the frozen slip follow from it, so that
+    with these the result is exact only if it equals the estimate. Raises SimulationError if there is no
+    solution, or clarabel finds none.
     """
     scene, velocity, free = problem.scene, motion[:, :2], problem.free_velocity
     known = free, velocity, problem.velocity  # contacts bounce by the last
@@ -157,7 +161,7 @@ def solve_exactly(problem: StepProblem, motion: FloatArray) -> ExactStep:
 
 
 def _project(rows: sparse.csr_array, bound: FloatArray) -> tuple[FloatArray, float]:
-    """Return a point of the polyhedron, and a bound of its distance from the point nearest to 0."""
+    """Return a point y with rows y <= bound, and a bound of its distance from the point nearest to 0."""
     nothing = np.zeros(rows.shape[1])
     if not (bound < 0.0).any():
         return nothing, 0.0
@@ -178,7 +182,11 @@ def _project(rows: sparse.csr_array, bound: FloatArray) -> tuple[FloatArray, flo
 def projection_with_frozen_slip(
     step: StepConstraints, motion: FloatArray, root: FloatArray, free: FloatArray
 ) -> Projection:
-    """Return the step with the slip of `motion`, in y = root (velocity, rim speed), shape (n, 3) [m/s]."""
+    """Return a step with its slip frozen at that of `motion` as a projection, see the head of this module.
+
+    `motion` and `free` hold velocities and rim speeds [m/s], shape (n, 3). The unknown is y = root *
+    (velocity, rim speed).
+    """
     friction, surface = step.friction, step.surface_speed
     normal, slip = _rows(step, step.normal, 0.0), _rows(step, left_of(step.normal), 1.0)
     bound = step.gap_rate + friction * np.abs(slip @ motion.ravel() - surface)
@@ -191,7 +199,7 @@ def projection_with_frozen_slip(
 
 
 def _rows(step: StepConstraints, along: FloatArray, rim: float) -> sparse.csr_array:
-    """Return the matrix that takes (v, u) of all grains to velocities of contacts along some directions."""
+    """Return the matrix from (v, u) of all grains to velocities of contacts along directions, (m, 2)."""
     contacts, pairs = len(step.first), len(step.second)
     own = np.column_stack([along, np.full(contacts, rim)])
     entry = np.concatenate([own, own[:pairs] * np.array([-1.0, -1.0, 1.0])])

@@ -14,7 +14,7 @@ enum { DRIVE = 9 };
 /* Kinds of walls inside the annulus, and the numbers of one: first its kind. */
 enum { DISC = 1, SEGMENT = 2, ARC = 3, LINE = 4, ROW = 5, SHAPE = 10 };
 
-/* For how long a wall would have moved at its velocities to be where it is at a time. */
+/* The duration for which a wall moves at its given velocities to reach its place at a time [s]. */
 static double progress(const double *motion, double time) {
     double moved = fmin(fmax(time, motion[FROM_TIME]), motion[TO_TIME]) - motion[FROM_TIME];
     double rate = 2.0 * M_PI * motion[FREQUENCY];
@@ -84,13 +84,13 @@ static double contactMass(const femGrains *g, int i, double dt) {
     return g->leapfrog ? g->m[i] + g->gamma * dt / 2.0 : g->m[i];
 }
 
-/* k of grain i in (22): 2 for a disc, but for what drags change in the leapfrog. */
+/* The factor k of grain i in eq. 22: 2 for a disc, and another number with drags in the leapfrog. */
 static double rimFactor(const femGrains *g, int i, double dt) {
     double mass = g->leapfrog ? g->m[i] + g->spinDrag * dt / (g->r[i] * g->r[i]) : g->m[i];
     return 2.0 * contactMass(g, i, dt) / mass;
 }
 
-/* Change of a tangential or rolling correction (eqs. 23, 37), or at iteration 0 all of it. */
+/* The change of a tangential or rolling correction (eqs. 23, 37); at iteration 0, the correction itself. */
 static double frictionChange(double *dvt, double vt, double w, double limit, int iter) {
     if (iter == 0) return *dvt;
     double change = fmin(limit, fmax(-limit, *dvt + w * vt)) - *dvt;
@@ -98,20 +98,21 @@ static double frictionChange(double *dvt, double vt, double w, double limit, int
     return change;
 }
 
-/* The shortest of a way and its periodic images (eq. 36). */
+/* Replaces a difference of two places by the shortest of its periodic images (eq. 36). */
 static void nearestImage(const femGrains *g, double *dx, double *dy) {
     if (g->period[0] > 0.0) *dx -= g->period[0] * rint(*dx / g->period[0]);
     if (g->period[1] > 0.0) *dy -= g->period[1] * rint(*dy / g->period[1]);
 }
 
-/* Gap / dt of a contact, less where it bounces at a closing speed vn before the step (eq. 35); rate is that of the gap
- * at a round wall, and surface the speed of the wall along the normal. */
+/* The bound gap / dt of a contact, which is smaller if the contact bounces (eq. 35). vn is its closing speed before the
+ * step, rate is gap / dt without the sagitta of a round wall, and surface is the speed of the wall along the normal. */
 static double rebound(const femGrains *g, double gapRate, double rate, double vn, double surface, double restitution) {
     if (!(restitution > 0.0 && vn > rate && vn - surface > g->restitutionSpeed)) return gapRate;
     return fmin(rate, surface - restitution * (vn - surface)) + (gapRate - rate);
 }
 
-/* The same for grain i at a wall, which a round wall makes less by a sagitta; driven is the wall's own part of vn. */
+/* The bound `rebound` for grain i at a wall. sagitta is that of a round wall; driven is the part of the closing speed that
+ * the velocity of a driven wall contributes. */
 static double reboundAtWall(const femGrains *g, int i, double nx, double ny, double gapRate, double sagitta,
                             double driven, double surface, double restitution) {
     if (!g->bouncy) return gapRate;
@@ -119,7 +120,7 @@ static double reboundAtWall(const femGrains *g, int i, double nx, double ny, dou
     return rebound(g, gapRate, gapRate - sagitta, vn, surface, restitution);
 }
 
-/* The contact of grains i < j, whose accumulated corrections are those of a pair. Returns the largest change. */
+/* Corrects the contact of grains i < j, whose accumulated corrections have the index `pair`. Returns the largest change. */
 static double contactPair(femGrains *g, int i, int j, long pair, double dt, int iter) {
     double *dvc = &g->dvContacts[pair];
     double dx = g->x[j] - g->x[i];
@@ -169,8 +170,9 @@ static double contactPair(femGrains *g, int i, int j, long pair, double dt, int 
     return fmax(fmax(fabs(dv), fabs(dvt)), fabs(dvr));
 }
 
-/* A wall's push on grain i: dv along (nx, ny), and friction at most `limit` at a surface of this speed, which yields by
- * `give` of a change. Returns the change along the tangent. */
+/* Changes the velocity of grain i by dv along the normal (nx, ny) of a wall, and by friction up to `limit` along the tangent.
+ * `speed` is that of the surface of the wall; a driven wall takes the part `give` of a tangential change. Returns the
+ * tangential change. */
 static double pushFromWall(femGrains *g, int i, double nx, double ny, double dv, double limit, double *dtc,
                            double speed, double give, double dt, int iter) {
     double dvt = 0.0;
@@ -185,7 +187,8 @@ static double pushFromWall(femGrains *g, int i, double nx, double ny, double dv,
     return dvt;
 }
 
-/* The resistance to rolling of grain i on a wall of a spin, at most friction * dv (eq. 37). Returns the larger change. */
+/* Corrects the rolling of grain i on a wall of angular velocity `spin`, up to friction * dv (eq. 37). Returns the larger of
+ * `change` and its own change. */
 static double rollOnWall(femGrains *g, int i, double dv, double friction, double *drw, double spin, double change,
                          double dt, int iter) {
     if (!g->rolling) return change;
@@ -195,15 +198,15 @@ static double rollOnWall(femGrains *g, int i, double dv, double friction, double
     return fmax(change, fabs(dvr));
 }
 
-/* By how much per dt grain i, on its way along the outer wall at (vx, vy), leaves the circle on which it touches it. */
+/* The distance / dt by which grain i leaves the circle if it moves along the tangent of the outer wall at (vx, vy). */
 static double sagittaRate(const femGrains *g, int i, double nx, double ny, double vx, double vy, double dt) {
     double reach = (g->radiusOut - g->r[i]) / dt;
     double along = nx * vy - ny * vx;
     return reach - sqrt(fmax(0.0, reach * reach - along * along));
 }
 
-/* The contact of grain i with wall k where a force drives a wall (eqs. 28, 29); 0 is the annulus. Its surface moves at a
- * speed along the tangent, and away along the normal. Returns the change. */
+/* Corrects the contact of grain i with wall k in scenes with a driven wall (eqs. 28, 29); wall 0 is the annulus. The surface
+ * moves at `speed` along the tangent, and at `away` along the normal. Returns the change. */
 static double contactDriven(femGrains *g, int i, int k, double nx, double ny, double gap, double *dvw, double friction,
                             double *dtw, double speed, double away, double dt, int iter) {
     const double *drive = &g->drives[DRIVE * k];
@@ -228,7 +231,7 @@ static double contactDriven(femGrains *g, int i, int k, double nx, double ny, do
     return fmax(compliance * fabs(dv), (1.0 + give) * fabs(dvt));
 }
 
-/* The contacts of grain i with the outer wall (dvb > 0) and the inner wall (dvb < 0). Returns the change. */
+/* Corrects the contacts of grain i with the outer wall (dvb > 0) and the inner wall (dvb < 0). Returns the change. */
 static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter) {
     double r = sqrt(g->x[i] * g->x[i] + g->y[i] * g->y[i]);
     double nx = r > 0.0 ? g->x[i] / r : 0.0;
@@ -257,8 +260,9 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
     return rollOnWall(g, i, *dvb, g->wallRollingFriction, drb, g->turningOut, fmax(fabs(dv), fabs(dvt)), dt, iter);
 }
 
-/* The point (px, py) of a wall that is nearest to (x, y): of a segment (both ends) or an arc (center, radius, direction of
- * the middle, and cosine of half of it); the center of a disc; else NAN. Returns the end that it is, 0 or 1, or -1. */
+/* Finds the point (px, py) of a wall that is nearest to (x, y). A segment has the numbers of both ends; an arc its center, its
+ * radius, the direction of its middle, and the cosine of half of its angle. Of a disc, the point is the center; of other
+ * walls, NAN. Returns 0 or 1 if the point is this end of the wall, otherwise -1. */
 static int nearestPoint(const double *wall, double x, double y, double *px, double *py) {
     *px = wall[1];
     *py = wall[2];
@@ -290,9 +294,9 @@ static int nearestPoint(const double *wall, double x, double y, double *px, doub
     return -1;
 }
 
-/* Gap of a grain at (x, y), and the normal into a wall; a disc (center, radius, whether grains are inside) has no nearest
- * point, nor has a line (point, unit vector to the grains); a row of discs (a center, way to the next, radius) has its
- * nearest center. At an unknown kind both are NaN. */
+/* Returns the gap of a grain at (x, y), and its normal into a wall. A disc has the numbers center, radius, and whether grains
+ * are inside; a line a point and the unit vector to the grains; a row of discs a center, the vector to the next center,
+ * and a radius. For an unknown kind, both results are NaN. */
 static double wallGap(const double *wall, double x, double y, double r, double *nx, double *ny) {
     double px, py;
     if (wall[0] == LINE) {
@@ -313,7 +317,7 @@ static double wallGap(const double *wall, double x, double y, double r, double *
     return wall[3] - distance - r;
 }
 
-/* Makes a place that of the image that is nearest to a wall (eq. 36). */
+/* Moves a place to its periodic image that is nearest to a wall (eq. 36). */
 static void placeAt(const femGrains *g, const double *wall, double *x, double *y) {
     double ax = *x - wall[SHAPE - 3], ay = *y - wall[SHAPE - 2];
     if (!(g->period[0] > 0.0 || g->period[1] > 0.0) || wall[SHAPE - 1] == INFINITY) return;
@@ -322,7 +326,7 @@ static void placeAt(const femGrains *g, const double *wall, double *x, double *y
     *y = wall[SHAPE - 2] + ay;
 }
 
-/* The same of wall k, of the image of the grain that is nearest to it, where its nearest point may be a joint (eq. 8c). */
+/* Returns gap and normal at wall k for the nearest image of a grain. The nearest point of the wall may be a joint (eq. 8c). */
 static double jointGap(const femGrains *g, int k, double x, double y, double r, double *nx, double *ny) {
     const double *wall = &g->walls[SHAPE * k], *other = wall;
     double gx = x, gy = y;
@@ -336,7 +340,7 @@ static double jointGap(const femGrains *g, int k, double x, double y, double r, 
     if (!g->joints || end < 0 || gap > r) return gap;
     for (int c = g->jointStart[2 * k + end]; c < g->jointStart[2 * k + end + 1]; c++) {
         const double *its = &g->walls[SHAPE * g->joints[c]], *way = &g->jointWays[2 * c];
-        /* the place in the frame of the other wall, with the same bits as seen from there */
+        /* the place in the frame of the other wall, rounded as it is for that wall */
         double sx = gx, sy = gy;
         placeAt(g, its, &sx, &sy);
         if (g->period[0] > 0.0) sx += g->period[0] * rint((x - way[0] - sx) / g->period[0]);
@@ -353,7 +357,7 @@ static double jointGap(const femGrains *g, int k, double x, double y, double r, 
         }
     }
     if (nearest < 0) return gap;
-    double qx = px - wx, qy = py - wy; /* p where the other wall is not moved */
+    double qx = px - wx, qy = py - wy; /* p in the frame of the other wall */
     /* t: along the wall, away from the joint p; o: into the face of the other wall there */
     double tx = wall[3] - wall[1], ty = wall[4] - wall[2], sign = end == 0 ? 1.0 : -1.0;
     if (wall[0] == ARC) {
@@ -397,13 +401,13 @@ static int isDriven(const femGrains *g, int k) {
     return g->driven && g->drives[DRIVE * (k + 1)] > 0.0;
 }
 
-/* The part of its velocities at which it moves in a step. */
+/* The factor of its given velocities with which a wall moves in a step. */
 static double shareOfStep(const double *motion, double begin, double end) {
     if (motion[FREQUENCY] > 0.0) return (progress(motion, end) - progress(motion, begin)) / (end - begin);
     return fmax(0.0, fmin(end, motion[TO_TIME]) - fmax(begin, motion[FROM_TIME])) / (end - begin);
 }
 
-/* The radius of a wall that is hollow where a grain at (x, y) touches it, < 0 where it bulges, 0 if it is straight. */
+/* The radius of curvature of a wall where a grain at (x, y) touches it: > 0 if hollow, < 0 if it bulges, 0 if straight. */
 static double hollowRadius(const double *wall, double x, double y) {
     double px, py, dx = x - wall[1], dy = y - wall[2];
     if (wall[0] == DISC) return wall[4] != 0.0 ? wall[3] : -wall[3];
@@ -411,8 +415,8 @@ static double hollowRadius(const double *wall, double x, double y) {
     return sqrt(dx * dx + dy * dy) < wall[3] ? wall[3] : -wall[3];
 }
 
-/* The same where the wall is at the start of the step, at a time, as given or driven; *speed gets that of its surface in
- * the step along the tangent, *away that along the normal, and *spin its angular velocity (eqs. 26, 26b). */
+/* Returns gap and normal at a wall as it is at the start of the step, at a time. Sets the speed of its surface in the step
+ * along the tangent (*speed) and along the normal (*away), and its angular velocity (*spin) (eqs. 26, 26b). */
 static double movingWallGap(const femGrains *g, int k, double begin, double end, double dt, double x, double y, double r,
                             double *nx, double *ny, double *speed, double *away, double *spin) {
     const double *motion = &g->motions[MOTION_NUMBERS * k];
@@ -443,7 +447,7 @@ static double movingWallGap(const femGrains *g, int k, double begin, double end,
     return gap;
 }
 
-/* The contact of grain i with wall k inside the annulus. Returns the larger change. */
+/* Corrects the contact of grain i with wall k inside the annulus. Returns the larger change. */
 static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
     double nx, ny, gap, away = 0.0;
     double *dvw = &g->dvWalls[i * g->nWalls + k];
@@ -515,7 +519,7 @@ static double freeVelocity(const femGrains *g, double v, double gravity, double 
     return ((1.0 - a) * v + dt * gravity) / (1.0 + a);
 }
 
-/* Gravity at the beginning of a step (eq. 31). */
+/* Gravity at the start of a step (eq. 31). */
 static void turnedGravity(const femGrains *g, double dt, double *gx, double *gy) {
     double x = g->gravity[0], y = g->gravity[1], angle = g->turning * (g->start + g->steps * dt);
     double c = cos(angle), s = sin(angle);
@@ -531,7 +535,7 @@ static double freeSpin(const femGrains *g, double w, double m, double r, double 
     return (g->staggered ? (1.0 - a) * w : w) / (1.0 + a);
 }
 
-/* How far from the origin the grains' side of a line begins, along its normal. */
+/* The coordinate of a line along its normal. */
 static double lineHeight(const femGrains *g, int b, double dt) {
     const double *line = &g->walls[SHAPE * (b - 1)], *drive = &g->drives[DRIVE * b];
     const double *motion = &g->motions[MOTION_NUMBERS * (b - 1)];
@@ -541,7 +545,7 @@ static double lineHeight(const femGrains *g, int b, double dt) {
     return x * line[3] + y * line[4];
 }
 
-/* The speeds of walls that forces drive, without contacts (eq. 27). */
+/* Sets the speeds of walls that forces drive to those without contacts (eq. 27). */
 void femGrainsFreeSpeeds(femGrains *g, double dt) {
     double kick = g->leapfrog && !g->staggered ? 0.5 * dt : dt;
     for (int k = 0; k <= g->nWalls; k++) {
@@ -593,7 +597,7 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
     }
     if (myGrains->driven) moveDriven(myGrains, dt);
     myGrains->staggered = myGrains->leapfrog;
-    /* homeworks are graded by a reference that leaves all else as it is */
+    /* counted only if the time matters: homeworks, which are compared with the reference, do not count */
     myGrains->steps += myGrains->moving || myGrains->turning != 0.0;
 }
 

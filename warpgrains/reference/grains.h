@@ -1,4 +1,4 @@
-/* The interface of the course text, and what the reference has more: fields of femGrains, and two functions. */
+/* The interface of the course text, with further fields of femGrains and two further functions of the reference. */
 
 #ifndef GRAINS_H
 #define GRAINS_H
@@ -11,11 +11,11 @@ typedef struct {
     int i, j;
 } femContact;
 
-/* femGrainsContactIterate over the given contacts in the given order. */
+/* The same as femGrainsContactIterate, over the given contacts in the given order. */
 double femGrainsContactIterateOrder(femGrains *myGrains, double dt, int iter, int nContacts,
                                     const femContact *contacts);
 
-/* The speeds of walls that forces drive, without contacts. */
+/* Set the speeds of walls that forces drive to those without contacts. */
 void femGrainsFreeSpeeds(femGrains *myGrains, double dt);
 
 #endif

@@ -1,4 +1,4 @@
-"""Interface to the course's C program (grains.c): compile it, pass it a scene, and read its state."""
+"""Interface to the reference, a C program (grains.c): compile it, pass it a scene, and read its state."""
 
 import ctypes
 import subprocess
@@ -18,7 +18,7 @@ from warpgrains.walls.motion import MOTION_NUMBERS
 
 SOURCE = Path(__file__).parent / "grains.c"
 DEFINES = [f"-D{name.upper()}={k}" for k, name in enumerate((*MOTION_NUMBERS, "motion_numbers"))]
-"""Options that tell the program where the numbers of a motion are."""
+"""Compiler options that define the indices of the numbers of a motion."""
 FAST = ("-O3", "-march=native")
 MOST_GRAINS = 3000  # of scenes that are timed; the program stores and visits all pairs
 
@@ -27,7 +27,7 @@ _ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtWalls")
 _ROLLING = ("rollingWalls", "spinWalls", "drContacts", "drBoundary", "drWalls")
 _DRIVEN = ("drives", "places", "speeds")
 _BEFORE = {"vxBefore": "vx", "vyBefore": "vy", "speedsBefore": "speeds"}
-"""Copies of arrays before a step."""
+"""Arrays that hold the values of others before a step."""
 _PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
@@ -65,7 +65,10 @@ class Grains(ctypes.Structure):
 
 
 def build(folder: Path, flags: Sequence[str] = ("-O2",)) -> ctypes.CDLL:
-    """Compile the reference without contracting products and sums; raise RuntimeError if that fails."""
+    """Compile the reference, with each product and sum rounded by itself.
+
+    Raises RuntimeError if that fails.
+    """
     library = folder / "libgrains.so"
     fixed = ["-ffp-contract=off", "-shared", "-fPIC", str(SOURCE), "-o", str(library), "-lm"]
     command = ["cc", *flags, *DEFINES, *fixed]
@@ -188,7 +191,7 @@ class Reference:
         self._library.femGrainsUpdate(self._grains, scene.dt, scene.tolerance, scene.max_iterations)
 
     def begin(self, order: IntArray | None = None) -> None:
-        """Give grains and walls the velocities without contacts, and the corrections that are kept."""
+        """Set the velocities without contacts, and apply the corrections of the last step (iteration 0)."""
         scene, arrays = self._scene, self._arrays
         time = scene.time_after(self._grains.steps)
         for name, own in _BEFORE.items():
@@ -201,10 +204,11 @@ class Reference:
         self._iterate(0, order)
 
     def step(self, order: IntArray | None = None) -> tuple[int, float]:
-        """Advance by one step in Python's loop; return iterations and last zeta, which C does not return.
+        """Advance by one step in a loop in Python; return the number of iterations and the last zeta [m/s].
 
-        `order` overrides the text's order: contacts (i, j), (i, -1) for the annulus, (i, -2 - k) for wall k
-        inside it, shape (m, 2). With friction, wall 0 is the inner circle, if there is one.
+        `order` replaces the order of the course text. It lists contacts, shape (m, 2): grains (i, j), (i, -1)
+        at the annulus, and (i, -2 - k) at wall k inside it. With friction, wall 0 is the inner circle, if
+        there is one.
         """
         scene, arrays = self._scene, self._arrays
         self.begin(order)
@@ -256,7 +260,7 @@ class Reference:
 
     @property
     def wall_correction(self) -> FloatArray:
-        """Corrections dv_b of all grains at the annulus [m/s]: > 0 outer, < 0 inner circle."""
+        """Corrections dv_b of all grains at the annulus [m/s]: > 0 at the outer, < 0 at the inner circle."""
         return self._arrays["dvBoundary"]
 
     @property
@@ -291,7 +295,7 @@ class CReference(NamedTuple):
 
 @cache
 def find_c_reference() -> CReference:
-    """Compile the reference if there is a C compiler."""
+    """Compile the reference, once in a process; without a C compiler, the result says why there is none."""
     with tempfile.TemporaryDirectory() as folder:
         try:
             library = build(Path(folder), FAST)

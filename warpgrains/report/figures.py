@@ -1,4 +1,4 @@
-"""Figures of the report: error against iterations and wall time, error against dt, and equal work."""
+"""Figures of the report: error over iterations and wall time, error over dt, and overlap after equal work."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -29,7 +29,7 @@ _MARKER = {16: "o", 160: "s", 1600: "^"}
 
 
 def draw_steps(rows: Sequence[StepRow]) -> Figure:
-    """Draw the error of a scene's steps against iterations and wall time, with one column per step."""
+    """Draw the error of steps of a scene over iterations and wall time, one column of axes for each step."""
     moments = list(dict.fromkeys(row.moment for row in rows))
     figure = Figure(figsize=(1.0 + 3.2 * len(moments), 6.2), layout="constrained")
     grid = figure.subplots(2, len(moments), squeeze=False, sharey="col")
@@ -78,7 +78,7 @@ def _style(configuration: Configuration) -> dict[str, Any]:
 
 
 def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Figure:
-    """Draw the error of a scene's trajectories against dt, and the overlap after equal work."""
+    """Draw the error of trajectories of a scene over dt and CPU time, and the overlap after equal work."""
     figure = Figure(figsize=(13.5, 5.0), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
     _draw_error(left, paths, "dt")
@@ -94,7 +94,7 @@ def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Fig
 
 
 def _draw_error(axes: Axes, rows: Sequence[PathRow], over: str) -> None:
-    """Draw the error against "dt", with fitted orders, or against "cpu_time"."""
+    """Draw the error of trajectories over "dt", with fitted orders, or over "cpu_time"."""
     for scheme, color in _SCHEME_COLOR.items():
         here = [row for row in rows if row.scheme == scheme]
         order = fitted_order(here) if over == "dt" else None
@@ -112,6 +112,7 @@ def _draw_error(axes: Axes, rows: Sequence[PathRow], over: str) -> None:
 
 
 def _draw_overlap(axes: Axes, rows: Sequence[FrontierRow]) -> None:
+    """Draw the worst overlap over dt, a curve for each method and number of iterations."""
     for method in SWEEPING:
         for cost in COSTS:
             here = [row for row in rows if (row.method, row.cost) == (method, cost)]

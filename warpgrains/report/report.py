@@ -96,7 +96,7 @@ def write_report(scenes: Sequence[Scene], folder: Path, progress: bool = False) 
 
 
 def _measure(scene: Scene, budget: Budget, found: Findings) -> Iterator[str]:
-    """Measure a scene and add the rows; yield the next measurement's name for the progress bar."""
+    """Measure a scene and add the rows to `found`; yield the name of each measurement, for progress."""
     yield "history"
     history = follow_history(scene, budget.history)
     for snapshot in history.snapshots:
@@ -112,7 +112,7 @@ def _measure(scene: Scene, budget: Budget, found: Findings) -> Iterator[str]:
 
 
 def _write_texts(folder: Path, found: Findings, budget: Budget) -> list[Path]:
-    """Write all rows so far, replacing earlier files."""
+    """Write the text and the tables of all rows so far; return their files."""
     tables: dict[str, Sequence[Any]] = {
         "steps": found.steps,
         "trajectories": found.paths,
@@ -126,6 +126,7 @@ def _write_texts(folder: Path, found: Findings, budget: Budget) -> list[Path]:
 
 
 def markdown(found: Findings, budget: Budget) -> str:
+    """Return the text of the report."""
     where = {"version": __version__, "machine": platform.machine(), "cores": os.cpu_count()}
     sections = [_HEAD.format(**where, **vars(budget), reference=find_c_reference().status)]
     for scene in dict.fromkeys(row.scene for row in found.steps):
@@ -142,7 +143,7 @@ def markdown(found: Findings, budget: Budget) -> str:
 
 
 def _step_table(rows: Sequence[StepRow]) -> str:
-    """Return a table of the iterations and times of each configuration (rows) at each step (columns)."""
+    """Return a table of iterations and wall times, a row for each configuration, columns for each step."""
     moments = list(dict.fromkeys(row.moment for row in rows))
     columns = [f"{moment}, to {name}" for moment in moments for name in RELATIVE]
     lines = [["code", "method", "order", "threads", *columns]]
@@ -156,7 +157,7 @@ def _step_table(rows: Sequence[StepRow]) -> str:
 
 
 def _first_below(measured: Sequence[StepRow], relative: float) -> str:
-    """Return iterations and time of the first step whose error is small enough, or else the error reached."""
+    """Return iterations and time of the first row with a small enough error, or else the last error."""
     for row in measured:
         if row.error <= relative * row.error_of_nothing:
             return f"{row.iterations}: {1e3 * row.wall_time:.3g} ms"
@@ -165,6 +166,7 @@ def _first_below(measured: Sequence[StepRow], relative: float) -> str:
 
 
 def _path_text(paths: Sequence[PathRow]) -> str:
+    """Return sentences on the duration of trajectories and the fitted orders of their errors."""
     fits = []
     for scheme in SCHEMES:
         here = [path for path in paths if path.scheme == scheme]
@@ -179,7 +181,7 @@ def _path_text(paths: Sequence[PathRow]) -> str:
 
 
 def _frontier_table(rows: Sequence[FrontierRow]) -> str:
-    """Return a table with one row per cost, and for each method the steps with the least overlap."""
+    """Return a table of the time step with the least overlap, rows by cost, columns by method."""
     head = "iterations in one of the scene's own steps"
     lines = [[head, *(f"least overlap, {method}" for method in SWEEPING)]]
     for cost in dict.fromkeys(row.cost for row in rows):

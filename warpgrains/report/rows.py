@@ -1,4 +1,4 @@
-"""Settings of a report, and the rows of its tables."""
+"""Limits of the measurements of a report, and the rows of its tables."""
 
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 ACCURATE: dict[str, Any] = {"method": "accelerated", "order": "color", "stop": "residual"}
-"""Fields of a scene that is solved as accurately as possible."""
+"""Fields of a scene whose steps are solved as accurately as possible."""
 SWEEPING = ("gauss-seidel", "accelerated")
 """Methods whose number of iterations can be prescribed."""
 SECOND_ORDER = "leapfrog, round wall"
@@ -29,7 +29,7 @@ class Budget:
     longest: float = 0.2
     """Wall time of a step beyond which no more iterations are tried [s]."""
     history: int = 1000
-    """Largest number of steps of the history of a scene."""
+    """Largest number of steps that are followed to find the difficult ones."""
     horizon: int = 32
     """Longest duration of trajectories, in time steps of the scene; a multiple of 4."""
 
@@ -53,10 +53,11 @@ class Configuration(NamedTuple):
 
 @dataclass(frozen=True)
 class StepRow:
-    """One step in one configuration, a row of steps.csv."""
+    """One solution of a step, a row of steps.csv."""
 
     scene: str
     moment: str
+    """Name of the step: onset, hardest or end, see `History`."""
     time: float
     """Simulated time at which the step starts [s]."""
     grains: int
@@ -73,10 +74,12 @@ class StepRow:
     error: float
     """Largest difference of a velocity component from the exact solution [m/s]."""
     error_of_exact: float
-    """Difference between the exact solution and that of the exact method at its smallest residual [m/s].
-    Errors below it are unreliable."""
+    """Difference of the exact solution from that of method "exact" at its smallest residual [m/s].
+
+    Errors below it are unreliable.
+    """
     error_of_nothing: float
-    """Error of the free velocities, that is, without contacts [m/s]."""
+    """Error of the velocities of a step without contacts [m/s]."""
 
     @property
     def configuration(self) -> Configuration:
@@ -95,17 +98,20 @@ class PathRow:
     dt: float
     """Time step [s]."""
     error: float
-    """Largest difference of a coordinate from the second-order trajectory with time steps 1/64 of the
-    scene's, at any multiple of four of the scene's steps [m]; NaN if a grain was lost."""
+    """Largest difference of a coordinate from the reference trajectory [m]; NaN if a grain was lost.
+
+    The reference is of second order, with time steps 1/64 of the scene's. Both are compared after every four
+    time steps of the scene.
+    """
     finest_error: float
-    """The same difference for time steps 1/32 of the scene's [m]. Errors of this size are unreliable."""
+    """Error of the trajectory with time steps 1/32 of the scene's [m]. Errors of this size are unreliable."""
     cpu_time: float
     """CPU time of all steps [s]."""
 
 
 @dataclass(frozen=True)
 class FrontierRow:
-    """One run with prescribed work, a row of frontier.csv."""
+    """One run with a prescribed number of iterations, a row of frontier.csv."""
 
     scene: str
     method: str
@@ -116,13 +122,18 @@ class FrontierRow:
     dt: float
     """Time step [s]."""
     iterations: int
-    """Iterations per step of this run: cost times dt, in time steps of the scene."""
+    """Iterations per step of this run: `cost` times the ratio of `dt` to the time step of the scene."""
     overlap: float
-    """Worst overlap after any step of the run's second half [m]; NaN if a grain was lost, which happens if
-    far too few iterations let two centers coincide."""
+    """Worst overlap after any step of the second half of the run [m]; NaN if a grain was lost.
+
+    A grain is lost if far too few iterations let two centers coincide.
+    """
     wall_floor: float
-    """(v dt)^2 / (2 radius_out), with the largest speed v in a run of solved steps [m]: less than the overlap
-    with the outer wall after a tangential move of a solved step; 0 if the wall is round."""
+    """(v dt)^2 / (2 radius_out) [m], with the largest speed v in a run of solved steps.
+
+    A solved step, which moves a grain along the tangent of the outer wall, can leave this overlap. It is 0 if
+    the wall is round.
+    """
 
 
 @dataclass(frozen=True)
@@ -134,11 +145,12 @@ class Findings:
     frontier: list[FrontierRow] = field(default_factory=list)
 
     def of(self, scene: str) -> "Findings":
+        """Return the measurements of one scene by its name."""
         return Findings(*([row for row in rows if row.scene == scene] for rows in vars(self).values()))
 
 
 def fitted_order(rows: list[PathRow]) -> float | None:
-    """Return p of error = c dt^p, by least squares of the logarithms; None for fewer than two errors."""
+    """Return the order p of error = c dt^p, by least squares of logarithms; None for less than two."""
     rows = [row for row in rows if row.error > 0.0]
     if len(rows) < 2:
         return None

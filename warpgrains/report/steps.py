@@ -1,4 +1,4 @@
-"""Difficult steps of a scene's history, solved with increasing numbers of iterations in every configuration.
+"""Difficult steps of a scene, each solved by every method with more and more iterations.
 
 The wall time and the true error of each solution are measured.
 """
@@ -42,29 +42,37 @@ class HistoryStep(NamedTuple):
 
 @dataclass(frozen=True)
 class History:
-    """Difficult steps of a scene at its tolerance."""
+    """States of a scene before its difficult steps."""
 
     first: State
     """State before the first step with an active contact."""
     hardest: State
     """State before the step with the most iterations."""
     snapshots: list[HistoryStep]
-    """Three steps without duplicates. onset: the first step with half of the largest number of contacts;
-    hardest: the step with the most iterations; end: the last step."""
+    """Three steps in order, fewer if they coincide.
+
+    They are onset, the first step with half of the largest number of contacts; hardest, the step with the
+    most iterations; and end, the last step.
+    """
 
 
 class Measurement(NamedTuple):
-    """Measurement of a step with a limit on its iterations or on its residual."""
+    """Solution of a step with a limit on its iterations or on its residual, and its wall time."""
 
     iterations: int
     wall_time: float
+    """Median of the repeats [s]."""
     velocity: FloatArray
+    """Velocities after the step [m/s], shape (n, 2)."""
     done: bool
     """True if more iterations cannot improve the result."""
 
 
 def follow_history(scene: Scene, longest: int) -> History:
-    """Follow a scene by the accelerated method in color order; InputError without an active contact."""
+    """Return the difficult steps among the first `longest` ones.
+
+    Raises InputError if no contact is active.
+    """
     simulation = Simulation(scene, **ACCURATE)
     records: list[HistoryStep] = []  # steps with more contacts than any earlier one
     hardest = end = HistoryStep("", simulation.state(), 0)
@@ -88,7 +96,7 @@ def follow_history(scene: Scene, longest: int) -> History:
 
 
 def measure_steps(scene: Scene, snapshot: HistoryStep, budget: Budget) -> Iterator[StepRow]:
-    """Solve the step after a snapshot in every configuration, with increasing numbers of iterations."""
+    """Solve a step in every configuration, with more and more iterations; yield a row for each solution."""
     state = snapshot.state
     now = scene.time_after(state.steps)
     problem = StepProblem(scene, state.position, state.velocity, state.staggered, time=now)
@@ -124,7 +132,7 @@ def _difference(velocity: FloatArray, other: FloatArray) -> float:
 def _configurations(
     scene: Scene, snapshot: HistoryStep, budget: Budget
 ) -> Iterator[tuple[Configuration, Iterator[Measurement]]]:
-    """Yield every solver configuration with its measured steps, by increasing iterations."""
+    """Yield every configuration with its solutions of a step, from few iterations to many."""
     unlimited = scene.replace(stop="default", tolerance=0.0)
     for method, order, threads in product(SWEEPING, ORDERS, THREADS):
         solving = [
@@ -141,7 +149,7 @@ def _configurations(
 
 
 def _solve(scene: Scene, threads: int, snapshot: HistoryStep, budget: Budget) -> Measurement:
-    """Do the step with a simulation, whose scene defines the stopping criterion."""
+    """Solve a step with a simulation. The tolerance and the limit of iterations are those of the scene."""
     simulation = Simulation(scene, threads=threads)
 
     def step() -> tuple[float, StepReport]:
@@ -159,7 +167,7 @@ def _solve(scene: Scene, threads: int, snapshot: HistoryStep, budget: Budget) ->
 
 
 def _solve_in_c(scene: Scene, snapshot: HistoryStep, budget: Budget, limit: int) -> Measurement:
-    """Do the step with the C reference, which does not return its iterations."""
+    """Solve a step with the C reference, which always does `limit` iterations."""
     begin = find_c_reference().start
     assert begin is not None
     spending = scene.replace(tolerance=0.0, max_iterations=limit)
@@ -174,7 +182,7 @@ def _solve_in_c(scene: Scene, snapshot: HistoryStep, budget: Budget, limit: int)
 
 
 def _median(step: Callable[[], tuple[float, Result]], budget: Budget) -> tuple[float, Result]:
-    """Return the median time of a step, and its result. A step that takes too long is done once."""
+    """Return the median time of a step [s], and its result. A step that takes too long is done once."""
     taken = [step()]
     while len(taken) < budget.repeats and taken[0][0] <= budget.longest:
         taken.append(step())

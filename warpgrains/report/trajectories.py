@@ -1,6 +1,6 @@
-"""Error of a whole trajectory against dt, and comparison of many short steps with few accurately solved ones.
+"""Error of trajectories over dt, and overlap of runs of equal work with longer or shorter steps.
 
-Both answer the question of how to spend a given amount of work on a scene.
+Both show how to spend a given amount of work on a scene: on iterations, or on shorter steps.
 """
 
 from collections.abc import Iterator
@@ -25,6 +25,8 @@ SOLVED_ITERATIONS = 20_000
 
 
 class Path(NamedTuple):
+    """A trajectory of all grains."""
+
     position: FloatArray
     """Positions at multiples of the coarsest step [m], shape (k, n, 2)."""
     overlap: float
@@ -36,10 +38,10 @@ class Path(NamedTuple):
 
 
 def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]:
-    """Compute trajectories from a state, without its corrections, for all time steps in both schemes.
+    """Compute trajectories from a state for all time steps and both schemes; yield a row for each.
 
-    They last four time steps of the scene or longer, up to `longest`, until those of the two finest time
-    steps diverge.
+    The corrections of the state are not used. Trajectories last four to `longest` time steps of the scene:
+    until the two with the finest time steps diverge.
     """
     solved = begin_solved(scene, start)
     finest = follow(solved, FINEST, longest, SCHEMES[SECOND_ORDER]).position
@@ -66,7 +68,11 @@ def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]
 
 
 def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[FrontierRow]:
-    """Run from a state, without its corrections, in color order, for `horizon` steps of the scene."""
+    """Run a scene with each cost, time step and method of equal work; yield a row for each run.
+
+    Runs start from the positions and velocities of a state, and last `horizon` time steps of the scene. The
+    order of contacts is "color".
+    """
     fastest = follow(begin_solved(scene, start), 1.0, horizon).fastest
     for cost in COSTS:
         for fraction in possible_fractions(scene, scene.scheme):
@@ -94,22 +100,23 @@ def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[Front
 
 
 def begin(scene: Scene, state: State) -> Scene:
+    """Return a scene that starts at the positions and velocities of a state."""
     return scene.replace(position=state.position, velocity=state.velocity)
 
 
 def begin_solved(scene: Scene, state: State) -> Scene:
-    """Return the scene that starts at a state of another one and solves every step accurately."""
+    """Return a scene that starts at a state, and whose steps are solved accurately."""
     return begin(scene, state).replace(**ACCURATE, tolerance=SOLVED, max_iterations=SOLVED_ITERATIONS)
 
 
 def possible_fractions(scene: Scene, scheme: str) -> list[float]:
-    """Return the time steps in which drag does not reverse velocities; the leapfrog scheme has no limit."""
+    """Return those of `FRACTIONS` with which drag does not reverse velocities; all for the leapfrog."""
     longest = np.inf if scheme == "leapfrog" else scene.mass.min()
     return [fraction for fraction in FRACTIONS if scene.drag * scene.dt * fraction < longest]
 
 
 def follow(scene: Scene, fraction: float, horizon: int, changes: dict[str, Any] | None = None) -> Path:
-    """Follow a scene for `horizon` of its time steps, with time steps of `fraction` of their length."""
+    """Follow a scene with `changes` for `horizon` of its time steps, with time steps of dt * fraction."""
     simulation = Simulation(scene, dt=scene.dt * fraction, threads=1, **(changes or {}))
     fastest = overlap = cpu_time = 0.0
     position = []
