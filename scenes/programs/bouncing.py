@@ -1,6 +1,6 @@
-"""Restitution: a ball on floors, a gas of discs in a periodic box, and one that cools.
+"""Restitution: a ball that bounces, a gas of elastic discs in a periodic box, and a gas that cools.
 
-Each function is one experiment. Sections draw them, and tests hold their numbers against theory.
+Each function is one experiment. `section` draws them, and tests compare their numbers with theory.
 """
 
 from math import pi, sqrt
@@ -21,7 +21,7 @@ COOLING_FRACTION, COOLING = 0.2, 0.9  # packing fraction and restitution of the 
 
 
 def ball(e: float, dt: float) -> tuple[FloatArray, FloatArray]:
-    """Return times [s] and heights [m] of a ball that falls from 0.5 m on a floor, until it must rest."""
+    """Return times [s] and heights [m] of a ball that falls from 0.5 m, up to 1.1 times `time_of_rest`."""
     floor, end = wg.Segment((-5.0, 0.0), (5.0, 0.0)), 1.1 * time_of_rest(e)
     fields = {"radius": 0.1, "mass": 1.0, "radius_out": 9.0, "walls": [floor], "scheme": "leapfrog"}
     scene = wg.Scene(position=[(0.0, HEIGHT + 0.1)], gravity=(0.0, -G), restitution=e, dt=dt, **fields)
@@ -34,19 +34,20 @@ def ball(e: float, dt: float) -> tuple[FloatArray, FloatArray]:
 
 
 def time_of_rest(e: float) -> float:
-    """Return the time at which a ball has bounced infinitely often [s]."""
+    """Return the time at which an ideal ball has bounced infinitely often and rests [s]."""
     return sqrt(2.0 * HEIGHT / G) * (1.0 + e) / (1.0 - e)
 
 
 def tops(heights: FloatArray) -> FloatArray:
-    """Return the heights between bounces [m]."""
+    """Return the maxima of heights [m], at the tops of the bounces."""
     return heights[1:-1][(heights[1:-1] > heights[:-2]) & (heights[1:-1] >= heights[2:])]
 
 
 def gas(fraction: float, step: float, side: int = SIDE) -> wg.Scene:
-    """Return elastic discs on a lattice in a periodic box, of Maxwellian velocities of 1 m2/s2.
+    """Return side**2 elastic discs on a lattice in a periodic box, with Maxwellian velocities.
 
-    A step is a part of the time in which a disc of 1 m/s flies a diameter.
+    They fill a fraction of the area. The variance of a velocity component is 1 m2/s2. dt is `step` times the
+    time in which a disc of 1 m/s moves by a diameter.
     """
     random, length = np.random.default_rng(1), side * DIAMETER * sqrt(pi / (4.0 * fraction))
     along = (np.arange(side) + 0.5) * length / side
@@ -66,28 +67,31 @@ def gas(fraction: float, step: float, side: int = SIDE) -> wg.Scene:
 
 
 def henderson(fraction: float) -> float:
-    """Return P A / (N m T) of discs in equilibrium (Henderson 1975)."""
+    """Return P A / (N m T) of a gas of discs with this packing fraction (Henderson 1975)."""
     return float((1.0 + fraction**2 / 8.0) / (1.0 - fraction) ** 2)
 
 
 def contact_value(fraction: float) -> float:
-    """Return g(r) of discs at contact, that of `henderson`."""
+    """Return the pair correlation g(r) at contact that follows from `henderson`."""
     return (henderson(fraction) - 1.0) / (2.0 * fraction)
 
 
 class Equilibrium(NamedTuple):
-    """A gas over some steps."""
+    """Results for a gas in equilibrium over some steps."""
 
     pressure: float
-    """P A / (N m T)."""
+    """Mean of P A / (N m T)."""
     lost: float
-    """Part of the kinetic energy."""
+    """Fraction of the kinetic energy that was lost."""
     velocity: FloatArray
-    """Components of the velocities at the end, in thermal speeds."""
+    """Velocity components at the end, by the thermal speed, shape (2 n,)."""
 
 
 def warm(fraction: float, time: float, side: int = SIDE) -> wg.Scene:
-    """Return a gas of temperature 1 m2/s2 after it has moved for a time, in that to fly a diameter."""
+    """Return a gas of temperature 1 m2/s2 that has moved for a time.
+
+    The unit of the time is that in which a disc of 1 m/s moves by a diameter.
+    """
     scene = gas(fraction, 0.01, side)
     simulation = wg.Simulation(scene)
     simulation.advance(round(time / 0.01))
@@ -98,7 +102,10 @@ def warm(fraction: float, time: float, side: int = SIDE) -> wg.Scene:
 
 
 def equilibrium(start: wg.Scene, step: float, time: float = 2.0) -> Equilibrium:
-    """Return the pressure of a gas by the virial theorem, for steps and over a time in these units."""
+    """Follow a gas for a time in steps of `step`, both in the unit of `warm`.
+
+    The pressure is that of the virial theorem.
+    """
     simulation = wg.Simulation(start, dt=step * DIAMETER)
     virial, kinetic, steps = 0.0, [analysis.kinetic_energy(simulation)], round(time / step)
     for _ in range(steps):
@@ -111,9 +118,9 @@ def equilibrium(start: wg.Scene, step: float, time: float = 2.0) -> Equilibrium:
 
 
 def cooling(start: wg.Scene, e: float, step: float) -> tuple[FloatArray, FloatArray]:
-    """Return times and temperatures of a gas that cools, in tau of Haff's law and temperatures at first.
+    """Return times and temperatures of a gas that cools, in units of Haff's tau and of the first temperature.
 
-    A disc meets others at a rate 2 n d g sqrt(pi T / m), and the two lose (1 - e^2) m T on average.
+    A disc collides at the rate 2 n d g sqrt(pi T / m), and each pair loses (1 - e^2) m T on average.
     """
     fraction = start.n * pi * DIAMETER**2 / (4.0 * start.period.lengths.prod())
     rate = 8.0 * fraction * contact_value(fraction) / (sqrt(pi) * DIAMETER)
@@ -127,7 +134,7 @@ def cooling(start: wg.Scene, e: float, step: float) -> tuple[FloatArray, FloatAr
 
 
 def section() -> Section:
-    """Draw bounces, the pressure of a gas, the energy that it loses in steps, and Haff's law."""
+    """Draw the bounces of a ball, the pressure of a gas, its loss of energy over dt, and Haff's law."""
     figure, ((over_time, over_fraction), (over_dt, over_tau)) = panels(2, 2, height=6.4)
     numbers: dict[str, float] = {}
     for e in (0.5, 0.7, 0.9):

@@ -1,6 +1,6 @@
-"""Closed forms: one disc that slides, rolls, hits a wall or swings, and three discs.
+"""Experiments with closed forms: one disc that slides, rolls, hits a wall or swings, and three discs.
 
-Each function is one experiment. The tests compare its numbers with the closed form; sections draw them.
+Each function is one experiment. Tests compare its numbers with the closed form, and sections draw them.
 """
 
 from collections.abc import Callable
@@ -48,9 +48,9 @@ def slide_to_roll(friction: float, steps: int = 3000) -> tuple[FloatArray, Float
 
 
 def oblique_impact(friction: float, slip: float = 1.0) -> tuple[FloatArray, float]:
-    """Return velocity and rim speed [m/s] after a disc of velocity (1, slip) has hit a wall in front of it.
+    """Return velocity and rim speed [m/s] of a disc of velocity (1, slip) m/s after it has hit a wall.
 
-    It touches the wall after 10 steps of 1 nm, in which the normal turns by 1e-8.
+    It starts 10 steps of 1 nm before the wall. Until the contact, the normal turns by 1e-8.
     """
     start = {"position": [[1.0 - 1e-8, 0.0]], "velocity": [[1.0, slip]]}
     simulation = wg.Simulation(disc(**start, friction=friction, dt=1e-9, **SCHEMES["text, tangent"]))
@@ -73,12 +73,15 @@ def rolling_period(dt: float) -> float:
 
 
 def exact_rolling_period() -> float:
-    """Return the period of a pendulum of length 3 (R - r) / 2 [s]."""
+    """Return the exact period of a disc that rolls in the circle [s].
+
+    It is that of a pendulum of length 3 (R - r) / 2.
+    """
     return float(4.0 * np.sqrt(1.5 / G) * ellipk(np.sin(0.25) ** 2))
 
 
 def on_a_slope(tangent_of_slope: float, friction: float, rolling: float = 0.0) -> wg.Simulation:
-    """Return a disc after half a second on a slope; the circle is so large that it is flat within a meter."""
+    """Return a disc after half a second on a slope, a circle so large that it is flat within a meter."""
     slope, floor = np.arctan(tangent_of_slope), 1e6
     gravity, start = G * np.array([np.sin(slope), -np.cos(slope)]), [[0.0, -(floor - RADIUS)]]
     resists = {"friction": friction, "rolling_friction": rolling}
@@ -89,7 +92,7 @@ def on_a_slope(tangent_of_slope: float, friction: float, rolling: float = 0.0) -
 
 
 def acceleration_on_a_slope(tangent_of_slope: float, friction: float, rolling: float = 0.0) -> float:
-    """Return the acceleration [m/s2]: the disc sticks, rolls if tan(theta) <= 3 mu - 2 mu_r, or slides."""
+    """Return the exact acceleration of a disc on a slope [m/s2]: it sticks, rolls or slides."""
     slope = np.arctan(tangent_of_slope)
     if tangent_of_slope <= min(friction, rolling):
         return 0.0
@@ -99,7 +102,7 @@ def acceleration_on_a_slope(tangent_of_slope: float, friction: float, rolling: f
 
 
 def measured_on_a_slope(tangent_of_slope: float, friction: float, rolling: float = 0.0) -> float:
-    """Return the acceleration of a disc on a slope [m/s2]; velocities are those half a step earlier."""
+    """Return the acceleration of `on_a_slope` [m/s2], from a velocity that is half a step earlier."""
     run = on_a_slope(tangent_of_slope, friction, rolling)
     return float(run.velocity[0, 0] / (run.time - run.scene.dt / 2.0))
 
@@ -118,7 +121,7 @@ def draw_accelerations(axes: Any, acceleration: Callable[[float, float], float])
 
 
 def three_discs(friction: float) -> tuple[wg.Simulation, float]:
-    """Return two discs on a floor and one on top after a second, and how far the latter has fallen [m]."""
+    """Return two discs on a floor with one on top after a second, and the fall of the upper one [m]."""
     floor = 1e4
     y = -np.sqrt((floor - RADIUS) ** 2 - RADIUS**2)
     top = y + np.sqrt(3.0) * RADIUS
@@ -139,12 +142,12 @@ def three_discs(friction: float) -> tuple[wg.Simulation, float]:
 
 
 def heap_friction(slope: float) -> float:
-    """Return the friction that three discs, one on two, need where the floor below the two has a slope [rad].
+    """Return the friction that keeps one disc on two at rest, if the floor below each has a slope [rad].
 
-    Of a lower disc, the unknowns are the normal and the tangential force of the disc above it and the normal
-    force of the floor, in weights of a disc. The tangential force of the floor is that of the disc above,
-    because moments balance. The equations are the balance of half the upper disc, and that of the lower disc
-    along x and y. On a flat floor the result is tan(15 degrees).
+    Unknown are the forces on a lower disc: the normal and the tangential one from the upper disc, and the
+    normal one from the floor, in weights of a disc. Because moments balance, the tangential force of the
+    floor equals that of the upper disc. The equations are the balance of half of the upper disc, and those of
+    the lower disc along x and y. On a flat floor the result is tan(15 degrees).
     """
     s, c, sin, cos = 0.5, np.sqrt(0.75), np.sin(slope), np.cos(slope)
     balance = [[c, s, 0.0], [s, -c - cos, -sin], [-c, -s - sin, cos]]
@@ -153,7 +156,7 @@ def heap_friction(slope: float) -> float:
 
 
 def swing(scene: wg.Scene) -> tuple[FloatArray, FloatArray]:
-    """Return time [s] and angle [rad] of the first grain after every step."""
+    """Return time [s] and angle from the lowest point [rad] of the first grain after every step."""
     simulation, places = wg.Simulation(scene), []
     for _ in range(scene.steps):
         simulation.step()
@@ -163,7 +166,7 @@ def swing(scene: wg.Scene) -> tuple[FloatArray, FloatArray]:
 
 
 def pendulum(scene: wg.Scene, time: FloatArray) -> FloatArray:
-    """Return the angle [rad] at some times [s] of the pendulum that the first grain is, let go at rest."""
+    """Return the exact angle of the first grain [rad] at times [s], as a pendulum that starts at rest."""
     x, y = scene.position[0]
     k = np.sin(np.arctan2(x, -y) / 2.0)  # sin(angle / 2) = k sn(w t + K, k)
     rate = np.sqrt(np.hypot(*scene.gravity) / np.hypot(x, y))
@@ -171,7 +174,7 @@ def pendulum(scene: wg.Scene, time: FloatArray) -> FloatArray:
 
 
 def one_disc() -> Section:
-    """Draw four closed forms and what comes out, and return the errors, with those of three discs."""
+    """Draw four experiments next to their closed forms; return the errors, also of the three discs."""
     figure, ((roll, impact), (slope, period)) = panels(2, 2, height=6.4)
     numbers: Numbers = {}
     for friction in (0.05, 0.3, 2.0):
@@ -213,7 +216,7 @@ def one_disc() -> Section:
 
 
 def heap() -> Section:
-    """Draw the heap with more and with less friction than it needs; return how far the upper disc falls."""
+    """Draw the heap with more and less friction than it needs; return the fall of its upper disc [m]."""
     scene, row = wg.Scene.load("heap"), Row(3)
     needed = heap_friction(np.arcsin(scene.radius[0] / (scene.radius_out - scene.radius[0])))
     numbers = {"friction that the heap needs": needed}

@@ -1,4 +1,4 @@
-"""The collapse of columns of several aspect ratios, held against the laws of Staron and Hinch (2005)."""
+"""The collapse of columns of several aspect ratios, compared with the laws of Staron and Hinch (2005)."""
 
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ SEEDS = (0, 1, 2)
 
 
 class Collapse(NamedTuple):
-    """Height of a column, growth of the pile, and its height at the end, over the width of the column."""
+    """Height of a column, growth of its width in the collapse, and final height, by its first width."""
 
     aspect: float
     run_out: float
@@ -34,7 +34,7 @@ def column(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -> t
 
 
 def front(simulation: wg.Simulation) -> float:
-    """Return x of the front [m] of the grains that are connected with the leftmost one, by near grains."""
+    """Return the largest x [m] of the pile: the grains that neighbors connect with the leftmost one."""
     position, radius = simulation.position, simulation.scene.radius
     apart = np.hypot(*(position[:, np.newaxis] - position).transpose(2, 0, 1))
     _, pile = connected_components(apart < 2.2 * radius.max())
@@ -43,12 +43,12 @@ def front(simulation: wg.Simulation) -> float:
 
 
 def top(simulation: wg.Simulation) -> float:
-    """Return y of the highest point of a grain [m]."""
+    """Return the largest y of a grain [m]."""
     return float((simulation.position[:, 1] + simulation.scene.radius).max())
 
 
 def collapsed(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -> Collapse:
-    """Let a column settle for 0.8 s and collapse."""
+    """Let a column settle for 0.8 s and collapse; return its shape."""
     scene, width = column(aspect, seed, count, **fields)
     simulation = opened(scene, 0.8)
     tall = top(simulation)
@@ -58,7 +58,7 @@ def collapsed(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -
 
 
 def law(aspect: FloatArray) -> FloatArray:
-    """Return the run-out over the width of Staron and Hinch: 2.5 a up to 2, then 3.25 a^0.7."""
+    """Return the run-out by the width at aspect ratios a: 2.5 a up to 2, then 3.25 a^0.7."""
     return np.where(aspect <= BREAK, 2.5 * aspect, 3.25 * aspect**0.7)
 
 

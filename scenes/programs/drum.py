@@ -16,14 +16,14 @@ DRAGS = (0.05, 0.1, 0.2, 0.4)  # kg/s
 
 
 def settle(drag: float) -> wg.Simulation:
-    """Return the drum at rest."""
+    """Return the drum at rest, simulated with a drag [kg/s]."""
     simulation = wg.Simulation(wg.Scene.load("drum", [f"physics.drag={drag}"]))
     simulation.run(until="rest,speed=2e-3,time=0.2")
     return simulation
 
 
 def measure(simulation: wg.Simulation) -> Numbers:
-    """Return the results for a drum at rest."""
+    """Return the time to rest, and packing and forces of a drum at rest, by name with unit."""
     stress = analysis.mean_stress(simulation)
     force = analysis.force_statistics(simulation)
     return {
@@ -38,7 +38,7 @@ def measure(simulation: wg.Simulation) -> Numbers:
 
 
 def draw(settled: Sequence[wg.Simulation]) -> Figure:
-    """Draw the pressure in the first drum, force distributions, packing by height, and time to rest."""
+    """Draw the pressure in the first drum, and for all drums forces and packing fraction over height."""
     figure, (drum, forces, heights) = panels(1, 3)
     first = settled[0]
     size = 2.0 * first.scene.radius
@@ -64,7 +64,7 @@ def draw(settled: Sequence[wg.Simulation]) -> Figure:
 
 
 def section() -> Section:
-    """Settle at each drag, draw, and return the results."""
+    """Let the drum settle at each drag; draw and return the results."""
     settled = [settle(drag) for drag in DRAGS]
     numbers = {
         f"drag {simulation.scene.drag:g} kg/s: {name}": value

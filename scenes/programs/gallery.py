@@ -1,4 +1,4 @@
-"""The gallery: a picture of every shipped scene, of a jam and of a batch, with the numbers that they show.
+"""The gallery: pictures of every shipped scene, of a jam and of a batch, with numbers.
 
 python scenes/programs/gallery.py -o gallery [NAME ...]
 """
@@ -24,7 +24,7 @@ BIN = 0.01  # side of the squares in which it counts centers [m]
 
 
 def shipped(name: str, *times: float, color_by: str = "speed") -> Section:
-    """Draw a shipped scene at some times [s], with a summary of its solution."""
+    """Draw a shipped scene at some times [s], with iterations, overlap and contacts."""
     scene = wg.Scene.load(name)
     figure, simulation, summary = moments(scene, times, color_by)
     return figure, {
@@ -35,7 +35,7 @@ def shipped(name: str, *times: float, color_by: str = "speed") -> Section:
 
 
 def column() -> Section:
-    """Draw the forces of the column over height, and hold the last ones against the weight above them."""
+    """Draw the forces of the column over its contacts, and compare the last ones with the weights above."""
     scene = wg.Scene.load("column")
     simulation = wg.Simulation(scene)
     figure, axes = panels()
@@ -66,7 +66,7 @@ def bidisperse() -> Section:
 
 
 def bullet() -> Section:
-    """Shoot a grain into a crystal, and hold the momentum against that of the bullet."""
+    """Shoot a grain into a crystal, and compare the final momentum with that of the bullet."""
     scene = wg.Scene.load("bullet")
     figure, simulation, summary = moments(scene, (0.004, 0.006, 0.03, 0.09))
     moved = (scene.mass[:, np.newaxis] * simulation.velocity).sum(axis=0)
@@ -78,7 +78,7 @@ def bullet() -> Section:
 
 
 def slope() -> Section:
-    """Draw the grains on both slopes, and hold their ways against the closed forms."""
+    """Draw the grains on both slopes, and compare their distances with the closed forms."""
     scene, time = wg.Scene.load("slope"), 0.6
     figure, simulation, _ = moments(scene, (0.2, 0.4, time), "spin")
     g, theta, friction = -scene.gravity[1], radians(30.0), scene.wall_frictions[1]
@@ -93,7 +93,7 @@ def slope() -> Section:
 
 
 def balls() -> Section:
-    """Draw the balls, and hold the tops of their first bounces against those of the closed form."""
+    """Draw the balls, and compare the heights of their first bounces with the heights of the falls."""
     scene = wg.Scene.load("bouncing")
     figure, _, _ = moments(scene, (0.45, 0.8, 1.2))
     simulation, heights = wg.Simulation(scene), []
@@ -109,7 +109,7 @@ def balls() -> Section:
 
 
 def cradle() -> Section:
-    """Draw the cradle before, during and after the first pass, and count how often a speed is handed on."""
+    """Draw the cradle before, during and after the first pass; count how often a ball passes its speed on."""
     scene = wg.Scene.load("cradle")
     figure, _, _ = moments(scene, (0.2, 0.44, 0.7))
     simulation, moving, passes = wg.Simulation(scene), 0, 0
@@ -125,7 +125,7 @@ def cradle() -> Section:
 
 
 def gas() -> Section:
-    """Draw the gas in the end, and the velocities of its discs against those of Maxwell and Boltzmann."""
+    """Draw the gas at the end, and the distribution of its velocities with that of Maxwell and Boltzmann."""
     scene, velocities = wg.Scene.load("gas"), []
     simulation = wg.Simulation(scene)
     for _ in range(100):
@@ -172,7 +172,7 @@ def silo() -> Section:
 
 
 def collapse() -> Section:
-    """Draw the column before and after the gate opens, and measure it."""
+    """Draw the column before and after the gate opens; return its heights and its run-out."""
     scene = wg.Scene.load("collapse")
     simulation, row, heights, width = wg.Simulation(scene), Row(4), [], 0.3
     for time in (0.5, 0.8, 1.1, scene.duration):
@@ -187,7 +187,7 @@ def collapse() -> Section:
 
 
 def jamming() -> Section:
-    """Draw grains before, during and after their compression, and print what the packing is like."""
+    """Draw grains before, during and after their compression; return the numbers of the packing."""
     scene = wg.Scene.load("jamming")
     packing, simulation, row = wg.compress(scene), wg.Simulation(scene), Row(3)
     row.show(simulation, "pressure", largest=packing.largest_force)
@@ -205,7 +205,7 @@ def jamming() -> Section:
 
 
 def jam() -> Section:
-    """Wedge five grains between the walls, where there is room for a little less than five."""
+    """Wedge five grains between walls whose distance is a little shorter than they are."""
     chain = np.column_stack([np.zeros(5), -0.55 - 0.1 * np.arange(5)])
     loose = np.column_stack([[-0.5, -0.35, 0.35, 0.5], [0.55, 0.75, 0.75, 0.55]])
     places, circles = np.vstack([chain, loose]), {"radius_in": 0.5, "radius_out": 1.0}
@@ -229,7 +229,7 @@ def jam() -> Section:
 
 
 def batch() -> Section:
-    """Kick the grains of the course's scene at random, a thousand times, and see where they come to rest."""
+    """Run the course's scene from a thousand random velocities; draw where grains rest, and their forces."""
     scene, random = wg.Scene.load("annulus"), np.random.default_rng(0)
     scenes = [scene.replace(velocity=random.normal(0.0, 0.5, (scene.n, 2))) for _ in range(COUNT)]
     many = wg.Batch(scenes)

@@ -1,4 +1,7 @@
-"""The sections of a page, functions that return a figure and the numbers that it shows, and their program."""
+"""Sections of a page: functions that return a figure and the numbers in it.
+
+Also the program that draws them.
+"""
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
@@ -36,13 +39,13 @@ STYLE = {
 
 
 def panels(rows: int = 1, columns: int = 1, height: float = 3.2, **options: Any) -> tuple[Figure, Any]:
-    """Return a figure with a height [inches] for curves, and its axes, as `Figure.subplots` does."""
+    """Return a figure for curves with a height [inches], and its axes, see `Figure.subplots`."""
     figure = Figure(figsize=(9.7, height), layout="constrained")
     return figure, figure.subplots(rows, columns, **options)
 
 
 def draw_orders(axes: Any, dt: Any, errors: Any, **labels: Any) -> None:
-    """Add a line of second order through the first of the errors, and ticks at the time steps [s]."""
+    """Add a line of second order through the first error, and ticks at the time steps dt [s]."""
     axes.loglog(dt, errors[0] * (dt / dt[0]) ** 2, "k:", label="second order")
     axes.set(xlabel="dt [s]", **labels)
     axes.set_xticks(dt, [f"{one:g}" for one in dt])
@@ -50,7 +53,7 @@ def draw_orders(axes: Any, dt: Any, errors: Any, **labels: Any) -> None:
 
 
 class Row:
-    """Moments of simulations side by side."""
+    """A figure of states of simulations side by side."""
 
     def __init__(self, count: int) -> None:
         self.figure = Figure(figsize=(3.0 * count + 0.7, 3.0), layout="constrained")
@@ -65,9 +68,10 @@ class Row:
         frame: str | None = None,
         range: str | None = None,
     ) -> None:
-        """Draw the present state in the next panel; `largest` is the force of a chain of full width [N].
+        """Draw the present state in the next panel.
 
-        Divided by the diameter of a mean grain, it is the pressure of the last color.
+        `largest` is the force of a chain of full width [N]. Divided by the diameter of a mean grain, it is
+        the pressure of the last color.
         """
         scene = simulation.scene
         painter = Painter(scene, Look(color_by=color_by, forces=True, frame=frame, range=range))
@@ -95,7 +99,7 @@ def moments(
 def draw_sections(
     sections: Sections, description: str | None, folder: str, arguments: Sequence[str] | None = None
 ) -> dict[str, Numbers]:
-    """Draw the sections that the arguments name, by default all, and print their numbers."""
+    """Draw the sections that command line arguments name, by default all; print and return their numbers."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("-o", "--output", metavar="DIR", type=Path, default=folder)
     parser.add_argument("names", metavar="NAME", nargs="*", help=f"of {', '.join(sections)}")

@@ -28,7 +28,7 @@ STEADY = (70.0, 130.0)  # s, between which its profiles are taken
 
 
 def box_of_discs(seed: int, rate: float = 0.0, **fields: Any) -> wg.Scene:
-    """Return discs of unlike sizes on a lattice in a periodic box, with a shear rate [1/s]."""
+    """Return discs of random sizes on a lattice in a box periodic in x, sheared at a rate [1/s]."""
     column, row = np.meshgrid(np.arange(COLUMNS), np.arange(1, ROWS + 1))
     position = STEP * np.stack([column + 0.5 * (row % 2), row], axis=-1).reshape(-1, 2)
     radius = np.random.default_rng(seed).uniform(0.4, 0.6, len(position))
@@ -41,7 +41,7 @@ def box_of_discs(seed: int, rate: float = 0.0, **fields: Any) -> wg.Scene:
 
 
 def sheared(number: float, seed: int) -> wg.Scene:
-    """Return discs between rough walls, under a pressure of 1 N/m, for an inertial number."""
+    """Return discs between rough walls under a pressure of 1 N/m, sheared at about an inertial number."""
     speed = number * 0.85 * ROWS
     lid = {"velocity": (speed, 0.0), "pressure": 1.0, "mass": float(COLUMNS), **ROUGH}
     return box_of_discs(
@@ -56,7 +56,7 @@ def sheared(number: float, seed: int) -> wg.Scene:
 
 
 def stresses(now: Snapshot) -> tuple[float, float]:
-    """Return shear stress and pressure at the walls [N/m]."""
+    """Return the mean shear stress and pressure of both walls [N/m]."""
     normal = now.loads.normal[2 * len(now.pair) :]
     tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     force = now.wall_force[:, np.newaxis] * normal + now.wall_tangential_force[:, np.newaxis] * tangent
@@ -73,7 +73,10 @@ def middle_of(now: Snapshot) -> tuple[float, float]:
 
 
 def measured(number: float) -> FloatArray:
-    """Return shear stress over pressure, inertial number and packing fraction of each seed."""
+    """Shear discs at about an inertial number.
+
+    Returns, for each seed, shear stress by pressure, inertial number and packing fraction, shape (seeds, 3).
+    """
     scenes = [sheared(number, seed) for seed in SEEDS]
     batch, found = wg.Batch(scenes), []
     batch.run(duration=BEGIN / number)
@@ -113,7 +116,7 @@ def shear() -> Section:
 
 
 def pressures(now: Snapshot, planes: FloatArray) -> FloatArray:
-    """Return the normal stress on planes at heights [m] that pairs and motion carry [N/m]."""
+    """Return the normal stress on planes at heights [m], of contacts and of motion [N/m]."""
     (i, j), (nx, ny) = now.pair.T, now.normal.T
     y, force = now.position[:, 1], now.force * ny + now.tangential_force * nx
     crosses = (y[i] < planes[:, np.newaxis]) != (y[j] < planes[:, np.newaxis])
@@ -123,7 +126,7 @@ def pressures(now: Snapshot, planes: FloatArray) -> FloatArray:
 
 
 def chute() -> Section:
-    """Let discs flow down a rough bottom, and draw velocity and pressure over the height."""
+    """Let discs flow down a rough bottom at several angles; draw velocity and pressure over height."""
     scenes = []
     for angle in ANGLES:
         gravity = sin(radians(angle)), -cos(radians(angle))

@@ -33,7 +33,7 @@ SETTLING, SHEARED, MOVED = 1.0, 1.5, 3.0  # the bottom begins to move, the measu
 
 
 def room(count: int) -> float:
-    """Return the area that grains at rest fill, with the space between them [m2]."""
+    """Return the area that grains at rest take, including the space between them [m2]."""
     low, high = RADII
     return count * np.pi * (low**2 + low * high + high**2) / 3.0 / FRACTION
 
@@ -46,7 +46,7 @@ def filled(
     walls: Sequence[wg.Segment] = (),
     **fields: Any,
 ) -> wg.Scene:
-    """Return grains at random in a box, looser than at rest: from y = 0 upwards, in all the width or in x."""
+    """Return grains at random in a box, above y = 0 within x [m] or the whole width, looser than at rest."""
     left, right = x or domain.x
     region = {"x": [left, right], "y": [0.0, LOOSER * room(count) / (right - left)]}
     position, radius = random_layout(domain.space, radius=list(RADII), count=count, region=region, seed=seed)
@@ -64,7 +64,7 @@ def filled(
 
 
 def opened(scene: wg.Scene, settling: float) -> wg.Simulation:
-    """Return a simulation that begins when grains have settled [s]; the gate, the first wall, is gone."""
+    """Let grains settle for a time [s]; return a simulation from then on without the gate, the first wall."""
     closed = wg.Simulation(scene, threads=1)
     closed.run(duration=settling)
     state = {"position": closed.position, "velocity": closed.velocity, "spin": closed.spin}
@@ -72,13 +72,13 @@ def opened(scene: wg.Scene, settling: float) -> wg.Simulation:
 
 
 def straight_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
-    """Return intercept and slope of the line with the least squares."""
+    """Return intercept and slope of the line of least squares."""
     intercept, slope = np.polynomial.Polynomial.fit(x, y, 1).convert().coef
     return float(intercept), float(slope)
 
 
 def hopper_silo(opening: float, seed: int, count: int = COUNT) -> wg.Scene:
-    """Return a silo with a flat floor, an opening in its middle, in diameters, and a gate in the opening."""
+    """Return a silo with a flat floor, which has an opening [diameters] in its middle, closed by a gate."""
     half = 0.5 * opening * DIAMETER
     ends = (-half, half), (-HALF, -half), (half, HALF)
     walls = [wg.Segment((left, 0.0), (right, 0.0)) for left, right in ends]
@@ -86,7 +86,7 @@ def hopper_silo(opening: float, seed: int, count: int = COUNT) -> wg.Scene:
 
 
 def departures(scene: wg.Scene, last: int = LAST, longest: float = 8.0) -> tuple[FloatArray, FloatArray]:
-    """Return times since the gate opened [s], and the numbers of grains below the floor, until `last` are."""
+    """Return times since the gate opened [s], and the numbers of grains that have left, up to `last`."""
     simulation, left = opened(scene, 0.6), [0]
     while left[-1] < last and simulation.time < longest:
         simulation.advance(round(EVERY / scene.dt))
@@ -95,13 +95,13 @@ def departures(scene: wg.Scene, last: int = LAST, longest: float = 8.0) -> tuple
 
 
 def rate(time: FloatArray, left: FloatArray, first: int = FIRST) -> float:
-    """Return the flow rate once `first` grains have left [1/s]."""
+    """Return the number of grains that leave per second, after the first ones [1/s]."""
     steady = left >= first
     return straight_line(time[steady], left[steady])[1]
 
 
 def hopper() -> Section:
-    """Empty silos through several openings, and fit Beverloo's law."""
+    """Empty silos through openings of several widths, and fit Beverloo's law."""
     figure, (counts, law) = panels(1, 2)
     mean, numbers = [], {}
     for opening in OPENINGS:
@@ -126,7 +126,7 @@ def hopper() -> Section:
 
 
 def piston_silo(height: float, seed: int, wall_friction: float = 0.5, **fields: Any) -> wg.Scene:
-    """Return a silo whose bottom moves down like a piston, with a filling of some widths."""
+    """Return a silo whose bottom moves down like a piston; its filling has a height [widths]."""
     side, bottom = {"friction": wall_friction}, {"velocity": (0.0, -SPEED), "from_time": SETTLING}
     domain = wg.Box((0.0, SIDE), (0.0, 2.0 * height * SIDE), left=side, right=side, bottom=bottom)
     return filled(domain, round(height * SIDE**2 / room(1)), seed, **fields)
@@ -143,12 +143,12 @@ def load(scene: wg.Scene) -> float:
 
 
 def janssen(mass: FloatArray, largest: float) -> FloatArray:
-    """Return the mass that weighs on the bottom, where it is at most `largest` [kg]."""
+    """Return the mass that weighs on the bottom [kg] for filled masses [kg]; its limit is `largest` [kg]."""
     return largest * (1.0 - np.exp(-mass / largest))
 
 
 def piston() -> Section:
-    """Fill silos, lower their bottoms, and draw the loads on them."""
+    """Fill silos, lower their bottoms, and draw the loads on the bottoms."""
     rough, smooth = [], []
     for height in HEIGHTS:
         scenes = [piston_silo(height, seed) for seed in range(6)]

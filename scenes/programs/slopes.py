@@ -1,4 +1,4 @@
-"""A disc on straight walls, next to closed forms: on a slope, and on a floor while gravity turns."""
+"""A disc on straight walls next to closed forms: on a slope, and on a floor while gravity turns."""
 
 from math import atan, cos, sin
 from typing import Any
@@ -16,7 +16,7 @@ STEPS = 0.02 * 2.0 ** -np.arange(4)  # time steps of the orders [s]
 
 
 def way(start: FloatArray, wall: wg.Segment, duration: float, **fields: Any) -> float:
-    """Return the way [m] of a disc that starts at rest on a straight wall, after some time [s]."""
+    """Return the distance [m] that a disc moves from rest on a straight wall in a time [s]."""
     scene = wg.Scene(position=[start], radius=RADIUS, mass=1.0, walls=[wall], tolerance=1e-12, **fields)
     simulation = wg.Simulation(scene)
     simulation.run(duration=duration)
@@ -24,7 +24,7 @@ def way(start: FloatArray, wall: wg.Segment, duration: float, **fields: Any) -> 
 
 
 def way_on_a_slope(tangent: float, friction: float, scheme: str = "leapfrog", dt: float = 0.01) -> float:
-    """Return the way of a disc on a straight wall of a slope in half a second [m]."""
+    """Return the distance that a disc moves down a slope in half a second [m]; `tangent` is of its angle."""
     theta = atan(tangent)
     along, up = np.array([cos(theta), -sin(theta)]), np.array([sin(theta), cos(theta)])
     wall = wg.Segment(tuple(-5.0 * along), tuple(5.0 * along))
@@ -32,14 +32,17 @@ def way_on_a_slope(tangent: float, friction: float, scheme: str = "leapfrog", dt
 
 
 def way_when_tilted(friction: float, dt: float) -> float:
-    """Return the way of a disc on a level floor in 2 s, in which gravity turns by 1 rad [m]."""
+    """Return the distance that a disc moves on a floor in 2 s, while gravity turns by 1 rad [m]."""
     start, wall = np.array([0.0, RADIUS]), wg.Segment((-15.0, 0.0), (15.0, 0.0))
     fields = {"radius_out": 20.0, "gravity": {"rotate": TILT}, "scheme": "leapfrog"}
     return way(start, wall, 2.0, friction=friction, dt=dt, **fields)
 
 
 def exact_way_when_tilted(friction: float, time: float = 2.0) -> float:
-    """Return the way [m] on a floor that is tilted by TILT t: the disc rolls up to tan(TILT t) = 3 mu."""
+    """Return the exact distance of `way_when_tilted` [m].
+
+    The disc rolls up to tan(TILT t) = 3 mu, then slides.
+    """
     rolls = min(time, atan(3.0 * friction) / TILT)
     angle, end = TILT * rolls, TILT * time
     speed = 2.0 / 3.0 * G * (1.0 - cos(angle)) / TILT
@@ -50,7 +53,7 @@ def exact_way_when_tilted(friction: float, time: float = 2.0) -> float:
 
 
 def slope() -> Section:
-    """Let discs roll and slide on slopes, and on a floor that is tilted; draw them next to closed forms."""
+    """Let discs roll and slide on slopes, and while gravity turns; draw them next to closed forms."""
     figure, (slopes, tilts) = panels(1, 2)
     worst = draw_accelerations(slopes, lambda *slope: way_on_a_slope(*slope) / 0.125)
     numbers: Numbers = {"leapfrog: worst error of the acceleration [m/s2]": worst}

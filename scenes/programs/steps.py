@@ -1,4 +1,4 @@
-"""Steps with friction that are hard: those with several solutions, and those that do not converge."""
+"""Hard steps with friction: those with several solutions, and those that do not converge."""
 
 from dataclasses import replace
 from time import process_time
@@ -26,7 +26,7 @@ TOLERANCES = 10.0 ** -np.arange(3.0, 10.0)  # m/s, of the exact method
 
 
 def falling(friction: float, seed: int) -> wg.Scene:
-    """Return 40 discs that fall in a circle."""
+    """Return 40 discs at random places that fall in a circle."""
     position, radius = random_layout(Annulus(0.0, 1.0).space, radius=[0.05, 0.08], count=40, seed=seed)
     body = {"position": position, "radius": radius, "mass": 10.0 * np.pi * radius**2, "radius_out": 1.0}
     return wg.Scene(**body, friction=friction, dt=0.005, tolerance=1e-6, max_iterations=2000)
@@ -44,7 +44,7 @@ def other_start(kept: Corrections, friction: float, rng: np.random.Generator) ->
 
 
 def solved(scene: wg.Scene, state: State, rng: np.random.Generator) -> FloatArray | None:
-    """Return velocities and rim speeds after a step from `STARTS` starts; None if one does not converge."""
+    """Solve a step from several corrections; return velocities and rim speeds, or None if one fails."""
     exactly, found = scene.replace(tolerance=TOLERANCE, max_iterations=20_000, stop="residual"), []
     for _ in range(STARTS):
         simulation = wg.Simulation(exactly)
@@ -57,7 +57,7 @@ def solved(scene: wg.Scene, state: State, rng: np.random.Generator) -> FloatArra
 
 
 def spreads(friction: float) -> FloatArray:
-    """Return the spread of the solutions of each step that converges from all starts [m/s]."""
+    """Return the spread of the velocities [m/s] of each step that converges from all starts."""
     rng, found = np.random.default_rng(0), []
     for seed in range(RUNS):
         scene = falling(friction, seed)
@@ -84,9 +84,9 @@ def solutions() -> Section:
 
 
 def limited(name: str) -> wg.Scene:
-    """Return a scene whose steps end within the share of gravity, or after `SWEEPS` sweeps.
+    """Return a shipped scene whose steps end after `SWEEPS` sweeps at most.
 
-    Without gravity they end within the tolerance of the scene.
+    Its tolerance is `SHARE` of the speed that gravity gives in a step, or its own one without gravity.
     """
     scene = wg.Scene.load(name)
     tolerance = SHARE * float(np.hypot(*scene.gravity)) * scene.dt or scene.tolerance
@@ -94,7 +94,7 @@ def limited(name: str) -> wg.Scene:
 
 
 def short_steps(scene: wg.Scene, steps: int) -> tuple[int, list[State]]:
-    """Return how many steps are short, and the states before some of them, evenly spread."""
+    """Return the number of steps that do not converge, and the states before up to `KEPT` of them."""
     simulation, before = wg.Simulation(scene), []
     for _ in range(steps):
         state = simulation.state()
@@ -115,7 +115,7 @@ def residuals(scene: wg.Scene, state: State, method: str) -> FloatArray:
 
 
 def hard_steps() -> Section:
-    """Count the short steps of each scene, and draw the residual of some of them over their sweeps."""
+    """Count the steps of each scene that do not converge, and draw the residual of some over sweeps."""
     numbers: Numbers = {}
     hard = []
     for name, steps in SCENES.items():
@@ -136,7 +136,7 @@ def hard_steps() -> Section:
 
 
 def timed(scene: wg.Scene, state: State, **changes: Any) -> tuple[float, float]:
-    """Return the processor time of a step [ms], the least of three, and its residual [m/s]."""
+    """Return the CPU time of a step [ms], the shortest of three, and its residual [m/s]."""
     simulation, residual, taken = wg.Simulation(scene.replace(**changes), threads=1), np.nan, []
     for _ in range(3):
         simulation.restore(state)
@@ -147,7 +147,7 @@ def timed(scene: wg.Scene, state: State, **changes: Any) -> tuple[float, float]:
 
 
 def exact_step() -> Section:
-    """Draw the residual of a short step of the drum over the time that each method takes."""
+    """Draw the residual of a step of the drum that does not converge over the CPU time of each method."""
     scene, (figure, axes), numbers = limited("rotating_drum"), panels(), {}
     state = short_steps(scene, SCENES["rotating_drum"])[1][KEPT // 2]
     ways: dict[str, list[dict[str, Any]]] = {

@@ -34,7 +34,10 @@ Point = tuple[float, float]
 
 
 class Picture(NamedTuple):
-    """Titles of its rows of panels by the values of a column, labels of both axes, and points of rows."""
+    """Contents of a picture: a row of panels for each title, which belongs to a value of a column.
+
+    `point` returns the error and the time of a row of the table.
+    """
 
     column: str
     titles: dict[str, str]
@@ -62,7 +65,7 @@ PICTURES = {
 
 
 def draw(rows: Rows, picture: Picture, file: Path) -> None:
-    """Draw a panel for each number of grains, and for each title one above the other."""
+    """Draw a column of panels for each number of grains, a row for each title, and save the picture."""
     sizes = sorted({int(row["n"]) for row in rows})
     size = (4.4 * len(sizes), 7.8)
     figure, panels = pyplot.subplots(
@@ -99,7 +102,7 @@ def _axes(points: list[Point]) -> tuple[list[float], list[float]]:
 
 
 def _front(points: list[Point]) -> list[Point]:
-    """Return the points that no other one has both a smaller error and a shorter time than."""
+    """Return the points (error, time) to which no other point is superior in both."""
     front: list[Point] = []
     for point in sorted(points):
         if not front or point[1] < front[-1][1]:

@@ -31,7 +31,7 @@ ROLLING = (0.0, 0.05, 0.1, 0.2, 0.3)  # rolling friction of drums and heaps
 
 
 def loose(friction: float, seed: int) -> wg.Scene:
-    """Return 600 grains of two sizes without gravity in a box periodic in x, with a pressure on its top."""
+    """Return 600 grains of two sizes without gravity, in a box periodic in x whose top has a pressure."""
     lid = wg.Box((0.0, 1.0), (0.0, 2.5), periodic="x", top={"pressure": 1.0, "mass": 10.0})
     radii = {"distribution": "values", "values": [0.02, 0.028]}
     position, radius = random_layout(lid.space, radius=radii, count=600, seed=seed)
@@ -54,9 +54,9 @@ def loose(friction: float, seed: int) -> wg.Scene:
 
 
 def packed(now: Snapshot) -> list[float]:
-    """Return contacts a grain and packing fraction more than three mean diameters from both sides.
+    """Return contacts per grain, packing fraction, sliding contacts per grain and the largest speed [m/s].
 
-    The others are the contacts that slide, per grain of the whole box, and the largest speed [m/s].
+    The first two are those more than three mean diameters from the top and the bottom.
     """
     bottom, top = now.container.region.outer_box[:, 1] + np.array([0.15, -0.15])
     bulk = {"y": (bottom, top)}
@@ -71,7 +71,7 @@ def packed(now: Snapshot) -> list[float]:
 
 
 def packings() -> Section:
-    """Compress grains of several frictions, and draw contact number and packing fraction."""
+    """Compress grains with several coefficients of friction; draw contact number and packing fraction."""
     scenes = [loose(friction, seed) for friction in FRICTIONS for seed in SEEDS]
     batch = wg.Batch(scenes)
     batch.run()
@@ -94,7 +94,7 @@ def packings() -> Section:
 
 
 def surface_angle(now: Snapshot) -> float:
-    """Return the slope of a surface [degrees]: a line through the highest grains over |x| < 0.6 m."""
+    """Return the slope of the surface [degrees] by a line through its highest grains, for |x| < 0.6 m."""
     touching = analysis.contact_numbers(now) > 0
     x, top = now.position[touching, 0], now.position[touching, 1] + now.scene.radius[touching]
     highest = []
@@ -106,7 +106,7 @@ def surface_angle(now: Snapshot) -> float:
 
 
 def rotated(scenes: Sequence[wg.Scene]) -> tuple[FloatArray, FloatArray]:
-    """Rotate drums for 8 s; return times [s], shape (m,), and slopes of surfaces [degrees], (drums, m)."""
+    """Rotate drums for 8 s; return times [s], (m,), and slopes of their surfaces [degrees], (drums, m)."""
     batch, angles = wg.Batch(scenes), []
     time = np.arange(1, 81) * EVERY
     for _ in time:
@@ -118,7 +118,7 @@ def rotated(scenes: Sequence[wg.Scene]) -> tuple[FloatArray, FloatArray]:
 
 
 def repose() -> Section:
-    """Rotate drums of several frictions, and one slowly, and draw the slopes of their surfaces."""
+    """Rotate drums with several coefficients of friction, one slowly; draw the slopes of their surfaces."""
     scene = wg.Scene.load("rotating_drum", SWEPT)
     scenes = [scene.replace(friction=friction) for friction in REPOSE]
     scenes.append(scene.replace(angular_velocity_out=scene.angular_velocity_out / 3.0))
@@ -139,7 +139,7 @@ def repose() -> Section:
 
 
 def rolling() -> Section:
-    """Let discs roll down slopes, drums turn and columns collapse, with several frictions of rolling."""
+    """Let discs roll, drums turn and columns collapse, with several coefficients of rolling friction."""
     figure, (slopes, angles) = panels(1, 2)
     tangents, worst = np.linspace(0.0, 2.0, 41), 0.0
     for mu in (0.0, 0.1, 0.3):
@@ -172,7 +172,7 @@ def rolling() -> Section:
 
 
 def couette() -> Section:
-    """Shear the Couette cell, and draw its mean velocity and spin over the distance from the inner wall."""
+    """Shear grains in the Couette cell; draw mean velocity and spin over the distance from the inner wall."""
     scene, bins, start, end = wg.Scene.load("couette", SWEPT), 24, 5.0, 15.0
     simulation = wg.Simulation(scene)
     simulation.run(duration=start)
