@@ -1,17 +1,19 @@
 """Comparison of answers with the reference: equal up to rounding, or the first difference.
 
-A correct homework may sum in another order. Then each active contact changes velocities, corrections and zeta
-by up to `_ROUNDINGS` eps times the largest speed, which may be that of a gap, R_out / dt. Contacts are
-inelastic, so later contacts do not amplify this error. After some calls with some contacts,
+A correct homework may compute sums in another order. Each active contact then changes velocities, corrections
+and zeta by up to `_ROUNDINGS` eps times the largest speed, which may be that of a gap, R_out / dt. Contacts
+are inelastic, so later contacts do not amplify this error. A call with several contacts and iterations
+therefore differs by at most
 
-    velocities, corrections, zeta   differ by at most   _ROUNDINGS eps speed contacts calls
-    positions                       by dt times that, and _ROUNDINGS eps R_out
+    velocities, corrections, zeta   _ROUNDINGS eps speed contacts iterations
+    positions                       dt times this, plus _ROUNDINGS eps R_out
 
 and any larger difference is a mistake. Every call starts from the reference's state, so that errors do not
 accumulate over steps.
 
-The text does not say whether iteration 0 counts for iterMax. So a homework is compared with the reference at
-iterMax or at iterMax - 1 (grader.py). Zeta of no probe is the tolerance up to rounding.
+The text does not say whether iteration 0 counts for iterMax. A homework is therefore compared with the
+reference at iterMax or at iterMax - 1 (grader.py). In no probe is zeta so near the tolerance that rounding
+decides on one more iteration.
 """
 
 from collections.abc import Sequence
@@ -31,18 +33,19 @@ _ORDER = ("dvContacts", "dvBoundary", "vx", "vy", "x", "y", "r", "m")  # correct
 
 
 class Difference(NamedTuple):
-    """The first difference from the reference, in a `quantity` such as "vx[3]"."""
+    """The first difference of an answer from the reference, in a `quantity` such as "vx[3]"."""
 
     probe: Probe
     quantity: Words
     expected: float
     found: float
     iteration: int | None = None
-    """Iteration of a call of femGrainsUpdate."""
+    """Iteration within a call of femGrainsUpdate."""
     contact: Words | None = None
+    """Contact that changes the quantity, such as "pair (0, 1)"."""
 
     def words(self) -> Words:
-        """Return a sentence with the expected and the actual value."""
+        """Return a sentence with the place, the quantity, and its expected and actual value."""
         place = self.probe.place(self.iteration, self.contact)
         expected, found = _distinct_digits(self.expected, self.found)
         values = {"place": place, "quantity": self.quantity, "found": found, "expected": expected}
@@ -56,6 +59,8 @@ def difference(probe: Probe, expected: Answer, found: Answer, eps: float = DOUBL
 
 
 class _Comparison:
+    """Comparison of the answer to a probe with the expected one, up to rounding errors `eps`."""
+
     def __init__(self, probe: Probe, expected: Answer, found: Answer, eps: float):
         self._probe, self._expected, self._found = probe, expected, found
         call, n = probe.call, probe.call.n
@@ -86,7 +91,7 @@ class _Comparison:
         return None if same else Difference(self._probe, Words("zeta", "zeta"), expected, found, iteration)
 
     def _first_before_end(self) -> Difference | None:
-        """Compare the start, the arguments and the results of the iterations."""
+        """Return the first difference in the state before the iterations, their arguments and their zeta."""
         if self._found.calls == 0:
             return None
         first = self._first_in("before", FIELDS[:4])
@@ -106,7 +111,7 @@ class _Comparison:
         return None
 
     def _first_in(self, attribute: str, names: Sequence[str]) -> Difference | None:
-        """Compare named arrays in an attribute of the answers, `before` or `state`."""
+        """Return the first difference in some arrays of an attribute of the answers, `before` or `state`."""
         n = self._probe.call.n
         all_expected, all_found = getattr(self._expected, attribute), getattr(self._found, attribute)
         for name in names:
@@ -125,7 +130,7 @@ class _Comparison:
         return None
 
     def _contact(self, name: str, index: int) -> Words | None:
-        """Return the contact that an entry belongs to, or the first active contact of the grain."""
+        """Return the contact of an entry: that of a correction, or the first active one of the grain."""
         n, state = self._probe.call.n, self._expected.state
         i, j = np.triu_indices(n, 1)
         if name == "dvContacts":

@@ -1,4 +1,4 @@
-"""Compilation of the sandbox's program, the reference, the model and homeworks."""
+"""Compilation of the program of the sandbox, the reference, the model and homeworks."""
 
 import os
 import re
@@ -19,7 +19,7 @@ WITHOUT = {UPDATE: "-DNOUPDATE", CONTACT: "-DNOCONTACTITERATE"}
 """The two functions, and the course's macro that excludes each of them."""
 
 SECONDS, MEMORY, OUTPUT = 30, 2**32, 2**27
-"""Limits of the compiler, because a homework can make it run for ever."""
+"""Limits of the compiler, in s and bytes, because a homework can make it run for ever."""
 
 _FLAGS = ("-O2", "-Wall", "-ffp-contract=off")
 _FLAGS_OF_HOMEWORKS = ("-O0", *_FLAGS[1:])  # an optimizer sets to 0 what a homework does not set
@@ -39,7 +39,10 @@ class CompileError(Exception):
 
 
 class Compiler:
-    """The C compiler, with a folder for files that each compilation needs; InputError if it fails."""
+    """The C compiler, with a folder for the files that all compilations need.
+
+    Raises InputError if the compiler is missing or cannot compile them.
+    """
 
     def __init__(self, folder: Path, processes: Processes):
         self._processes, self._fence = processes, folder / "fence"
@@ -67,22 +70,22 @@ class Compiler:
         return True
 
     def compile_child(self, folder: Path) -> Path:
-        """Compile the program of the sandboxed process."""
+        """Compile the program of the sandboxed process in a folder; return its path."""
         create = [*WITHOUT.values(), "-rdynamic", str(_HERE / "sandbox.c"), str(SOURCE)]
         libraries = ["-Wl,--no-as-needed", "-ldl"]  # linked here because a homework cannot load more
         return self._compile(folder / "child", *create, *libraries)
 
     def compile_model(self, folder: Path) -> Path:
-        """Compile the model to a library in a folder that contains mistakes.h."""
+        """Compile the model to a library in a folder, which contains mistakes.h; return its path."""
         model = [*_STRICT, "-fPIC", "-shared", f"-I{folder}", str(_HERE / "model.c")]
         return self._compile(folder / "model.so", *model)
 
     def compile_reference(self, folder: Path, defines: Sequence[str]) -> Path:
-        """Compile the reference to a library in a folder."""
+        """Compile the reference with macros `defines` to a library in a folder; return its path."""
         return self._compile(folder / f"{''.join(defines)}.so", *_options(folder, defines), str(SOURCE))
 
     def _compile(self, output: Path, *arguments: str) -> Path:
-        """Compile a trusted source, or raise InputError."""
+        """Compile a trusted source; return the path of the output. Raises InputError if that fails."""
         command = ["cc", *_FLAGS, *DEFINES, _REFERENCE, *arguments, "-o", str(output), "-lm"]
         try:
             self._run(command, output.parent)
@@ -93,7 +96,10 @@ class Compiler:
     def compile_homework(
         self, text: bytes, folder: Path, defines: Sequence[str] = (), until: float = inf
     ) -> tuple[Path, str]:
-        """Return the library of a homework and the compiler's warnings, or raise CompileError."""
+        """Compile a homework; return the path of its library and the compiler's warnings.
+
+        `until` is the time of `time.monotonic` at which the compiler is ended [s]. Raises CompileError.
+        """
         aliases = folder / "headers"  # any header that it includes by a plain name is fem.h
         aliases.mkdir(parents=True, exist_ok=True)
         for found in set(_INCLUDE.findall(text)):
@@ -115,7 +121,7 @@ class Compiler:
         return library, self._run([*fence, "cc", *arguments], folder, until)
 
     def _run(self, command: Sequence[str], folder: Path, until: float = inf) -> str:
-        """Run the compiler and return its messages."""
+        """Run the compiler and return its messages. Raises CompileError if it fails or takes too long."""
         seconds = max(0.0, min(2.0 * SECONDS, until - monotonic()))
         with TemporaryFile() as output:
             try:
@@ -142,7 +148,7 @@ class Compiler:
 
 
 def _options(folder: Path, defines: Sequence[str]) -> list[str]:
-    """Return the options for a library of which only the two functions can be replaced."""
+    """Return the options for a library in which other libraries can replace only the two functions."""
     own = folder / "own.list"
     own.write_text(f"{{ {UPDATE}; {CONTACT}; }};\n")
     shared = ["-fPIC", "-shared", "-fsemantic-interposition", f"-Wl,--dynamic-list={own}"]
@@ -150,7 +156,7 @@ def _options(folder: Path, defines: Sequence[str]) -> list[str]:
 
 
 def toolchain_paths() -> list[Path]:
-    """Return where programs, libraries and headers of the compiler `cc` are, without this package."""
+    """Return the paths of the programs, libraries and headers of the compiler `cc`, without this package."""
     found = {Path(path) for path in _OTHERS}
     found |= {Path(path) for name in _PROGRAMS if (path := shutil.which(name))}
     for line in _lines_of("cc", "-print-search-dirs").splitlines():
@@ -163,7 +169,7 @@ def toolchain_paths() -> list[Path]:
 
 
 def _without_package(path: Path) -> Iterator[Path]:
-    """Yield the paths that the compiler may read: the path, or all entries in it except this package."""
+    """Yield a path, or if this package lies in it, all entries in it except this package."""
     if path not in (_PACKAGE, *_PACKAGE.parents):
         yield path
     elif path != _PACKAGE:
@@ -173,7 +179,7 @@ def _without_package(path: Path) -> Iterator[Path]:
 
 
 def _lines_of(*command: str) -> str:
-    """Return the output of a command."""
+    """Return the lines that a command prints, in English."""
     done = subprocess.run(
         command,
         stdin=subprocess.DEVNULL,

@@ -1,6 +1,6 @@
 """Diagnosis of a homework: search for the one or two mistakes that explain all its wrong answers.
 
-The search tries all mistakes in a model (model.c), an implementation whose terms have wrong variants.
+The search tries all mistakes in a model (model.c), an implementation in which each term has wrong variants.
 """
 
 import ctypes
@@ -32,14 +32,17 @@ _Numbers = ctypes.POINTER(ctypes.c_double)
 
 
 class Hint(NamedTuple):
-    """An equation of the course text, with advice on what to check."""
+    """Advice to a student: an equation of the course text, and what to check in the program."""
 
     equation: Words
     look: Words
 
 
 class Mistake(NamedTuple):
-    """A mistake of a function, its equation, and the wrong expressions of slots of terms of model.c."""
+    """A known mistake in a function, with its hint.
+
+    `terms` holds the wrong expression of each slot of each term of model.c that the mistake changes.
+    """
 
     function: str
     name: Words
@@ -48,14 +51,14 @@ class Mistake(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """Mistakes that a homework certainly has, and whether they explain all its answers."""
+    """Mistakes that a homework certainly has, and whether they explain all of its answers."""
 
     mistakes: tuple[Mistake, ...]
     is_complete: bool
 
 
 def read_mistakes() -> list[Mistake]:
-    """Return all mistakes of mistakes.toml, one for each of their slots and ways to write them."""
+    """Return all mistakes of mistakes.toml, one for each slot and each way in which it can occur."""
     mistakes = []
     for group in _table()["group"]:
         for english, french, slots, *ways in group["mistakes"]:
@@ -72,7 +75,7 @@ def read_mistakes() -> list[Mistake]:
 
 
 def _in_slots(terms: dict[str, str], slots: str) -> dict[tuple[str, int], str]:
-    """Return the expressions of each slot; a term with digits names its own slots."""
+    """Return the expression of each (term, slot), in `slots` unless digits after a term name others."""
     found = ((_TERM.fullmatch(term), expression) for term, expression in terms.items())
     return {
         (match[1], int(slot)): expression
@@ -83,14 +86,14 @@ def _in_slots(terms: dict[str, str], slots: str) -> dict[tuple[str, int], str]:
 
 
 def hint_of(first: Difference | None) -> Hint:
-    """Return the hint for the equation of the first wrong value, or for indices beyond `dvContacts`."""
+    """Return the hint for the first wrong value, or for None that for an index beyond `dvContacts`."""
     groups = (each for group in _table()["group"] for each in (group, group.get("wall", {})))
     entry = _entry(first) if first else "index"
     return next(_hint(group) for group in groups if entry in group.get("shows", ()))
 
 
 def _entry(first: Difference) -> str:
-    """Return the name of a wrong value in the lists `shows`."""
+    """Return the name by which the lists `shows` of mistakes.toml have a wrong value."""
     entry, iteration = first.quantity.partition("[")[0], first.probe.call.iteration
     if iteration < 0:
         return "free" if "before" in first.quantity else "position" if entry in ("x", "y") else "loop"
@@ -135,7 +138,7 @@ class _Found(ctypes.Structure):
 
 
 class Model:
-    """Model of a homework with selectable mistakes (model.c)."""
+    """Model of a homework (model.c), whose mistakes can be chosen."""
 
     def __init__(self, compiler: Compiler, folder: Path):
         self.mistakes = read_mistakes()
@@ -167,7 +170,7 @@ class Model:
         self._library = ctypes.CDLL(str(compiler.compile_model(folder)))
 
     def answer(self, mistakes: Sequence[Mistake], call: Call) -> Answer | None:
-        """Return the answer of a homework with these mistakes; None if it ends instead of answering."""
+        """Return the answer to a call of a homework with these mistakes; None if it would not answer."""
         variant = np.zeros(self._count, np.int32)
         for mistake in mistakes:
             *numbers, _ = self._variants[self.mistakes.index(mistake)]
@@ -189,7 +192,21 @@ class Model:
         *,
         ends: Sequence[int] = (),
     ) -> Explanation:
-        """Find the one or two mistakes that explain all answers, and how it ended at the last probes."""
+        """Find the one or two mistakes that explain all answers of a homework.
+
+        Parameters
+        ----------
+        function
+            The function in which mistakes are searched.
+        probes
+            Those that the homework answered, then those at which it ended.
+        found
+            Its answers to the first of them.
+        wrong
+            Indices of wrong answers.
+        ends
+            How it ended at the last probes, see `EndedError.how`.
+        """
         chosen = [k for k, mistake in enumerate(self.mistakes) if mistake.function == function]
         variants = (ctypes.c_void_p * len(chosen))(*(self._variants[k].ctypes.data for k in chosen))
         asked = (_Probe * len(probes))(*(_probe(probe.call) for probe in probes))
@@ -210,7 +227,7 @@ class Model:
         return Explanation((), False)
 
     def _named(self, chosen: Sequence[int], row: np.ndarray, when: tuple[int, int]) -> list[Mistake]:
-        """Return the mistakes of an explanation, with iterations in their names unless these are all."""
+        """Return the mistakes of a row that `search` found; names say in which iterations, unless in all."""
         pairs = zip(row, when, strict=True)
         return [
             mistake._replace(name=Words(_SAID[bits], mistake=mistake.name)) if bits != _ALL else mistake
@@ -219,14 +236,17 @@ class Model:
 
 
 def _most_telling(wrong: Sequence[int], probes: Sequence[Probe]) -> list[int]:
-    """Return wrong answers, the first of each iteration of a scene before all others, small scenes first."""
+    """Sort the indices of wrong answers: the first of each scene and iteration before all others.
+
+    Within both groups, scenes with few grains come first.
+    """
     order = sorted(wrong, key=lambda k: probes[k].call.n)
     firsts = {(probes[k].scene, probes[k].call.iteration): k for k in reversed(order)}
     return sorted(order, key=lambda k: k not in firsts.values())
 
 
 def _simplest(explanations: Sequence[Sequence[Mistake]]) -> Explanation:
-    """Return the mistakes that all explanations with the fewest wrong slots share, by their names."""
+    """Return the mistakes, compared by name, that all explanations with the fewest wrong slots share."""
     sizes = [sum(len(mistake.terms) for mistake in each) for each in explanations]
     simple = [each for each, size in zip(explanations, sizes, strict=True) if size == min(sizes)]
     first = {str(mistake.name): mistake for mistake in simple[0]}
@@ -236,7 +256,7 @@ def _simplest(explanations: Sequence[Sequence[Mistake]]) -> Explanation:
 
 
 def _answer_arrays(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return arrays for the answer of a scene of n grains."""
+    """Return arrays for the answer of a scene of n grains: state, state before iterations, and record."""
     return np.zeros(7 * n + n * (n - 1) // 2), np.zeros(4 * n), np.zeros((2 * RECORDED, 3))
 
 

@@ -1,10 +1,10 @@
-/* Runs a compiler on a source that may ask it to read any file:
+/* Runs a compiler on an untrusted source, which may ask the compiler to read any file:
  *
  *     fence SECONDS MEMORY OUTPUT FOLDER PATH... -- COMMAND...
  *
- * COMMAND computes for SECONDS, uses MEMORY and writes files of OUTPUT bytes. It can open files in FOLDER, and read
- * the PATHs and what is in them: for anything else the kernel (Landlock, from Linux 5.13 on) denies permission.
- * Without such a kernel only the limits hold. With no argument: exit code 0 if the kernel has Landlock, else 1. */
+ * COMMAND may compute for SECONDS, use MEMORY bytes, and write files of OUTPUT bytes. It can open files in FOLDER, and read
+ * the PATHs and all that lies in them. The kernel (Landlock, from Linux 5.13 on) denies permission for all other files.
+ * Without such a kernel only the limits hold. Without arguments, the exit code is 0 if the kernel has Landlock, else 1. */
 
 #define _GNU_SOURCE
 
@@ -36,7 +36,7 @@ static void limit(int what, const char *most) {
 
 #ifdef FENCED
 
-#define ALL (2 * LANDLOCK_ACCESS_FS_MAKE_SYM - 1) /* rights of the first version, of which this is the last */
+#define ALL (2 * LANDLOCK_ACCESS_FS_MAKE_SYM - 1) /* all rights of Landlock's first version; MAKE_SYM is the last one */
 #define OF_FILES (LANDLOCK_ACCESS_FS_EXECUTE | LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_WRITE_FILE)
 #define READ (LANDLOCK_ACCESS_FS_EXECUTE | LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR)
 
@@ -48,7 +48,7 @@ static int create(void) {
 static int permit(int rules, const char *path, uint64_t rights) {
     struct stat about;
     int file = open(path, O_PATH | O_CLOEXEC);
-    if (file < 0) return 1; /* what does not exist need not be read */
+    if (file < 0) return 1; /* a path that does not exist needs no right */
     if (fstat(file, &about) != 0 || !S_ISDIR(about.st_mode)) rights &= OF_FILES;
     struct landlock_path_beneath_attr rule = {.allowed_access = rights, .parent_fd = file};
     int failed = syscall(SYS_landlock_add_rule, rules, LANDLOCK_RULE_PATH_BENEATH, &rule, 0);

@@ -1,7 +1,6 @@
 """Grader: compares a homework with the reference.
 
-Each function of the homework is first combined with the other function of the reference, then both are
-combined.
+Each of its two functions is first run with the other function of the reference, then both are run together.
 """
 
 import shutil
@@ -54,7 +53,7 @@ _MAIN = "it defines main: hand in the two functions without the program that tes
 
 
 class Round(NamedTuple):
-    """Calls with the reference's answers, and those of femGrainsUpdate if iteration 0 counts for iterMax."""
+    """Calls with the reference's answers; those of femGrainsUpdate also with iterMax - 1."""
 
     probes: list[Probe]
     expected: list[Answer]
@@ -63,10 +62,20 @@ class Round(NamedTuple):
 
 
 class Grader:
-    """Grader of homeworks, usable from several threads, with an empty folder for compiled files.
+    """Grader of homeworks, usable from several threads.
 
-    If it is `strict`, it requires bit-identical results, instead of results that are equal up to rounding.
-    Calls drawn with the same `seed` are the same; it is drawn by default.
+    Parameters
+    ----------
+    folder
+        An empty folder for compiled files.
+    strict
+        Whether to require bit-identical results, rather than results that are equal up to rounding.
+    limits
+        Time and memory of a homework.
+    processes
+        The processes to which those of homeworks are added.
+    seed
+        Seed of the random calls; by default, it is random.
     """
 
     def __init__(
@@ -92,18 +101,18 @@ class Grader:
                 {function: _round(child, asked) for function, asked in probes.items()}
                 for probes in (make_probes(child), draw_probes(child, self.seed))
             )
-            """The calls of fixed scenes, and those that are drawn, by function."""
+            """The calls of fixed scenes, and the random ones, by function."""
         self.model = Model(self._compiler, folder)
         self._lock = Lock()
         self._count = 0
 
     def unprotected(self) -> list[str]:
-        """Return what homeworks can do on this system although they should not."""
+        """Return warnings about protections that this system lacks."""
         found = {_UNCONFINED: self._confined, _UNFENCED: self._compiler.is_fenced}
         return [f"this system has no {what}" for what, is_safe in found.items() if not is_safe]
 
     def grade(self, source: Path) -> Verdict:
-        """Grade a homework; InputError if it cannot be read."""
+        """Grade a homework. Raises InputError if the file cannot be read."""
         start = monotonic()
         with self._lock:
             self._count += 1
@@ -114,7 +123,10 @@ class Grader:
             shutil.rmtree(folder, ignore_errors=True)
 
     def run(self, source: Path) -> tuple[Child, Child]:
-        """Return the running reference and a running homework; InputError if it cannot be run."""
+        """Start processes of the reference and a homework.
+
+        Raises InputError if the homework cannot be run.
+        """
         folder = self._folder / "run"
         try:
             library, _ = self._compiler.compile_homework(read_regular(source, LONGEST), folder)
@@ -200,7 +212,7 @@ class Grader:
         return replace(part, values=b"".join(a.bytes for a in answers.values()) if has_values else b"")
 
     def _repeats(self, own: dict[str, Path], call: Call, until: float) -> bool:
-        """Return whether a call has the same result again, with other values in memory that is not set."""
+        """Return whether a call has the same result twice, with other values in memory that is not set."""
         try:
             with self._child(own, self._limits, until) as child:
                 return child.ask(call) == child.ask(call)
@@ -215,7 +227,10 @@ class Grader:
         answered: Mapping[int, Answer],
         ends: Mapping[str, tuple[int, EndedError]],
     ) -> Part:
-        """Judge the answers to calls that are all fixed or all drawn; only fixed ones name a mistake."""
+        """Judge the answers to the fixed or to the random calls.
+
+        Mistakes are named by the fixed ones only.
+        """
         function = CONTACT if part.name == CONTACT else UPDATE
         modeled, right = (
             (asked.fewer, asked.expected_of_fewer) if counts_0 else (asked.probes, asked.expected)
@@ -268,11 +283,12 @@ class Grader:
         return replace(part, hint=hint_of(first), remark=remark)
 
     def _child(self, own: dict[str, Path], limits: Limits = DEFAULT, until: float = inf) -> Child:
-        """Start a child process with some functions of the homework and the others of the reference."""
+        """Start a process with the functions `own` of a homework, and the others of the reference."""
         return Child(self._program, self._reference | own, self._processes, limits, until=until)
 
 
 def _round(child: Child, probes: list[Probe]) -> Round:
+    """Return calls with the answers of a child, the reference."""
     fewer = [
         probe._replace(call=probe.call._replace(max_iterations=probe.call.max_iterations - 1.0))
         for probe in probes
@@ -283,7 +299,7 @@ def _round(child: Child, probes: list[Probe]) -> Round:
 
 
 def _counts_0(asked: Round, answered: Mapping[int, Answer]) -> bool:
-    """Return whether iteration 0 counts for iterMax, so that no step has more than iterMax calls."""
+    """Return whether a homework counts iteration 0 for iterMax, so that it never iterates more often."""
     limits = [probe.call.max_iterations for probe in asked.probes]
     ended = [k for k in answered if asked.expected[k].calls > limits[k]]
     return max((answered[k].calls - limits[k] for k in ended), default=1) == 0
@@ -296,7 +312,7 @@ def _warnings(child: Child) -> tuple[Words, ...]:
 
 
 def _common(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence[int]) -> Words | None:
-    """Return what only the wrong answers have in common: many grains, or that iterMax ends the step."""
+    """Return what the wrong answers alone have in common: many grains, or a step that iterMax ends."""
     if all(expected[k].calls >= probes[k].call.max_iterations for k in wrong):
         return Words("no known mistake explains it; only steps that iterMax ends are wrong")
     scenes, least = {probes[k].scene for k in wrong}, min(probes[k].call.n for k in wrong)
@@ -306,7 +322,7 @@ def _common(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence
 
 
 def _extreme(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence[int]) -> Words | None:
-    """Return a number of calls that is large or small in all wrong ones, if that is hardly chance."""
+    """Return a parameter that is large or small in all wrong calls, if that is hardly a coincidence."""
     chance, remark = _CHANCE, None
     for name, number in _NUMBERS.items():
         values = np.array([number(*each) for each in zip(probes, expected, strict=True)])
@@ -320,6 +336,7 @@ def _extreme(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequenc
 
 
 def _overlap(probe: Probe, _: Answer) -> float:
+    """Return the deepest overlap of two grains before a call [m]."""
     n, state = probe.call.n, probe.call.state
     (x, y), r, (i, j) = state[: 2 * n].reshape(2, n), state[4 * n : 5 * n], np.triu_indices(n, 1)
     return float((r[i] + r[j] - np.hypot(x[j] - x[i], y[j] - y[i])).max(initial=0.0))
@@ -334,7 +351,7 @@ _NUMBERS: dict[str, Callable[[Probe, Answer], float]] = {
     "iter": lambda probe, expected: max(probe.call.iteration, expected.calls - 1, 1),
     "the number of calls before": lambda probe, _: probe.step,
 }
-"""What may be special about calls that are wrong."""
+"""Parameters in which wrong calls may differ from others."""
 
 
 def _differences(

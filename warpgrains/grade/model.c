@@ -1,15 +1,16 @@
-/* A homework with mistakes: the text's loops, each of whose terms, such as GAP, is right or one of the wrong expressions
- * of mistakes.toml. mistakes.h, made of them, defines GAP(slot, right) as the expression that variant[GAP + slot] chooses.
+/* Model of a homework with mistakes: the loops of the course text, in which each term, such as GAP, is the right expression
+ * or a wrong one of mistakes.toml. mistakes.h, which is generated, defines GAP(slot, right): the expression of the number
+ * variant[GAP + slot].
  *
- * The slots of a term say where it stands:
+ * The slots of a term are the places at which it occurs:
  *
  *     sides         0 a pair, 1 the outer wall, 2 the inner wall
  *     kinds         0 pairs, 1 walls
  *     components    0 x, 1 y; of normals: those of a pair, then those of a wall
  *     velocities    vx_i, vy_i, vx_j, vy_j of a pair, vx and vy at a wall
  *
- * One expression serves all slots, because its names, such as `own` for a component and `other` for the other one, mean
- * what belongs to the slot. */
+ * A wrong expression is the same for all slots. Its names, such as `own` and `other` for the two components, stand for the
+ * variables of the slot. */
 
 #include <float.h>
 
@@ -17,10 +18,10 @@
 #include "mistakes.h"
 #include "protocol.h"
 
-#define MOST_CALLS 500 /* more are a loop that has no end */
+#define MOST_CALLS 500 /* a step with more calls is an endless loop */
 #define NONE -1
 #define ENDLESS -2
-#define BEYOND(index) (-3 - (index)) /* the arrays of grains */
+#define BEYOND(index) (-3 - (index)) /* index beyond an array of grains */
 
 enum { PAIR, WALL };
 enum { OUTER = 1, INNER };
@@ -31,7 +32,7 @@ typedef struct {
 } Probe;
 
 typedef struct {
-    int calls, recorded, end; /* end: an index of dvContacts beyond the array, or one of the above */
+    int calls, recorded, end; /* end: an index beyond dvContacts, or one of the above */
     double zeta;
     double *state, *before, *record; /* record: iter, dt, zeta of each call */
 } Answer;
@@ -43,11 +44,11 @@ typedef struct {
 
 typedef struct {
     int i, j;
-    double size, masses, first, dt; /* sums of radii and masses; size if all radii are that of grain 0 */
+    double size, masses, first, dt; /* sums of radii and of masses; sum of radii if all were that of grain 0 */
     double ri, rj, r, rIn, rOut;
 } Contact;
 
-/* The correction that one side needs, from the distance between centers or to a wall now and at the end of the step. */
+/* The correction at one side, from the distance between centers, or to a wall, at the start and the end of the step. */
 static double needed(const int *variant, int side, const Contact *c, double distance, double moved, double vn, double kept,
                      double *gap) {
     double size = c->size, first = c->first, masses = c->masses, dt = c->dt, ri = c->ri, rj = c->rj;
@@ -120,7 +121,7 @@ static void copySpeeds(double *copy, const femGrains *g) {
     memcpy(copy + g->n, g->vy, g->n * sizeof(double));
 }
 
-/* One iteration; `end` becomes an index beyond an array, and the iteration ends. */
+/* Does one iteration. It stops at an index beyond an array, and sets `end` to it. */
 static double iterate(const int *variant, femGrains *g, double dt, int iter, int *end) {
     int n = g->n, k = 0, walls = WALLS_INSIDE(0, 0);
     double zeta = ZETA_FROM(0, 0.0), speeds[4 * n];
@@ -180,7 +181,7 @@ static void newton(const int *variant, femGrains *g, double dt) {
     }
 }
 
-/* What is left for after the contacts. */
+/* Accelerates grains after the contacts, as some mistakes do. */
 static void accelerate(const int *variant, femGrains *g, double dt) {
     double gamma = g->gamma, *const v[] = {g->vx, g->vy};
     for (int k = 0; k < 2 * g->n; k++) {
@@ -189,7 +190,7 @@ static void accelerate(const int *variant, femGrains *g, double dt) {
     }
 }
 
-/* Move by the velocity, known also at the start of the step and before the contacts: x and then y. */
+/* Moves grains by their velocities. A mistake may use those at the start of the step, or before the contacts: x, then y. */
 static void move(const int *variant, femGrains *g, double dt, const double *start, const double *free) {
     for (int i = MOVE_FROM(0, 0); i < MOVE_TO(0, g->n) && i < g->n; i++)
         for (int c = 0; c < 2; c++) {
@@ -247,7 +248,7 @@ static void update(const int *variant, femGrains *g, const Probe *p, Answer *ans
     clearKept(variant, g, 2);
 }
 
-/* Answer a probe as a homework does that has some variants in iteration 0, and some in the others and in femGrainsUpdate. */
+/* Answers a probe like a homework with the variants `first` in iteration 0, and `variant` otherwise. */
 void answer(const int *first, const int *variant, const Probe *p, Answer *answer) {
     int n = p->q.n;
     double *s = answer->state;
@@ -278,7 +279,7 @@ static int same(const double *a, const double *b, int count, double most) {
     return 1;
 }
 
-/* Tell whether two answers differ by rounding only: compare.py, with ten times its bound. */
+/* Returns whether two answers differ by rounding only, with ten times the bound of compare.py. */
 static int agree(const Probe *p, const Answer *a, const Answer *b) {
     int n = p->q.n, all = n + n * (n - 1) / 2, calls = a->calls > 1 ? a->calls : 1;
     double least = p->q.radiusOut / p->q.dt;
@@ -299,8 +300,8 @@ static int agree(const Probe *p, const Answer *a, const Answer *b) {
     return same(a->state, b->state, 2 * n, length) && same(a->state + 2 * n, b->state + 2 * n, 5 * n + all - n, speed);
 }
 
-/* The answers of a homework, to `count` of the probes; which are wrong, the most telling first; the right answers to the
- * first of these; and how it ended instead of answering further probes. */
+/* The answers of a homework to the first `count` probes; indices of the wrong ones, those that decide fastest first; the
+ * right answers to the first of these; and how the homework ended at the last probes. */
 typedef struct {
     int count, wrongs, ended;
     const int *wrong, *ends;
@@ -308,9 +309,9 @@ typedef struct {
     const Answer *answers, *right;
 } Found;
 
-#define FEW 3 /* grains, of a scene with contacts of all kinds */
+#define FEW 3 /* grains of the smallest scene with contacts of all kinds */
 
-typedef int Variants[2][TERMS]; /* of iteration 0, and of the others */
+typedef int Variants[2][TERMS]; /* those of iteration 0, and of the others */
 
 static int fits(Variants variants, const Found *found, int at, Answer *own) {
     answer(variants[0], variants[1], found->probes + at, own);
@@ -321,7 +322,7 @@ static int explains(Variants variants, const Found *found, Answer *own) {
     int least = found->wrongs ? found->probes[found->wrong[0]].q.n : 0;
     for (int k = 0; k < found->count && least > FEW; k++) /* cheap */
         if (found->probes[k].q.n == FEW && !fits(variants, found, k, own)) return 0;
-    for (int k = 0; k < found->wrongs; k++) /* most are refuted by these */
+    for (int k = 0; k < found->wrongs; k++) /* these refute most explanations */
         if (!fits(variants, found, found->wrong[k], own)) return 0;
     for (int k = 0; k < found->count; k++)
         if (!fits(variants, found, k, own)) return 0;
@@ -332,7 +333,7 @@ static int explains(Variants variants, const Found *found, Answer *own) {
     return 1;
 }
 
-/* Put a mistake into the variants of iteration 0 (when & 1) and the others (when & 2); 0: a term is wrong already. */
+/* Adds a mistake to the variants of iteration 0 (when & 1) and of the others (when & 2). Returns 0 if a term is wrong already. */
 static int put(Variants variants, const int *mistake, int when) {
     for (; *mistake >= 0; mistake += 2)
         for (int k = 0; k < 2; k++)
@@ -347,7 +348,7 @@ static int put(Variants variants, const int *mistake, int when) {
 
 enum { ACTIVE = 1, FITTING = 2 };
 
-/* Tell what a mistake alone does to the answers to the first wrong probes: something, and what is found. */
+/* Returns whether a mistake alone changes answers to the first wrong probes, and whether it explains one of them. */
 static char effectOf(const int *mistake, int when, const Found *found, Answer *own) {
     Variants variants = {0};
     char effect = 0;
@@ -367,7 +368,7 @@ static char effectOf(const int *mistake, int when, const Found *found, Answer *o
     return effect;
 }
 
-/* Find the pairs of mistakes, or with when[1] = 0 the single ones, that explain all answers: their number, at most `most`.
+/* Finds the pairs of mistakes, or with when[1] = 0 the single mistakes, that explain all answers. Returns their number, up to `most`.
  * Each mistake is a list of terms and variants that ends with -1. A pair is tried if both mistakes change answers to the
  * first wrong probes, or if one of them explains such an answer. */
 int search(const int when[2], int mistakes, const int *const *terms, const Found *found, Answer *own, int most, int *explaining) {

@@ -1,4 +1,4 @@
-"""HTML pages on homeworks: one for each, with a picture of what is wrong, and one for a class."""
+"""HTML pages: one on each homework, with a picture of a wrong answer, and one on the class."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
@@ -9,7 +9,7 @@ from warpgrains.grade.verdict import Shown, Verdict
 from warpgrains.grade.words import Words, in_language
 
 GENERATOR = '<meta name="generator" content="warpgrains grade">'
-"""A line that identifies the pages."""
+"""A tag that identifies the pages of this program."""
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
@@ -23,7 +23,7 @@ _EXPECTED, _FOUND = "#1a7f37", "#c62828"
 
 
 class Pages:
-    """Writer of pages in one of `LANGUAGES`."""
+    """Writer of pages in a language of `LANGUAGES`."""
 
     def __init__(self, language: str):
         self._language = language
@@ -50,7 +50,7 @@ class Pages:
         return self._page(verdict.file, parts)
 
     def course(self, verdicts: Sequence[Verdict], links: Sequence[str]) -> str:
-        """Return the page of a class, with the address of each homework's page."""
+        """Return the page of a class; `links` are the addresses of the pages of the homeworks."""
         counts = Counter(verdict.status for verdict in verdicts)
         names = Counter(m.name for verdict in verdicts for part in verdict.parts for m in part.mistakes)
         files = [
@@ -85,7 +85,7 @@ class Pages:
         return self._page(self._say(Words("Homeworks")), [*parts, f"</table><p>{self._say(total)}</p>"])
 
     def _shown(self, shown: Shown) -> list[str]:
-        """Return the scene of a wrong value: its picture, its numbers and its grains."""
+        """Return the scene of a wrong answer: a picture, its parameters and its grains."""
         head, *rows = shown.rows()
         caption = Words("Velocities after this call: expected in green, actual in red")
         return [

@@ -1,14 +1,14 @@
 """Calls that homeworks must answer. Each starts from the reference's state, so that errors do not accumulate.
 
-Each mistake changes the result of at least one scene, and no two mistakes have the same effect. Masses and
-radii differ, grains touch and overlap each other and both walls, the lightest and heaviest come first, and
-initial speeds close any gap within a step. No parameter is the same in all scenes: neither the number of
-grains, the walls (one scene has no inner wall), gravity, drag and dt, nor tolerance and iterMax. The smallest
-scenes come first.
+Fixed scenes come first, the smallest before the others. Each mistake changes the result of at least one of
+them, and no two mistakes have the same effect. For this, masses and radii differ, the lightest and heaviest
+grains have the first numbers, grains touch and overlap each other and both walls, and initial speeds close
+any gap within a step. No parameter is the same in all scenes: number of grains, walls (one scene has no inner
+wall), gravity, drag, dt, tolerance and iterMax.
 
-Other calls are drawn at random, for what a homework does wrong only there: 1 to 300 grains, lengths, masses,
-dt, gravity and drag of all magnitudes, deep overlaps, up to 400 iterations. Calls with few grains are
-repeated, so that there are more than a thousand.
+Random calls follow, which show mistakes that occur only in rare scenes. They have 1 to 300 grains, lengths,
+masses, dt, gravity and drag of all magnitudes, deep overlaps, and up to 400 iterations. Calls with few grains
+are repeated, so that a homework is called more than a thousand times.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ from warpgrains.scene.scene import Scene
 
 FIRST_ITERATIONS = 3  # number of iterations of a step that are called one by one, from 0
 RANDOM = "random"
-"""The scene of the calls that are drawn."""
+"""Name of the scene of the random calls."""
 _MOST = 30
 _NOISE = 1e-9  # [m/s]: smaller zeta are rounding errors
 _DRAWN, _GRAINS, _CALLS = 24, 300, 400  # scenes; grains, and iterations, at most
@@ -36,10 +36,11 @@ class Probe(NamedTuple):
 
     scene: str
     step: int
+    """Number of the step from 1; for a random call, the number of calls before it."""
     call: Call
 
     def place(self, iteration: int | None = None, contact: Words | None = None) -> Words:
-        """Return the scene and step, and the iteration (by default that of the call) and contact if any."""
+        """Return a text: the scene, the step, the iteration (by default that of the call), the contact."""
         if iteration is None and self.call.iteration >= 0:
             iteration = self.call.iteration
         place = [Words("scene {scene}", scene=self.scene)]
@@ -79,7 +80,7 @@ def make_probes(reference: Child) -> dict[str, list[Probe]]:
 
 
 def draw_probes(reference: Child, seed: int) -> dict[str, list[Probe]]:
-    """Draw calls of each function; their steps are numbers of calls before them in a process."""
+    """Return random calls of each function. The same seed gives the same calls."""
     random = np.random.default_rng(seed)
     drawn: dict[str, list[Probe]] = {CONTACT: [], UPDATE: []}
     sizes = _GRAINS ** ((random.permutation(_DRAWN) + random.uniform(size=_DRAWN)) / _DRAWN)
@@ -107,7 +108,7 @@ def draw_probes(reference: Child, seed: int) -> dict[str, list[Probe]]:
 
 
 def _draw(random: np.random.Generator, n: int) -> Call:
-    """Draw the state before a step of n grains, and what holds in it."""
+    """Return a random state of n grains before a step, with random parameters of the step."""
 
     def magnitude(least: float, most: float, size: int | None = None) -> Any:
         return 10.0 ** random.uniform(least, most, size)
@@ -139,7 +140,7 @@ def _draw(random: np.random.Generator, n: int) -> Call:
 
 
 def _scenes() -> Iterator[tuple[Scene, range]]:
-    """Yield the scenes, and the steps at which homeworks are called."""
+    """Yield the fixed scenes, and for each the numbers of the steps from which calls are taken."""
     ring = {"drag": 0.05, "dt": 0.02, "max_iterations": 1000}
     fall = {"radius": [0.1], "mass": [0.3], "radius_out": 1.3, "gravity": (1.5, -9.81)}
     yield _scene("one", [[0.05, 0.58]], [[-12.0, -45.0]], **fall, **ring), range(1, 41, 2)
@@ -192,7 +193,7 @@ def start_of(scene: Scene) -> Call:
 
 
 def _iterations(reference: Child, step: Call) -> tuple[list[Call], FloatArray]:
-    """Return the iterations of a step as calls, each with the state at its start, and their zeta."""
+    """Return the calls of the iterations of a step, each with the state before it, and their zeta [m/s]."""
     state, n = step.state.copy(), step.n
     velocity, mass = state[2 * n : 4 * n].reshape(2, n), state[5 * n : 6 * n]
     velocity += step.dt * (np.array(step.gravity)[:, None] - step.drag / mass * velocity)
@@ -206,7 +207,10 @@ def _iterations(reference: Child, step: Call) -> tuple[list[Call], FloatArray]:
 
 
 def _updates(step: Probe, zeta: FloatArray, limit: int, most: int, noise: float) -> list[Probe]:
-    """Return the step with a tolerance that zeta passes clearly, and with a limit that ends it before."""
+    """Return a step with two ends: by a tolerance that zeta passes clearly, and by `limit` iterations.
+
+    The first step has at most `most` iterations. Tolerances below `noise` [m/s] are left out.
+    """
     ends = [(_clearest_drop(zeta, noise), most), (0.5 * zeta[1 : limit + 3].min(), limit)]
     return [
         step._replace(call=step.call._replace(tolerance=tolerance, max_iterations=float(most)))
@@ -216,7 +220,10 @@ def _updates(step: Probe, zeta: FloatArray, limit: int, most: int, noise: float)
 
 
 def _clearest_drop(zeta: FloatArray, noise: float) -> float:
-    """Return a value between zeta, where it falls furthest below all earlier values, and these."""
+    """Return a tolerance [m/s] that rounding does not move to another iteration.
+
+    It lies between the zeta that falls furthest, as a ratio, below all earlier ones, and these.
+    """
     drops = {
         k: max(zeta[k], noise) / zeta[1:k].min()
         for k in range(2, len(zeta))

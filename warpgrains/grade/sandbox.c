@@ -1,16 +1,16 @@
-/* The sandbox: a process that executes a homework. A request asks for one call; the answer says what the call did.
+/* The sandbox: a process that executes a homework. A request asks for one call, and the answer holds its result.
  *
  *     child SOCKET UPDATE.so CONTACT.so BYTES SECONDS
  *
- * SOCKET is a descriptor (protocol.h). The process contains no expected result and answers one request at a time:
- * the process that asks judges.
+ * SOCKET is a descriptor (protocol.h). The process answers one request at a time. It contains no expected result: the
+ * parent compares the answers.
  *
- * A homework may compute. Time, memory and output are limited, and a filter of system calls ends the process with an answer
- * that names any other call. A filter cannot be removed. It is installed before a homework is loaded, because constructors
- * and the resolvers of symbols run then. From there on the kernel opens no file: an open that the loader asks for is trapped,
- * and the handler returns the descriptor of a file that was opened before.
+ * A homework may only compute. Time, memory and output are limited. A filter of system calls, which cannot be removed, ends
+ * the process at any other call, with an answer that names the call. The filter is installed before the homework is loaded,
+ * because constructors and resolvers of symbols already run then. Afterwards the kernel opens no file. Where the loader opens
+ * one, the call is trapped, and the handler returns the descriptor of a file that was opened before.
  *
- * Arrays end where memory ends, so that the first wrong index behind them is a crash whose address tells it:
+ * Arrays end where accessible memory ends. The first index beyond an array crashes, and the address shows the index:
  *
  *     [page without access][marks][the array][page without access] */
 
@@ -54,14 +54,14 @@ static double (*iterate)(femGrains *, double, int);
 
 static femGrains grains;
 static double *state;  /* of the request */
-static double *before; /* x, y, vx, vy as the first call of femGrainsContactIterate finds them */
+static double *before; /* x, y, vx, vy before the first call of femGrainsContactIterate */
 static Call record[RECORDED];
 static int calls;
 
-/* Memory that is not set holds bytes 0x7f, as a double 1.4e306, or 0xff, NaN, by turns from call to call. */
+/* Memory that is not set holds bytes 0x7f, the double 1.4e306, or 0xff, NaN: the other one in each next call. */
 static unsigned char poison = 0x7f;
 
-/* Fill the stack below the caller, where the variables of the function that it calls next are. */
+/* Fills the stack below the caller, where the function that is called next has its variables. */
 static __attribute__((noinline)) void poisonStack(void) {
     char stack[1 << 14];
     memset(stack, poison, sizeof stack);
@@ -105,14 +105,14 @@ static int hear(void *what, size_t bytes) {
     return 1;
 }
 
-/* Answer why the process cannot go on, and end it. */
+/* Answers with the reason why the process cannot continue, and ends it. */
 static void end(int kind, int what, int where) {
     Header answer = {kind, what, where, calls, 0.0};
     say(&answer, sizeof answer);
     _exit(0);
 }
 
-static const uint64_t MARK = 0x7ff8a5a5a5a5a5a5; /* a number that is none */
+static const uint64_t MARK = 0x7ff8a5a5a5a5a5a5; /* a NaN that no computation yields */
 
 static struct {
     char *memory; /* the first page without access */
@@ -144,7 +144,7 @@ static void placeArrays(const size_t lengths[ARRAYS], double *arrays[ARRAYS]) {
     }
 }
 
-/* Find the array next to an address, and the index there; -1: none. */
+/* Finds the array next to an address, and the index there. Returns -1 if there is none. */
 static int findArray(const void *address, int *index) {
     size_t page = sysconf(_SC_PAGESIZE);
     for (int k = 0; k < ARRAYS; k++) {
@@ -158,7 +158,7 @@ static int findArray(const void *address, int *index) {
     return -1;
 }
 
-/* Find the first array that was written to before its begin; -1: none. */
+/* Finds the first array with a write before its start. Returns -1 if there is none. */
 static int findWritten(int *index) {
     size_t page = sysconf(_SC_PAGESIZE);
     for (int k = 0; k < ARRAYS; k++) {
@@ -175,7 +175,7 @@ static int findWritten(int *index) {
 #define PRINTED (8 << 20) /* bytes */
 #define STACK (1 << 16)
 #define PREPARED 2 /* files */
-#define LITTLE (1 << 24) /* bytes that can be had where it is not memory that is missing */
+#define LITTLE (1 << 24) /* if so many bytes can still be allocated, memory is not what is missing */
 
 static void limit(int what, rlim_t most) {
     struct rlimit old;
@@ -219,7 +219,7 @@ static int kindOfCall(long number) {
 
 static struct {
     const char *path;
-    int file; /* below 0: none, or no longer */
+    int file; /* < 0: none, or used already */
 } prepared[PREPARED];
 
 /* Open a file that the process may still open by this name, once, after `confine`. */
@@ -239,7 +239,7 @@ static void prepareFile(const char *path) {
 #define RESULT(context) ((context)->uc_mcontext.regs[0])
 #endif
 
-/* Carry out a trapped call that the loader or stdio needs, on a file that is open; 0: it is another call. */
+/* Does a trapped call that the loader or stdio needs, with a file that is open. Returns 0 for any other call. */
 static int standIn(long number, ucontext_t *context) {
     const char *path = NULL;
 #ifdef SYS_open
@@ -285,7 +285,7 @@ static void catchSignals(void) {
     for (unsigned k = 0; k < sizeof caught / sizeof *caught; k++) sigaction(caught[k], &action, NULL);
 }
 
-/* Begin to measure the time of a call. */
+/* Starts the CPU time of a call. */
 static void startClock(double seconds) {
     struct timeval left = {(time_t)seconds, (suseconds_t)(1e6 * (seconds - (time_t)seconds))};
     setitimer(ITIMER_PROF, &(struct itimerval){.it_value = left}, NULL);
@@ -306,7 +306,7 @@ static void startClock(double seconds) {
 #define UNLESS(test, value, skipped) BPF_JUMP(BPF_JMP | (test) | BPF_K, (value), 0, (skipped))
 #define RETURN(what) BPF_STMT(BPF_RET | BPF_K, (what))
 #define ALLOW(name) UNLESS(BPF_JEQ, SYS_##name, 1), RETURN(SECCOMP_RET_ALLOW)
-/* Argument k of a call is below `most`. */
+/* Condition of the filter: argument k of a call is less than `most`. */
 #define ALLOW_BELOW(name, k, most)                                                                            \
     UNLESS(BPF_JEQ, SYS_##name, 6), LOAD_AT(LOW(k) + 4), UNLESS(BPF_JEQ, 0, 3), LOAD_AT(LOW(k)),              \
         BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, (most), 1, 0), RETURN(SECCOMP_RET_ALLOW), RETURN(SECCOMP_RET_TRAP)
@@ -339,7 +339,7 @@ static int filterCalls(size_t bytes) {
 
 #endif
 
-/* Limit what the process may use, from now on; 0: this system has no filter of system calls. */
+/* Limits time, memory and system calls from now on. Returns 0 if this system has no filter of system calls. */
 static int confine(size_t bytes, int seconds) {
     limit(RLIMIT_CPU, seconds);
     limit(RLIMIT_AS, bytes);
@@ -347,7 +347,7 @@ static int confine(size_t bytes, int seconds) {
     limit(RLIMIT_CORE, 0);
     limit(RLIMIT_NOFILE, 32);
 #ifdef __linux__
-    prctl(PR_SET_PDEATHSIG, SIGKILL); /* so that it ends with the process that asks, however that ends */
+    prctl(PR_SET_PDEATHSIG, SIGKILL); /* so that it ends when its parent ends */
 #endif
 #ifdef RLIMIT_NPROC
     limit(RLIMIT_NPROC, 0);
@@ -356,7 +356,7 @@ static int confine(size_t bytes, int seconds) {
     return filterCalls(bytes);
 }
 
-/* What a homework calls by this name: the function of CONTACT.so, and a record of the call. */
+/* The function that femGrainsUpdate calls by this name: it calls that of CONTACT.so, and records the call. */
 double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {
     if (calls == 0) {
         double *arrays[] = {grains.x, grains.y, grains.vx, grains.vy};
@@ -375,7 +375,7 @@ static void *load(const char *path) {
     return library;
 }
 
-/* A function that a library defines itself; NULL if there is none. */
+/* Returns a function that a library itself defines, or NULL. */
 static void *find(void *library, const char *path, const char *name) {
     if (!library) return NULL;
     Dl_info where;

@@ -1,8 +1,8 @@
 """The sandbox: a process (sandbox.c) that executes a homework and answers one call after the other.
 
-The child returns numbers only, and the parent judges them. The sandbox contains no expected result except
-those of the reference function that it calls. It is limited by `Limits`, to 8 megabytes of output, and has no
-access to files, processes and the network.
+The child returns numbers only, and the parent judges them. The child contains no expected result except those
+of the reference function that it calls. `Limits` bound its time and memory. It can print 8 megabytes, and has
+no access to files, other processes and the network.
 """
 
 import ctypes
@@ -59,7 +59,7 @@ _EXITS = {
 
 
 class EndedError(Exception):
-    """Failure of a homework to answer; `how` is the `end` of model.c for it."""
+    """Failure of a homework to answer. `how` is its number in model.c: an index, or -1, or -2 for a loop."""
 
     def __init__(self, english: str, how: int = -1, **values: object):
         self.words, self.how = Words(english, **values), how
@@ -67,7 +67,7 @@ class EndedError(Exception):
 
 
 class StoppedError(Exception):
-    """The processes have been stopped, so that none can start any more."""
+    """Attempt to start a process after `Processes.stop`."""
 
 
 class Processes:
@@ -112,18 +112,18 @@ class Limits(NamedTuple):
 
     megabytes: int = 512
     seconds: float = 2.0
-    """CPU time of one call; the reference needs less than 1 % of it."""
+    """CPU time of one call [s]; the reference needs less than 1 % of it."""
     patience: float = 60.0
-    """Wall time of one call, also on a busy machine."""
+    """Wall time of one call [s], which suffices also on a busy machine."""
     total: float = 300.0
-    """Wall time of a homework."""
+    """Wall time of a homework [s]."""
 
 
 DEFAULT = Limits()
 
 
 class Request(ctypes.Structure):
-    """Numbers of a call (protocol.h)."""
+    """Parameters of a call as the child receives them (protocol.h)."""
 
     _fields_ = (
         *((name, ctypes.c_int) for name in ("n", "iter", "times")),
@@ -134,11 +134,11 @@ class Request(ctypes.Structure):
 
 
 class Call(NamedTuple):
-    """Arguments of a call, and the struct before it."""
+    """Arguments of a call of one of the two functions, and the struct before it."""
 
     n: int
     iteration: int
-    """Argument of femGrainsContactIterate; negative for femGrainsUpdate, which alone has limits."""
+    """Argument `iter` of femGrainsContactIterate; negative for a call of femGrainsUpdate."""
     dt: float
     tolerance: float
     max_iterations: float
@@ -149,10 +149,10 @@ class Call(NamedTuple):
     state: FloatArray
     """Arrays of `FIELDS`, shape (7 n + n (n - 1) / 2,)."""
     times: int = 1
-    """How often it is called from this state; the last answer counts."""
+    """Number of calls from this state, of which the last one is answered."""
 
     def request(self) -> Request:
-        """Return all but the state."""
+        """Return the call without its state, as the child receives it."""
         n, iteration, *numbers, (x, y), drag, _, times = self
         return Request(n, iteration, times, *numbers, (x, y), drag)
 
@@ -164,13 +164,13 @@ class Answer:
     zeta: float
     """Return value of femGrainsContactIterate [m/s]."""
     calls: int
-    """Number of calls of femGrainsContactIterate by femGrainsUpdate."""
+    """Number of calls of femGrainsContactIterate that femGrainsUpdate did."""
     state: FloatArray
     """Arrays of the struct after the call."""
     before: FloatArray
-    """x, y, vx, vy before the first of these calls, shape (4 n,)."""
+    """Arrays x, y, vx, vy before the first of these calls, shape (4 n,)."""
     record: FloatArray
-    """iter, dt and zeta of the recorded calls, shape (calls or fewer, 3)."""
+    """iter, dt and zeta of these calls, of the first 1024 at most, shape (calls, 3)."""
 
     def __eq__(self, other: object) -> bool:
         """Return whether all bits are equal."""
@@ -188,8 +188,8 @@ class Answer:
 class Child:
     """Sandboxed process with femGrainsUpdate of one library and femGrainsContactIterate of another.
 
-    `until` is the time of `time.monotonic` before which it must have answered its last call. Raises
-    EndedError if it ends while it loads the libraries.
+    All calls must be answered before `until`, a time of `time.monotonic` [s]. Raises EndedError if the
+    process ends while it loads the libraries.
     """
 
     def __init__(
@@ -233,7 +233,7 @@ class Child:
         self.has_main, self.is_unguarded = has["MAIN"], has["UNGUARDED"]
 
     def ask(self, call: Call) -> Answer:
-        """Return the result of a call, or raise EndedError."""
+        """Return the result of a call. Raises EndedError if the homework does not answer."""
         self._start_call()
         with self._limited():
             self._channel.sendall(bytes(call.request()) + call.state.tobytes())
@@ -244,12 +244,12 @@ class Child:
 
     @property
     def printed(self) -> str:
-        """The beginning of its output."""
+        """The first 2000 bytes of its output, as text."""
         self._printed.seek(0)
         return self._printed.read(2000).decode(errors="replace")
 
     def _receive_header(self) -> tuple[int, int, float]:
-        """Return `what`, `calls` and `zeta` of an answer, or raise EndedError if it is none."""
+        """Return `what`, `calls` and `zeta` of an answer. Raises EndedError for any other message."""
         number, what, where, calls, zeta = _HEADER.unpack(self._receive(_HEADER.size))
         match _KINDS[number] if 0 <= number < len(_KINDS) else "":
             case "ANSWERED":
@@ -276,7 +276,7 @@ class Child:
         return np.frombuffer(self._receive(8 * count), np.float64)
 
     def _start_call(self) -> None:
-        """Start to measure the wall time of a call."""
+        """Start the wall time of a call."""
         self._call_until = min(self._until, monotonic() + self._limits.patience)
 
     def _receive(self, length: int) -> bytes:
@@ -291,7 +291,7 @@ class Child:
 
     @contextmanager
     def _limited(self) -> Iterator[None]:
-        """Limit the wall time of a transfer, and raise EndedError if it fails."""
+        """Limit the wall time of a transfer. Raises EndedError if it takes longer or fails."""
         self._channel.settimeout(max(1e-3, self._call_until - monotonic()))  # 0 would not wait at all
         try:
             yield

@@ -20,7 +20,7 @@ _COLORS = {"right": "32", "not run": "33"}  # red by default
 
 
 class Shown(NamedTuple):
-    """The smallest scene with a wrong answer."""
+    """The call with the fewest grains that has a wrong answer, with both answers."""
 
     call: Call
     expected: Answer
@@ -33,7 +33,7 @@ class Shown(NamedTuple):
         return [["", *FIELDS[:7]], *rows]
 
     def numbers(self) -> Words:
-        """Return the parameters of the scene as C assignments."""
+        """Return the parameters of the call as C assignments."""
         call = self.call
         numbers: dict[str, float] = {"iter": call.iteration} if call.iteration >= 0 else {}
         numbers |= {"dt": call.dt}
@@ -51,45 +51,48 @@ class Part:
     """Verdict on one function, or on both together."""
 
     name: str
+    """Name of the function, or `BOTH`."""
     status: str
     """One of: right, wrong, missing, does not compile, not run."""
     scenes: Mapping[str, Words] = field(default_factory=dict)
-    """What is wrong in each scene; empty if nothing is."""
+    """What is wrong, by the name of the scene; empty texts for scenes that are right."""
     ended: Words | None = None
-    """What the homework did instead of answering, and at which call."""
+    """What the homework did instead of answering, with the call; None if it answered."""
     mistakes: tuple[Mistake, ...] = ()
     """Mistakes that together explain all wrong values."""
     hint: Hint | None = None
-    """The equation of the first wrong value, if no mistakes explain all values."""
+    """Hint for the first wrong value, if no mistakes explain all values."""
     remark: Words = NOTHING
+    """A further remark for the student; empty if there is none."""
     shown: Shown | None = None
+    """The smallest call with a wrong answer; None without one."""
     printed: str = ""
-    """The beginning of the homework's output."""
+    """The beginning of what the homework printed."""
     warnings: tuple[Words, ...] = ()
     """Forbidden features that do not change the grade."""
     values: bytes = b""
-    """All answers of a single function, if any answer is wrong."""
+    """All answers of the function as bytes, if one is wrong; empty for both together."""
 
     @property
     def first(self) -> Words | None:
-        """The first error."""
+        """The first error; None if everything is right."""
         return next(filter(None, self.scenes.values()), None) or self.ended
 
     @property
     def share(self) -> float:
-        """The share of its scenes that are right."""
+        """Fraction of the scenes that are right."""
         return sum(word == "right" for word in self.words) / max(len(self.words), 1)
 
     @property
     def words(self) -> list[Words]:
-        """A short word on each scene, for a table."""
+        """Right, wrong or not run, for each scene."""
         return [
             wrong if wrong == "not run" else Words("wrong" if wrong else "right")
             for wrong in self.scenes.values()
         ]
 
     def advice(self) -> list[tuple[Words, Words]]:
-        """Return the mistakes, equations of the text and suggested checks, each with its heading."""
+        """Return the mistakes, equations of the course text, checks and the remark, each with its heading."""
         lines: list[tuple[Words, Words]] = []
         for mistake in self.mistakes:
             lines += [(Words("mistake"), mistake.name), *_advice(mistake.hint)]
@@ -109,19 +112,19 @@ class Verdict:
     compiler: str = ""
     """The compiler's messages."""
     parts: tuple[Part, ...] = ()
-    """femGrainsUpdate, femGrainsContactIterate, and both; empty if it does not compile."""
+    """Verdicts on femGrainsUpdate, femGrainsContactIterate, and both; empty if nothing compiles."""
     warnings: tuple[Words, ...] = ()
     """Forbidden features that do not change the grade."""
     problem: str = ""
     """Reason why the file cannot be read; empty if it can."""
     values: str = ""
-    """A hash that two homeworks share if their wrong values are bit-identical; empty without wrong values."""
+    """Hash of all answers, if some are wrong: equal for two homeworks with bit-identical answers."""
     seed: int | None = None
-    """The seed of the calls that are drawn; None if the file cannot be read."""
+    """Seed of the random calls; None if the file cannot be read."""
     seconds: float = 0.0
-    """Wall time [s]."""
+    """Wall time of grading [s]."""
     points: Mapping[str, float] | None = None
-    """The points that each part is worth, if any are given."""
+    """Points of each part that is right, by its name; None if no points are given."""
 
     @property
     def status(self) -> Words:
@@ -139,7 +142,7 @@ class Verdict:
 
     @property
     def earned(self) -> dict[str, float]:
-        """The points of each part: its share of the scenes that are right."""
+        """Points that each part has earned: its points times the fraction of its scenes that are right."""
         shares = {part.name: part.share for part in self.parts}
         return {name: most * shares.get(name, 0.0) for name, most in (self.points or {}).items()}
 
@@ -150,11 +153,11 @@ class Verdict:
         return [part for part in told if part.first]
 
     def seeded(self) -> Words:
-        """Return how to repeat the verdict."""
+        """Return a text that says how to draw the same random calls again."""
         return Words("(--seed {seed} draws the same calls again)", seed=self.seed)
 
     def graded(self) -> Words:
-        """Return the points of each part and in all."""
+        """Return a text of the points of all parts together, and of each."""
 
         def told(name: object, own: float, most: float) -> Words:
             return Words("{name} {own} of {most}", name=name, own=f"{own:.4g}", most=f"{most:g}")
@@ -196,7 +199,7 @@ class Verdict:
         return lines
 
     def as_json(self) -> dict[str, Any]:
-        """Return the verdict for a program: its attributes, in English."""
+        """Return the attributes of the verdict for JSON, in English."""
         parts = [
             {
                 "name": part.name,
@@ -223,7 +226,7 @@ class Verdict:
         }
 
     def as_row(self, language: str = "en") -> dict[str, str]:
-        """Return the verdict as a row of a table."""
+        """Return the verdict as a row of a table: its cells by column, in a language of `LANGUAGES`."""
         status = {part.name: part.status for part in self.parts}
 
         def say(texts: Any) -> str:
@@ -252,7 +255,11 @@ class Verdict:
 
 
 def points_of(field: str, text: str) -> dict[str, float]:
-    """Return the points of the functions, and of both together, of a text such as "10,20" or "10,20,5"."""
+    """Return the points by part from a text such as "10,20" or "10,20,5".
+
+    The numbers are for femGrainsUpdate, femGrainsContactIterate and both together. Raises InputError, which
+    names `field`.
+    """
     words = text.split(",")
     try:
         points = [float(word) for word in words]

@@ -9,12 +9,12 @@ LANGUAGES = ("en", "fr")
 
 
 class Words(str):
-    """An English text with its French translation, which is given or read from french.toml."""
+    """An English text that also holds its French translation, given or from french.toml."""
 
     french: str
 
     def __new__(cls, english: str, french: str | None = None, /, **values: object) -> "Words":
-        """Return the text with values filled in; values may be Words."""
+        """Return the text with the values of its placeholders, which may be Words, too."""
         text = super().__new__(cls, english.format(**values) if values else english)
         template = _french()[english] if french is None else french
         said = {name: in_language(value, "fr") for name, value in values.items()}
@@ -28,7 +28,7 @@ def in_language(text: object, language: str) -> str:
 
 
 def joined(texts: Sequence[Words]) -> Words:
-    """Return several texts, with commas between them."""
+    """Join several texts with commas."""
     return Words(", ".join(texts), ", ".join(text.french for text in texts))
 
 
