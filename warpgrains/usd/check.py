@@ -44,19 +44,19 @@ _FINITE, _POSITIVE = (-np.inf, np.inf, "finite"), (0.0, np.inf, "positive and fi
 
 
 class Row(NamedTuple):
-    """Checks of an array in each frame."""
+    """Checks of one array, which each frame must pass."""
 
     attribute: Usd.Attribute
     per: str | None = None
-    """What has a value each, see `_frame_problems`; None if any number of values is right."""
+    """Things with one value each, a key of the counts in `_frame_problems`; None if any length is right."""
     within: tuple[float, float, str] = _FINITE
-    """Bounds that no value reaches, and their name."""
+    """Bounds between which all values lie, without the bounds themselves, and their name in messages."""
     is_still: bool | None = None
-    """Whether no frame has a value of its own, or every frame; None if both is right."""
+    """True if the array must not change with time, False if each frame must have a value; None for either."""
 
 
 def inspect_recording(path: str | Path) -> list[str]:
-    """Return the problems of a recording, one a line. Raises InputError if it is no recording at all."""
+    """Return the problems of a recording, one line each. Raises InputError if the file is not USD."""
     with refusing_untrusted_content(path):
         stage = open_recording(Path(path))
         found = _problems(stage)
@@ -79,6 +79,7 @@ def report_on_recording(path: str | Path) -> list[str]:
 
 
 def _problems(stage: Usd.Stage) -> list[str]:
+    """Return the problems of the stage, the scales and all arrays."""
     prim = stage.GetPrimAtPath(GRAINS)
     if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
         return [f"no UsdGeom.Points or PointInstancer at {GRAINS}"]
@@ -104,6 +105,7 @@ def _problems(stage: Usd.Stage) -> list[str]:
 
 
 def _stage_problems(stage: Usd.Stage, codes: list[float]) -> list[str]:
+    """Return the problems of the units, the times and the ids, for grains with samples at time codes."""
     up, meters = UsdGeom.GetStageUpAxis(stage), UsdGeom.GetStageMetersPerUnit(stage)
     rate, shown = stage.GetTimeCodesPerSecond(), stage.GetFramesPerSecond()
     ends = f"{stage.GetStartTimeCode():g} and {stage.GetEndTimeCode():g}"
@@ -125,7 +127,7 @@ def _stage_problems(stage: Usd.Stage, codes: list[float]) -> list[str]:
 
 
 def _misplaced_walls(recording: Recording, stage: Usd.Stage) -> Iterator[str]:
-    """Yield the walls that are not drawn where the scene of a recording has them."""
+    """Yield a problem for each wall that is not drawn where the scene of the recording has it."""
     scene, prim = recording.recorded_scene, stage.GetPrimAtPath(WALLS)
     thickness, height = (checks.positive(name, prim.GetAttribute(name).Get()) for name in (THICKNESS, HEIGHT))
     still = drawn_walls(scene, thickness)
@@ -149,7 +151,7 @@ def _misplaced_walls(recording: Recording, stage: Usd.Stage) -> Iterator[str]:
 
 
 def _scale_problems(stage: Usd.Stage) -> Iterator[str]:
-    """Yield what is wrong with the scales of colors and forces, if the recording has any."""
+    """Yield the problems of the scales of colors and forces, if the recording has them."""
     data = stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
     for name, scale in (("colors", ColorScale), ("forces", ChainScale)):
         if name in data:
@@ -160,7 +162,7 @@ def _scale_problems(stage: Usd.Stage) -> Iterator[str]:
 
 
 def _table(stage: Usd.Stage) -> list[Row]:
-    """Return what is checked of the arrays of a recording."""
+    """Return the checks of all arrays of a recording."""
     grains, forces, walls = (stage.GetPrimAtPath(path) for path in (GRAINS, FORCES, WALLS))
     are_points = grains.IsA(UsdGeom.Points)
     below = {COLOR_INDICES: len(_values(grains.GetAttribute("primvars:displayColor")))}
@@ -239,6 +241,7 @@ def _frame_problems(stage: Usd.Stage, rows: list[Row], code: float) -> Iterator[
 
 
 def _extent_problems(extent: Values, places: Values, half_width: Values) -> Iterator[str]:
+    """Yield the problem of an extent (2, 3) of things at places (n, 3) with half widths (n,) [m]."""
     if extent.shape != (2, 3):
         yield "extent is not two corners"
         return
@@ -258,5 +261,6 @@ def _size_of(grains: Usd.Prim) -> Usd.Attribute:
 
 
 def _values(attribute: Usd.Attribute, code: float = 0.0) -> Values:
+    """Return the array of an attribute at a time code; without a value, an empty one."""
     values = values_of(attribute, code) if attribute else None
     return np.zeros(0) if values is None else values

@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 
 GRAINS = Sdf.Path("/World/Grains")
 PROTOTYPES = Sdf.Path("/World/Prototypes")
-"""Prototypes of instanced grains, in a class prim, which is not drawn itself."""
+"""Class prim with the prototypes of instances; the prim itself is not drawn."""
 COLOR_INDICES = "primvars:displayColor:indices"
 OF_GRAINS = {"mass": "warpgrains:mass", "radius": "warpgrains:radius"}
-"""Fields of the scene, which are primvars of the grains, and the attributes that hold them as doubles.
+"""Fields of the scene that are primvars of the grains, by the attributes that hold them as doubles.
 
-No primvar is a double, because Blender reads no further ones.
+Primvars are floats, because Blender reads no primvar after a double.
 """
 PERIODS = "warpgrains:periods"
-"""Attribute of grains in a periodic box: how many of its lengths each is away from its point, (n, 2)."""
+"""Attribute of grains in a periodic box: number of its lengths from the point to the grain, (n, 2)."""
 ANGLE = "angle"
 VELOCITIES = "velocities"
 
 ORIENTATIONS = "orientations"
-"""The attribute of instances that rotate: quaternions of half precision, the real part last in NumPy."""
+"""Attribute of instances that rotate: quaternions of half precision; in NumPy their real part is last."""
 
 _MOST_PROTOTYPES = 16
 
@@ -43,13 +43,13 @@ _MOST_PROTOTYPES = 16
 class Grains:
     """Grains as `UsdGeom.Points`, or as instances of a shape of radius 1, rotated if there is friction.
 
-    The `widths` of points are diameters. Colors are indices into a table. Each instance also uses one of 16
-    prototypes, whose colors are means over ranges of that table, because Blender does not read primvars of an
-    instancer. Velocities are those of the recording as it is played, `slow` times slower than it happened.
-    Further primvars hold the mass [kg], the angle [rad] with friction, and the quantities of
-    `COLORINGS`. In a periodic box, grains are followed by the images of those that cross its sides. There,
-    and in scenes with sources or sinks, frames hold all arrays. `ids` are numbers of birth, then those of
-    images.
+    The `widths` of points are diameters [m]. Colors are indices into a table. Blender does not read primvars
+    of an instancer, so each instance also uses one of 16 prototypes, whose colors are means of parts of the
+    table. Velocities [m/s] are divided by `slow`, as the recording is played. Further primvars hold the mass
+    [kg], with friction the angle [rad], and the quantities of `COLORINGS`.
+
+    `ids` are numbers of birth. In a periodic box, the images of grains that cross a side follow the grains.
+    Where grains have images, come or go, their number changes, so every frame holds all arrays.
     """
 
     def __init__(self, painter: Painter, shape: Shape | None, slow: float) -> None:
@@ -69,6 +69,7 @@ class Grains:
         self._is_periodic, self._is_open = bool(scene.period), scene.exchanges_grains
 
     def define(self, stage: Usd.Stage) -> None:
+        """Author the prim and all arrays that do not change."""
         prim = self._points(stage) if self._shape is None else self._instancer(stage, self._shape)
         set_kind(prim, "subcomponent")
         UsdGeom.Boundable(prim).CreateExtentAttr()
@@ -97,6 +98,7 @@ class Grains:
             own.Set(type(own.GetTypeName().defaultValue).FromNumpy(array))
 
     def samples(self, now: Snapshot) -> Arrays:
+        """Return the arrays of a frame by their paths."""
         places, number = now.images
         shown = triples("the position of a grain", places)
         found = {name: values(now)[number] for name, values in self._changing.items()}
@@ -122,9 +124,9 @@ class Grains:
         return {f"{GRAINS}.{name}": value for name, value in values.items()}
 
     def _still(self, scene: Scene, born: IndexArray, number: IndexArray) -> dict[str, NDArray[Any]]:
-        """Return ids, masses and sizes of the grains `number`, shape (k,), of which those above n are images.
+        """Return ids, masses, radii and sizes of grains `number`, shape (k,), by attribute.
 
-        `born` are the numbers of birth, shape (n,).
+        `born` are the numbers of birth, shape (n,). Numbers above n are those of images.
         """
         images = born[-1] + 1 + np.arange(len(number) - len(born))
         values: dict[str, NDArray[Any]] = {"ids": np.concatenate([born, images])}
@@ -139,7 +141,7 @@ class Grains:
         return values
 
     def _color(self, levels: IndexArray) -> dict[str, NDArray[Any]]:
-        """Return the attributes that hold the colors, int32, shape (n,)."""
+        """Return the indices of colors, and of the prototypes of instances, by attribute, shape (n,)."""
         index = {COLOR_INDICES: levels} | (
             {} if self._shape is None else {"protoIndices": levels // self._shared}
         )
@@ -180,13 +182,13 @@ def position_of(grains: Usd.Prim) -> Usd.Attribute:
 
 
 def numbers_of(grains: Usd.Prim) -> dict[str, Usd.Attribute]:
-    """Return the primvars that hold a number a grain, that is all but the color, by name."""
+    """Return the primvars with one number per grain, which are all except the color, by name."""
     primvars = UsdGeom.PrimvarsAPI(grains).GetPrimvarsWithAuthoredValues()
     names = {primvar.GetPrimvarName(): primvar.GetAttr() for primvar in primvars}
     return {name: attribute for name, attribute in names.items() if name != "displayColor"}
 
 
 def quaternions(angle: FloatArray) -> NDArray[np.float32]:
-    """Return rotations by angles about z [rad], shape (n,), as x, y, z, w, shape (n, 4)."""
+    """Return rotations about z by angles [rad], shape (n,), as quaternions (x, y, z, w), shape (n, 4)."""
     half, zero = 0.5 * angle, np.zeros_like(angle)
     return np.stack([zero, zero, np.sin(half), np.cos(half)], axis=1).astype(np.float32)

@@ -19,12 +19,12 @@ WALLS = Sdf.Path("/World/Walls")
 PLACES = "warpgrains:places"
 """Attribute of `WALLS` in scenes with driven walls: the coordinates of all walls [m], see `State.driven`."""
 THICKNESS = "warpgrains:thickness"
-"""Attribute of `WALLS`: with which thickness [m] they are drawn."""
+"""Attribute of `WALLS`: the thickness with which they are drawn [m]."""
 HEIGHT = "warpgrains:height"
 """Attribute of `WALLS`: how far they reach from the plane z = 0 to both sides [m]."""
 FORCES = Sdf.Path("/World/Forces")
 GRAINS_OF = ("grain", "neighbour")
-"""Primvars of a band: the grains of its contact, see `all_contacts`."""
+"""Primvars of a band: the grain and the grain or wall of its contact, see `all_contacts`."""
 TANGENTIAL = "primvars:tangential_force"
 """The attribute of the tangential forces [N], in recordings with friction."""
 
@@ -33,7 +33,7 @@ _HIGHEST = 0.1  # height of walls, in half of the longer side of the view, up to
 
 
 class Walls:
-    """The walls, which lie outside the space of the grains, as high as a mean grain of height `height` radii.
+    """The walls, drawn outside the space of the grains, as high as a mean grain of `height` radii.
 
     Frames hold points, normals and extents of mobile walls.
     """
@@ -55,6 +55,7 @@ class Walls:
             define_mesh(stage, WALLS.AppendChild(name), mesh, np.array(WALL_COLOR))
 
     def samples(self, now: Snapshot) -> Arrays:
+        """Return the arrays of the mobile walls in a frame, by their paths."""
         values: dict[str, NDArray[Any]] = {}
         if now.places is not None:
             values[f"{WALLS}.{PLACES}"] = now.places
@@ -68,15 +69,17 @@ class Walls:
 
 
 class ForceChains:
-    """A mesh of bands just in front of grains of `height` [m]. Primvars hold force [N] and grains.
+    """The force chains as a mesh of bands, just in front of grains of height `height` [m].
 
-    A contact that leaves a periodic box has several bands.
+    Primvars of a band hold the forces [N] and the grains of its contact. A contact that leaves a periodic box
+    has several bands.
     """
 
     def __init__(self, scale: ChainScale, height: float, has_friction: bool) -> None:
         self._scale, self._depth, self._has_friction = scale, (1.0 + _GAP) * height, has_friction
 
     def define(self, stage: Usd.Stage) -> None:
+        """Author the prim; all its arrays change with time."""
         bands, types = UsdGeom.Mesh.Define(stage, FORCES), Sdf.ValueTypeNames
         bands.CreatePointsAttr()
         bands.CreateFaceVertexCountsAttr()
@@ -97,6 +100,7 @@ class ForceChains:
         set_kind(bands.GetPrim(), "subcomponent")
 
     def samples(self, now: Snapshot) -> Arrays:
+        """Return the arrays of the bands in a frame, by their paths."""
         pair, force, tangential = all_contacts(now)
         corners, _, contact = chains_of(self._scale, now)
         shown = triples("a corner of a force chain", corners.reshape(-1, 2))

@@ -1,4 +1,4 @@
-"""Recorder: a run as a USD file that other programs read."""
+"""Recorder: writes a run as a USD file that other programs read."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
 class Recorder:
     """Writer of the frames of a run to one USD file, at integer time codes 0, 1, 2, ....
 
-    The file appears when the ``with`` block ends without an exception. Until then each frame is appended to
-    the log next to it, which remains after a killed process or an exception; only one frame that was not
-    flushed is deleted. `resume_at` is the first frame to write where the log or file of an earlier run of the
-    same scene is continued.
+    The file appears when the ``with`` block ends without an exception. Until then each frame is appended to a
+    log next to the file. The log remains after an exception or a killed process, except for a log of a single
+    frame that was not flushed. With `resume_at`, the log or the file of an earlier run of the same scene is
+    continued at this frame.
 
-    Raises InputError where an option is unknown, float32 has no such lengths or its coordinates are
-    more than 1 % of the smallest radius apart, or the log of an earlier run exists, or is missing;
-    OutputError where the file is not ours.
+    Raises InputError if an option is unknown, if float32 cannot hold the lengths of the scene, or its
+    coordinates there are more than 1 % of the smallest radius apart, and if the log of an earlier run exists,
+    or is missing where it is to be continued. Raises OutputError if the file is not a recording.
     """
 
     def __init__(
@@ -86,6 +86,7 @@ class Recorder:
 
     @property
     def frames(self) -> int:
+        """Number of frames written so far."""
         return self._frames.frames
 
     def __enter__(self) -> Self:
@@ -105,19 +106,19 @@ class Recorder:
             self._lock.release()
 
     def record(self, now: Snapshot) -> None:
-        """Append a frame; InputError where float32 is too small for it."""
+        """Append a frame. Raises InputError if float32 cannot hold one of its numbers."""
         arrays: dict[str, NDArray[Any]] = {}
         for drawing in reversed(self._drawings):  # forces first, so that a refusal does not name the pressure
             arrays |= drawing.samples(now)
         self._frames.append(arrays)
 
     def flush(self) -> None:
-        """Flush all frames to the disk. A later run can continue with ``resume_at=recorder.frames``."""
+        """Write all frames to the disk. A later run can continue with ``resume_at=recorder.frames``."""
         self._frames.sync()
         self._is_needed = True
 
     def _finish(self) -> None:
-        """Make one file of all frames, check it, move it to its name and delete the log."""
+        """Convert the log to the recording, and delete the log."""
         if self.frames == 0:
             raise ValueError(f"no frame was recorded for '{self.path}'")
         self.flush()
@@ -125,7 +126,7 @@ class Recorder:
         self._frames.remove()
 
     def _resume(self, frames: int) -> None:
-        """Continue the log after its first frames; rebuild it if only the finished file exists."""
+        """Continue the log after its first `frames` frames; make it of the file if that is finished."""
         is_joined = is_complete(self.path)
         if is_joined:
             reopen_log(self.path, self.log)
@@ -139,7 +140,7 @@ class Recorder:
 
 
 def _require_float32(scene: Scene) -> None:
-    """Raise InputError unless float32 holds the lengths of a scene, and where its grains begin."""
+    """Raise InputError unless float32 can hold the lengths of a scene and the initial positions."""
     smallest, largest = float(scene.radius.min()), 2.0 * scene.reach
     least, most = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
     if smallest < least or largest > most:
@@ -154,7 +155,10 @@ def _require_float32(scene: Scene) -> None:
 
 
 def recover(log: str | Path) -> tuple[Path, int]:
-    """Make a recording of the log of a killed run, which is kept; return its path and number of frames."""
+    """Convert the log of a killed run to a recording; return its path and number of frames.
+
+    The log is kept.
+    """
     log = Path(checks.path("log", log))
     target = log.parent / log.stem
     if log.suffix != LOG_SUFFIX or suffix_of(target) not in RECORDINGS or not log.is_file():
@@ -164,7 +168,10 @@ def recover(log: str | Path) -> tuple[Path, int]:
 
 
 def lock_output(path: Path) -> Lock:
-    """Lock a recording for writing. Raises InputError unless it can be written and replaces no other file."""
+    """Lock a recording for writing.
+
+    Raises InputError if it cannot be written, or is a file of another kind.
+    """
     require_writable_path("output", path, *RECORDINGS)
     try:
         str(path).encode()

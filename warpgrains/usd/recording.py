@@ -53,7 +53,7 @@ OF_START = ("position", "velocity", "spin")
 
 
 class Recording(Shown):
-    """The frames of a recording as arrays; the file stores them as float32.
+    """The frames of a recording as arrays, which the file stores as float32.
 
     Parameters
     ----------
@@ -71,8 +71,7 @@ class Recording(Shown):
     Raises
     ------
     InputError
-        The file is missing, is not USD, holds no frames of grains, or has content that recordings do not
-        have.
+        The file is missing, is not USD, holds no frames of grains, or is damaged.
 
     Examples
     --------
@@ -171,7 +170,7 @@ class Recording(Shown):
 
     @cached_property
     def position(self) -> FloatArray:
-        """Centers of the grains [m], shape (f, n, 2), which continue beyond periodic sides."""
+        """Centers of the grains [m], shape (f, n, 2). They are not wrapped at periodic sides."""
         return self._of_all_frames("position")
 
     @cached_property
@@ -190,6 +189,7 @@ class Recording(Shown):
         return self._of_all_frames("angle")
 
     def _of_all_frames(self, name: str) -> FloatArray:
+        """Return a number of the grains in all frames, shape (f, n) or (f, n, 2)."""
         if self._is_open:
             raise InputError(
                 f"{name}: frames of '{self.path}' have different grains: use frame(k), or to_pandas"
@@ -197,7 +197,7 @@ class Recording(Shown):
         return np.array([self._of_frame(name, k) for k in range(len(self))])
 
     def _of_frame(self, name: str, k: int) -> FloatArray:
-        """Return numbers of the grains; 0 if they are not recorded, as without friction."""
+        """Return a number of the grains in frame k, shape (n,) or (n, 2); 0 if it was not recorded."""
         attribute, n = self._attributes.get(name), len(self._sizes_at(k)["radius"])
         if attribute is None:
             return np.zeros(n)
@@ -215,12 +215,12 @@ class Recording(Shown):
 
     @cached_property
     def scene(self) -> Scene:
-        """Scene of the run from its first frame, with its time, and grains and walls where they are then.
+        """Scene that starts at the first frame, with its time and its grains and walls.
 
         Raises
         ------
         InputError
-            In the first frame, the center of a grain is in a wall.
+            The center of a grain is in a wall in the first frame.
         """
         scene, time = self.recorded_scene, self.times.time(0)
         if time != scene.time:
@@ -233,7 +233,7 @@ class Recording(Shown):
 
     @cached_property
     def recorded_scene(self) -> Scene:
-        """Scene of the run, with the grains of the first frame, which may be in a wall at the start."""
+        """Scene of the run with the grains of the first frame, whose centers may be in walls."""
         return Scene.of_later_state(
             position=self._of_frame("position", 0),
             velocity=self._of_frame("velocity", 0),
@@ -244,14 +244,14 @@ class Recording(Shown):
 
     @property
     def levels(self) -> IndexArray:
-        """Indices of the grains' colors in the first frame, shape (n,)."""
+        """Indices of the colors of the grains in the first frame, shape (n,)."""
         with refusing_untrusted_content(self.path):
             return numbers(self._stage.GetPrimAtPath(GRAINS).GetAttribute(COLOR_INDICES))[
                 : len(self.radius)
             ].astype(int)
 
     def places(self, k: int) -> FloatArray | None:
-        """Return the coordinates of walls [m], shape (walls,); None where no force drives a wall."""
+        """Return the coordinates of walls in frame k [m], shape (walls,); None if no force drives a wall."""
         with refusing_untrusted_content(self.path):
             places = self._stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
             return numbers(places, k) if places else None
@@ -268,8 +268,7 @@ class Recording(Shown):
 
         Notes
         -----
-        A frame knows neither another scene of the step before it, after `Simulation.change`, nor another
-        time scheme.
+        A frame does not show that `Simulation.change` gave the step before it another scene or time scheme.
 
         Raises
         ------
@@ -304,7 +303,7 @@ class Recording(Shown):
         )
 
     def _contacts(self, k: int) -> dict[str, Any]:
-        """Return the contacts of a frame as fields of a snapshot."""
+        """Return the contacts of frame k as fields of a snapshot."""
         with refusing_untrusted_content(self.path):
             bands, n = self._stage.GetPrimAtPath(FORCES), len(self._sizes_at(k)["radius"])
             force = numbers(bands.GetAttribute("primvars:force"), k)
@@ -354,8 +353,8 @@ class Recording(Shown):
     def to_xarray(self, table: str = "grains") -> xarray.Dataset:
         """Return grains or contacts of all frames as a dataset with the columns of `to_pandas`, and units.
 
-        Grains have the dimensions time and grain, contacts are a list. Where grains come and go, the grain
-        is its number of birth, and numbers are NaN while it is not there.
+        Grains have the dimensions time and grain. Contacts have one dimension, their row in the table. Where
+        grains come and go, the grain is its number of birth, and numbers are NaN while it is not there.
 
         Raises
         ------
@@ -371,9 +370,10 @@ class Recording(Shown):
 
 
 def painter_of(recording: Recording, **looks: Unpack[Looks]) -> Painter:
-    """Return the painter of the frames in the look of the file but for some `looks`, with its scales.
+    """Return the painter of the frames of a recording, in its look with the changes `looks`.
 
-    Raises InputError where a look needs contacts that were not recorded.
+    The scales of colors and forces are those of the recording, unless its colors are changed. Raises
+    InputError if a look needs contacts that were not recorded.
     """
     own, look = recording.look, replace(recording.look, **looks)
     painter = Painter(recording.recorded_scene, look)

@@ -1,4 +1,4 @@
-"""Content of a recording that is the same in all frames, and helpers of all drawings."""
+"""The part of a recording that is the same in all frames, and functions for all drawings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RECORDED_BY = "warpgrains"
 """Key in a layer's custom data that identifies a recording."""
 MATERIAL = Sdf.Path("/World/Looks/DisplayColor")
 CAMERA = Sdf.Path("/World/main_cam")
-"""Name by which usdview and usdrecord select the camera."""
+"""The camera, under the name that usdview and usdrecord select."""
 
 _FOCAL_LENGTH = 50.0
 _APERTURE = 24.0
@@ -39,19 +39,31 @@ _INFINITY = np.float32(np.inf)
 
 
 class Drawing(Protocol):
-    """Interface of a prim whose animated attributes are set by frames."""
+    """Interface of a prim with attributes that change from frame to frame."""
 
     def define(self, stage: Usd.Stage) -> None:
-        """Author the prim and all attributes that are the same in all frames."""
+        """Author the prim, and all attributes that are the same in all frames."""
 
     def samples(self, now: Snapshot) -> Arrays:
-        """Return the values of the animated attributes."""
+        """Return the values of the other attributes in a frame, by their paths."""
 
 
 def static_layer(
     text: str, rate: float, drawings: Iterable[Drawing], data: Mapping[str, Any], view: Bounds
 ) -> Sdf.Layer:
-    """Return an anonymous layer with the content of all frames of a scene with a text, at a rate [1/s]."""
+    """Return an anonymous layer with all that frames share.
+
+    Parameters
+    ----------
+    text
+        Text of the scene file.
+    rate
+        Frames, which are time codes, per second as played [1/s].
+    data
+        Custom data of the layer, from which the recording is read.
+    view
+        Rectangle that the camera shows [m].
+    """
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
     world = UsdGeom.Xform.Define(stage, "/World").GetPrim()
@@ -76,6 +88,7 @@ def static_layer(
 
 
 def _define_material(stage: Usd.Stage) -> None:
+    """Define the material, which is matt and has the color of the primvar displayColor."""
     UsdGeom.Scope.Define(stage, MATERIAL.GetParentPath())
     material = UsdShade.Material.Define(stage, MATERIAL)
     surface = UsdShade.Shader.Define(stage, MATERIAL.AppendChild("Surface"))
@@ -93,7 +106,7 @@ def _define_material(stage: Usd.Stage) -> None:
 
 
 def bind_material(prim: Usd.Prim, color: FloatArray | None = None) -> None:
-    """Bind the material to a prim, and give it one color (sRGB) unless it has per-grain colors."""
+    """Bind the material to a prim; with a color (sRGB), set its displayColor."""
     if color is not None:
         value = Vt.Vec3fArray([Gf.Vec3f(*linear(color).tolist())])
         UsdGeom.Gprim(prim).CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(value)
@@ -102,7 +115,7 @@ def bind_material(prim: Usd.Prim, color: FloatArray | None = None) -> None:
 
 
 def define_mesh(stage: Usd.Stage, path: Sdf.Path, shape: Shape, color: FloatArray) -> None:
-    """Define a mesh of one color (sRGB), but for its mark, with the material."""
+    """Define a mesh with one color (sRGB) and the material. Faces of its mark get the color of marks."""
     mesh, tokens = UsdGeom.Mesh.Define(stage, path), UsdGeom.Tokens
     points = Vt.Vec3fArray.FromNumpy(shape.points.astype(np.float32))
     mesh.CreatePointsAttr(points)
@@ -152,14 +165,14 @@ def _define_camera(stage: Usd.Stage, view: Bounds) -> None:
 
 
 def triples(what: str, values: FloatArray) -> NDArray[np.float32]:
-    """Return vectors, shape (n, 2), as `as_float32` does, shape (n, 3), with third component 0."""
+    """Return vectors (n, 2) as float32 vectors (n, 3) in the plane z = 0, see `as_float32`."""
     shown = np.zeros((len(values), 3), dtype=np.float32)
     shown[:, :2] = as_float32(what, values)
     return shown
 
 
 def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:
-    """Return the value at a time code, or None if there is none; TypeError if it is no array of numbers."""
+    """Return an array at a time code, or None without a value. Raises TypeError if it is not of numbers."""
     value = attribute.Get(code)
     if value is None:
         return None
@@ -170,7 +183,11 @@ def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:
 
 
 def numbers(attribute: Usd.Attribute, code: float = 0.0, shape: tuple[int, ...] | None = None) -> FloatArray:
-    """Return a value as float64; TypeError if it is no array, ValueError of another shape or not finite."""
+    """Return an array at a time code as float64.
+
+    Raises TypeError if there is no array of numbers, and ValueError if it has another shape than a given one,
+    or is not finite.
+    """
     array = values_of(attribute, code)
     if array is None:
         raise TypeError(f"{attribute.GetPath()} has no value")
@@ -182,7 +199,7 @@ def numbers(attribute: Usd.Attribute, code: float = 0.0, shape: tuple[int, ...] 
 
 
 def as_float32(what: str, values: FloatArray) -> NDArray[np.float32]:
-    """Return values as the file holds them. Raises InputError if float32 has no numbers of that size."""
+    """Return values as float32. Raises InputError, which begins with `what`, if they are too large."""
     with np.errstate(over="ignore"):
         shown = values.astype(np.float32)
     if not np.isfinite(shown).all():
@@ -191,7 +208,7 @@ def as_float32(what: str, values: FloatArray) -> NDArray[np.float32]:
 
 
 def too_coarse(position: FloatArray, radius: FloatArray) -> str | None:
-    """Return a complaint if float32 coordinates of grains are more than 1 % of the smallest radius apart."""
+    """Return a message if float32 coordinates are more than 1 % of the smallest radius apart, else None."""
     step, smallest = float(np.spacing(np.float32(np.abs(position).max()))), float(radius.min())
     if not step > _COARSEST * smallest:
         return None
@@ -223,7 +240,7 @@ def open_recording(path: Path) -> Usd.Stage:
 
 @contextmanager
 def refusing_untrusted_content(path: str | Path) -> Iterator[None]:
-    """Raise InputError instead of any exception of USD or NumPy that unexpected content causes."""
+    """Turn any exception of USD or NumPy that a damaged recording causes into an InputError."""
     try:
         yield
     except (InputError, OSError, MemoryError):

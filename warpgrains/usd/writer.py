@@ -1,4 +1,4 @@
-"""Conversion of a log of frames to a USD file and back, with about 28 MB of frames in memory at a time."""
+"""Conversion of a log of frames to a USD file and back, with at most about 28 MB of frames in memory."""
 
 import os
 import time
@@ -25,7 +25,7 @@ _SAMPLE = 128  # bytes of memory per value in addition to its array
 
 
 def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
-    """Write a log, or its first `frames` frames, to one checked USD file; return their number."""
+    """Write a log, or its first `frames` frames, to a USD file, and check it; return the number of frames."""
     reader, target = LogReader(log), resolve_link(target)
     with refusing_untrusted_content(log):
         constants = _constants(reader)
@@ -60,7 +60,7 @@ def reopen_log(recording: Path, log: Path) -> None:
 
 
 def identity(constants: str) -> str:
-    """Return the constants of a log that identify its recording: the scene, the frame rate, and the looks."""
+    """Return the part of a log's constants that must agree to continue it: scene, frame rate and look."""
     flat, own = _layer_of(constants), Sdf.Layer.CreateAnonymous(".usda")
     data = dict(flat.customLayerData.get(RECORDED_BY, {}))
     data.pop("version", None)
@@ -72,13 +72,16 @@ def identity(constants: str) -> str:
 
 
 def _logged(value: Any) -> NDArray[Any]:
-    """Return a value as a log has it: half precision, of orientations, as float32."""
+    """Convert a value to an array for the log; float16, of orientations, becomes float32."""
     array = np.array(value)
     return array.astype(np.float32) if array.dtype == np.float16 else array
 
 
 def _layer_of(constants: str) -> Sdf.Layer:
-    """Return the layer of a text. Raises ValueError if it is nested deeper than USD can read."""
+    """Return the layer with the content of a text.
+
+    Raises ValueError if brackets are nested too deep for USD.
+    """
     text = np.frombuffer(constants.encode(), np.uint8)
     opening, closing = (np.isin(text, list(brackets)).view(np.int8) for brackets in (b"([{", b")]}"))
     if (opening - closing).cumsum(dtype=np.int32).max(initial=0) > _DEEPEST:
@@ -89,7 +92,10 @@ def _layer_of(constants: str) -> Sdf.Layer:
 
 
 def _constants(reader: LogReader) -> Sdf.Layer:
-    """Return the constants of a log. Raises ValueError unless they have an attribute for each array."""
+    """Return the constants of a log as a layer.
+
+    Raises ValueError unless it has an attribute for each array.
+    """
     layer = _layer_of(reader.constants)
     for name, kind in reader.kinds.items():
         spec = layer.GetAttributeAtPath(name) if Sdf.Path.IsValidPathString(name)[0] else None
@@ -99,7 +105,7 @@ def _constants(reader: LogReader) -> Sdf.Layer:
 
 
 def _without_frames(flat: Sdf.Layer, animated: list[Sdf.Path]) -> str:
-    """Return the content of a layer without animated attributes, as text."""
+    """Return the content of a layer as text, without the time samples of the animated attributes."""
     constants = Sdf.Layer.CreateAnonymous(".usdc")
     constants.TransferContent(flat)
     for path in animated:
@@ -110,7 +116,7 @@ def _without_frames(flat: Sdf.Layer, animated: list[Sdf.Path]) -> str:
 
 
 def _write_binary(reader: LogReader, constants: Sdf.Layer, binary: Path, frames: int | None) -> int:
-    """Write the first `frames` frames of a log, or all, to a usdc file, and return their number."""
+    """Write the first `frames` frames of a log, or all, to a usdc file; return their number."""
     flat = Sdf.Layer.CreateNew(str(binary))
     flat.TransferContent(constants)
     attributes = {name: flat.GetAttributeAtPath(name) for name in reader.kinds}
@@ -132,7 +138,7 @@ def _write_binary(reader: LogReader, constants: Sdf.Layer, binary: Path, frames:
 
 
 def _require_frames(path: Path, names: Any, frames: int) -> None:
-    """Raise OSError unless `path` can be read and holds `frames` time samples of each attribute."""
+    """Raise OSError unless a USD file can be read and has `frames` time samples of each named attribute."""
     layer = Sdf.Layer.OpenAsAnonymous(str(path))
     for name in names:
         found = layer.GetNumTimeSamplesForPath(name)
@@ -142,7 +148,7 @@ def _require_frames(path: Path, names: Any, frames: int) -> None:
 
 @contextmanager
 def _reporting_os_errors(path: Path) -> Iterator[None]:
-    """Raise a one-line OSError instead of USD's exceptions when `path` cannot be written or read back."""
+    """Turn exceptions of USD, when a file is written or read back, into an OSError of one line."""
     try:
         yield
     except Tf.ErrorException as error:
