@@ -1,6 +1,6 @@
-"""Player of a homework next to the reference: the stages of each time step, one after the other.
+"""Player of a homework next to the reference, stage by stage of each time step.
 
-The stages are velocities, iterations and positions.
+The stages are the velocities, each iteration, and the positions.
 """
 
 from collections.abc import Callable, Iterator
@@ -25,7 +25,7 @@ _SLOWED = 1.0 / 30.0  # duration of a stage on the page [s]
 
 
 class _Painter(Painter):
-    """Painter of grains that are as red as they differ, relative to the largest difference."""
+    """Painter that shows the velocity difference of each grain by red, relative to the largest one."""
 
     def color(self, now: Snapshot) -> FloatArray:
         difference = now.recorded["difference"]
@@ -36,10 +36,11 @@ class _Painter(Painter):
 
 
 class Homework:
-    """A homework and the reference, each in a sandbox; a step of the player is one stage of a time step.
+    """Player of a homework and the reference, each in a sandbox.
 
-    Both start each time step from the reference's state. Grains are drawn at the reference's positions, as
-    red as their velocities differ, relative to the largest difference at that stage.
+    A step of the player is one stage of a time step. Both programs start each time step from the reference's
+    state. Grains are drawn at the reference's positions, and are the redder, the more their velocities
+    differ.
     """
 
     colorings: tuple[str, ...] = ()
@@ -65,6 +66,7 @@ class Homework:
         self._stages = self._play()
 
     def close(self) -> None:
+        """End both processes."""
         for child in self._children:
             child.close()
 
@@ -82,6 +84,7 @@ class Homework:
                     self.error = f"{self._stage}: it {error}"
 
     def _play(self) -> Iterator[None]:
+        """Do all stages of all time steps; yield after each stage."""
         n = self._scene.n
         while True:
             self._stage, self._history = "velocities by Newton's law", []
@@ -104,13 +107,13 @@ class Homework:
             yield
 
     def _ask(self, iteration: int) -> list[Answer]:
-        """Return the answers of the reference and the homework to a step (-1) or an iteration."""
+        """Return the answers of the reference and the homework to an iteration, or the time step for -1."""
         states = [self._call.state] * 2 if iteration < 0 else self._states
         pairs = zip(self._children, states, strict=True)
         return [child.ask(self._call._replace(iteration=iteration, state=state)) for child, state in pairs]
 
     def _difference(self) -> FloatArray:
-        """Return the differences of the grains' velocities [m/s], shape (n,); NaN counts as infinite."""
+        """Return the sizes of the velocity differences of the grains [m/s], shape (n,); inf for NaN."""
         n = self._scene.n
         one, other = (state[2 * n : 4 * n].reshape(2, n) for state in self._states)
         return np.nan_to_num(np.hypot(*(one - other)), nan=np.inf)
@@ -119,14 +122,14 @@ class Homework:
         """Do nothing, because grains are colored by the difference."""
 
     def snapshot(self) -> Snapshot:
-        """Return the reference's state, with the difference as a number of the grains."""
+        """Return the reference's state, with the velocity differences as a recorded number."""
         n, state = self._scene.n, self._states[0]
         position, velocity = (state[k : k + 2 * n].reshape(2, n).T for k in (0, 2 * n))
         now = replace(first_state(self._scene), steps=self._time_steps, position=position, velocity=velocity)
         return replace(snapshot(self._scene, now), recorded={"difference": self._difference()})
 
     def readout(self) -> dict[str, str]:
-        """Return the stage, both zeta, and the grain with the largest difference."""
+        """Return the stage, both zeta, and the grain with the largest difference, as texts by name."""
         difference = self._difference()
         worst = int(difference.argmax())
         differs = difference[worst] > _LEAST
@@ -141,7 +144,7 @@ class Homework:
         return rows | ({"error": self.error} if self.error else {})
 
     def curves(self) -> Curves:
-        """Return zeta of the reference and of the homework over the iterations of the step."""
+        """Return log10 of zeta of the reference and the homework over the iterations of the time step."""
         history = np.abs(np.reshape(self._history, (-1, 2))).T
         expected, found = np.log10(np.clip(np.nan_to_num(history, nan=np.inf), LEAST, 1.0 / LEAST))
         return {ZETA: (np.arange(1.0, len(found) + 1), {"reference": expected, "homework": found})}

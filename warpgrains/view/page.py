@@ -1,8 +1,8 @@
-"""The page: keys and buttons, sliders, numbers and curves next to the grains, and the playback loop."""
+"""The page: grains, keys and buttons, sliders, numbers and curves, and the loop that plays them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout, suppress
 from html import escape
 from io import StringIO
@@ -15,6 +15,7 @@ import numpy as np
 import viser
 from viser import uplot
 
+from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError
 from warpgrains.drawing.painter import Painter
 from warpgrains.view.players import AXES, Live, Pace, Player, Replay
@@ -27,15 +28,14 @@ KEYS: dict[Literal["R", "S", "N", "0"], str] = {"R": "run", "S": "stop", "N": "o
 _TEXTS = 10.0  # a second, at most
 _MOST_SPEED = 10.0
 _CHART_HEIGHT = 220  # pixels
-_NO_PLACES = np.array([1.0, 2.0])
 _STROKES = ("black", "#d55e00")  # of the curves of a chart
 
 
 class Page:
-    """Page for this machine alone, at a port or the next free one.
+    """A page of this machine alone, at a port or the next free one.
 
-    The threads of the server receive keys and queue actions, which `run` performs in one thread between two
-    steps.
+    The threads of the server receive keys and queue actions. `run` performs the actions between two steps, in
+    its own thread.
     """
 
     def __init__(self, player: Player, port: int) -> None:
@@ -56,10 +56,11 @@ class Page:
 
     @property
     def url(self) -> str:
+        """Address of the page."""
         return f"http://{HOST}:{self._server.get_port()}"
 
     def run(self, announce: Callable[[str], None] = lambda url: None) -> None:
-        """Announce the address of the page, and play until `close` or an exception such as Ctrl-C."""
+        """Call `announce` with the address of the page, and play until `close`, Ctrl-C or an exception."""
         try:
             announce(self.url)
             while True:
@@ -75,7 +76,7 @@ class Page:
                 self._server.stop()
 
     def _play(self) -> None:
-        """Advance by the steps that are due, and wait until it is time for the next frame."""
+        """Advance the player to the next frame, and wait until this is due."""
         if steps := self._pace.due(self._speed):
             self._player.advance(steps)
             self.is_playing = not self._player.has_ended
@@ -83,12 +84,13 @@ class Page:
         self._pace.wait()
 
     def start(self) -> Self:
+        """Play in a new thread; return the page."""
         self._thread = Thread(target=self.run, daemon=True)
         self._thread.start()
         return self
 
     def close(self) -> None:
-        """Stop the server, and wait until it has: meanwhile, what this process prints is suppressed."""
+        """Stop the server, and wait for its end. Meanwhile, all that this process prints is suppressed."""
         self._asked.put(None)
         self._thread.join()
 
@@ -96,7 +98,7 @@ class Page:
         return f'<iframe src="{self.url}" width="100%" height="600"></iframe>'
 
     def _ask(self, what: Callable[[], None]) -> Callable[[Any], None]:
-        """Return the callback of a key, which queues the action `what`."""
+        """Return a callback that queues the action `what`."""
         return lambda _: self._asked.put(what)
 
     def _resume(self) -> None:
@@ -109,7 +111,7 @@ class Page:
         self._show(texts=True)
 
     def _scrub(self, event: viser.GuiEvent[Any]) -> None:
-        """Queue the frame that a reader of the page has chosen; the slider also follows the frames shown."""
+        """Queue a jump to the frame of the slider, unless the program itself has moved the slider."""
         if event.client is not None:
             frame = round(value_of(event.target))
             self._asked.put(lambda: self._go_to(frame))
@@ -126,7 +128,7 @@ class Page:
         self._show(texts=True)
 
     def _change(self, change: Callable[[], None]) -> None:
-        """Change the scene, or say why it cannot be, such as a drag that is too large for the time step."""
+        """Change the scene by calling `change`. If that is refused, as a drag too large for dt, show why."""
         assert isinstance(self._player, Live)
         try:
             change()
@@ -139,6 +141,7 @@ class Page:
         self._set_style()
 
     def _show(self, texts: bool) -> None:
+        """Draw the present state; with `texts`, renew the numbers, the legend and the curves, too."""
         with self._server.atomic():
             self._stage.show(self._player.snapshot(), self._player.painter)
         if not texts:
@@ -154,15 +157,10 @@ class Page:
         self._run.label = f"{'resume' if self._player.steps else KEYS['R']} (R)"
         for title, (places, curves) in self._player.curves().items():
             # a chart that is shown again, or begins empty, would have another size
-            is_empty = len(places) < 2
-            data = (
-                (_NO_PLACES, *(_NO_PLACES * np.nan for _ in curves))
-                if is_empty
-                else (places, *curves.values())
-            )
-            self._charts[title].data = data
+            self._charts[title].data = (places, *curves.values()) if len(places) > 1 else _no_data(curves)
 
     def _add_controls(self) -> None:
+        """Add keys, sliders, numbers and charts in the order in which the page shows them."""
         gui = self._server.gui
         player = self._player
         actions: tuple[Callable[[], None], ...] = (
@@ -181,11 +179,9 @@ class Page:
         speed = gui.add_slider("playback speed", 0.1, _MOST_SPEED, 0.1, 1.0, hint="1 is real time")
         speed.on_update(lambda _: setattr(self, "_speed", value_of(speed)))
         if player.colorings:
-            colors = gui.add_dropdown(
-                "color by", player.colorings, initial_value=player.painter.look.color_by
-            )
-            colors.on_update(self._ask(lambda: self._set_style(color_by=str(colors.value))))
-            self._colors = colors
+            look = player.painter.look
+            self._colors = gui.add_dropdown("color by", player.colorings, initial_value=look.color_by)
+            self._colors.on_update(self._ask(lambda: self._set_style(color_by=str(self._colors.value))))
         if player.has_chains:
             chains = gui.add_checkbox("force chains", self._style["forces"])
             chains.on_update(self._ask(lambda: self._set_style(forces=bool(chains.value))))
@@ -201,14 +197,14 @@ class Page:
         }
 
     def _add_chart(self, title: str, *names: str) -> viser.GuiUplotHandle:
-        """Add a chart, which is empty until there are curves of these names."""
+        """Add a chart with curves of these names, which are empty at first."""
         place, value = AXES[title]
         drawn = (
             uplot.Series(label=name, stroke=stroke, width=1.5)
             for name, stroke in zip(names, _STROKES, strict=False)
         )
         return self._server.gui.add_uplot(
-            (_NO_PLACES, *(_NO_PLACES * np.nan for _ in names)),
+            _no_data(names),
             (uplot.Series(label=place), *drawn),
             scales={"x": uplot.Scale(time=False)},
             axes=(uplot.Axis(label=place), uplot.Axis(label=value)),
@@ -217,8 +213,14 @@ class Page:
         )
 
 
+def _no_data(names: Iterable[str]) -> tuple[FloatArray, ...]:
+    """Return the data of a chart without points, for curves of these names."""
+    places = np.array([1.0, 2.0])
+    return places, *(places * np.nan for _ in names)
+
+
 def _table(rows: dict[str, str]) -> str:
-    """Return names and values as an HTML table; a value has the class "value" and its name as data."""
+    """Return names and values as an HTML table. Cells of values have the class "value" and data-name."""
     cells = (
         f'<tr><td style="width: 50%">{escape(name)}</td>'
         f'<td class="value" data-name="{escape(name)}">{escape(value)}</td></tr>'
@@ -228,7 +230,7 @@ def _table(rows: dict[str, str]) -> str:
 
 
 def _legend(painter: Painter, error: str | None = None) -> str:
-    """Return the reason of the end, the color range with its unit, and the force of the widest chains."""
+    """Return HTML with the error, the color range with its unit, and the force of the widest chains."""
     lines = [] if error is None else [f'<div style="color: #c00000">{escape(error)}</div>']
     if (scale := painter.colors.scale) is not None:
         colors = ", ".join(f"rgb({r:.0f} {g:.0f} {b:.0f})" for r, g, b in 255.0 * scale.colors()[::7])

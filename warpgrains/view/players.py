@@ -1,4 +1,4 @@
-"""Players for the page: a simulation, or the frames of a recording; and the pace at which they play."""
+"""Players of the page: of a simulation, or of the frames of a recording; and their pace."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from warpgrains.view.homework import Homework
 
 PLACEHOLDER = "\N{EN DASH}"
-"""Placeholder for a number that does not exist yet, so that the table has all rows from the start."""
+"""Text for a number that does not exist yet, so that the table has all its rows from the start."""
 ZETA, ENERGY = "zeta of the last step", "kinetic energy"
 AXES = {ZETA: ("iteration", "log10 of zeta [m/s]"), ENERGY: ("time [s]", "energy [J]")}
 """Titles of the axes of each chart, by its title."""
 Curves: TypeAlias = dict[str, tuple[FloatArray, dict[str, FloatArray]]]
-"""Places and curves by name, by the title of the chart."""
+"""For each chart, by its title: the values of the horizontal axis, and its curves by name."""
 
 FRAMES = 30.0  # a second, at most
 _ROUNDING = 1e-6  # steps
@@ -43,25 +43,28 @@ LEAST = 1e-16  # smallest zeta that is plotted [m/s]
 
 
 class Pace:
-    """Frames at a constant rate, each with the steps of `dt` [s] that are due since the last one."""
+    """Clock of the frames: a constant rate, and for each frame the steps of `dt` [s] since the last one."""
 
     def __init__(self, dt: float) -> None:
         self._dt = dt
         self.restart()
 
     def restart(self) -> None:
-        """Begin with a frame now, and owe nothing."""
+        """Start with a frame now, and no steps to make up for."""
         self._owed, self._next = 0.0, perf_counter()
 
     def due(self, speed: float) -> int:
-        """Return the number of steps of the next frame at a speed, 1 in real time."""
+        """Return the number of steps to the next frame. Speed 1 is real time."""
         self._owed += speed / FRAMES / self._dt
         steps = int(self._owed + _ROUNDING)
         self._owed -= steps
         return steps
 
     def wait(self) -> None:
-        """Wait until the next frame. What is late stays late, so that a slow player does not hurry later."""
+        """Wait until the next frame.
+
+        A delay is not made up for, so that a slow player does not hurry later.
+        """
         self._next = max(self._next + 1.0 / FRAMES, perf_counter())
         sleep(max(0.0, self._next - perf_counter()))
 
@@ -96,7 +99,7 @@ class Live:
 
     @property
     def has_ended(self) -> bool:
-        """True if a step has failed."""
+        """Whether a step has failed."""
         return self.error is not None
 
     def advance(self, steps: int) -> None:
@@ -110,6 +113,7 @@ class Live:
         self._past.append((self._simulation.time, self._energy()))
 
     def restart(self) -> None:
+        """Return to the start of the present scene."""
         scene, now = self._simulation.scene, self._simulation.state()
         state = replace(first_state(scene), id=now.id, born=now.born)
         if scene.has_friction and np.array_equal(scene.position, self._first.position):
@@ -122,7 +126,10 @@ class Live:
         self._simulation.change(**fields)
 
     def set_friction(self, out: float, inside: float, friction: float, rolling: float = 0.0) -> None:
-        """Go on with other spins of the walls [rad/s] and frictions; without friction, with none of them."""
+        """Change the spins of both circles [rad/s] and the coefficients of friction and rolling friction.
+
+        Where nothing has friction, spins, rolling friction and spin drag become 0.
+        """
         first = self._first
         at_walls = friction if first.wall_friction is None else first.wall_friction
         rotates = friction > 0.0 or at_walls > 0.0 or any(wall.friction for wall in first.walls)
@@ -136,7 +143,7 @@ class Live:
         )
 
     def set_restitution(self, restitution: float) -> None:
-        """Go on with another restitution; where no contact bounces, without a `restitution_speed`."""
+        """Change the restitution. If no contact bounces then, `restitution_speed` becomes 0."""
         first = self._first
         bounces = restitution or first.wall_restitution or any(wall.restitution for wall in first.walls)
         self.change(restitution=restitution, restitution_speed=first.restitution_speed if bounces else 0.0)
@@ -155,6 +162,7 @@ class Live:
         return float(kinetic_energy(scene.mass, scene.radius, now.velocity, now.spin))
 
     def readout(self) -> dict[str, str]:
+        """Return the numbers of the present state and the last step by name, as texts."""
         rows = {"time": f"{self._simulation.time:.4g} s", "steps": f"{self.steps}"}
         rows |= dict.fromkeys(("iterations", "zeta", "residual", "contacts", "converged"), PLACEHOLDER)
         report = self._report
@@ -193,7 +201,7 @@ class Replay:
 
     @property
     def has_ended(self) -> bool:
-        """True at the last frame."""
+        """Whether the last frame is shown."""
         return self.steps >= self.last
 
     def advance(self, steps: int) -> None:
@@ -209,6 +217,7 @@ class Replay:
         return self._recording.frame(self.steps, self.has_chains)
 
     def readout(self) -> dict[str, str]:
+        """Return the numbers of the present frame by name, as texts."""
         now = self.snapshot()
         rows = {"time": f"{now.time:.4g} s", "frame": f"{self.steps} of {self.last}"}
         if self.has_chains:

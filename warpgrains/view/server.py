@@ -19,7 +19,7 @@ from websockets.http11 import Request, Response
 
 HOST = "127.0.0.1"
 OWN_NAMES = (HOST, "localhost", "::1")
-"""Host names of this machine in the page's address; the port may be a forwarded one."""
+"""Host names that the address of the page may have; its port may be that of a tunnel."""
 REFUSAL = "only the page that this server serves may connect to it\n"
 MALFORMED = 1007  # RFC 6455, 7.4.1: data that is not consistent with the type of the message
 
@@ -45,14 +45,14 @@ def serve_page(port: int, label: str) -> viser.ViserServer:
 
 
 class _LocalServer(viser.ViserServer):
-    """A server without the tunnel to a public address that a message of its page can ask for."""
+    """A server that opens no tunnel to a public address, which a message of its page could request."""
 
     def request_share_url(self, verbose: bool = True) -> None:
         return None
 
 
 def is_own_origin(request: Request) -> bool:
-    """Return whether a request comes from the served page, that is, from the host of the page's address."""
+    """Return whether a request comes from the served page: its origin is its host, which is this machine."""
     hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
     if len(hosts) != 1 or len(origins) != 1:
         return False
@@ -60,7 +60,7 @@ def is_own_origin(request: Request) -> bool:
 
 
 def _serve_guarded(serve: Any, handler: Any, *where: Any, process_request: Any, **options: Any) -> Any:
-    """Call `serve` so that other origins get no WebSocket, and unreadable messages print no traceback."""
+    """Call `serve` with handlers that refuse other origins, and print no traceback for malformed messages."""
 
     def answer(connection: ServerConnection, request: Request) -> Response | None:
         if "Upgrade" in request.headers and not is_own_origin(request):

@@ -1,4 +1,4 @@
-"""Sliders of the page: their values, and those that change the scene of a simulation."""
+"""Sliders of the page that change the scene of a simulation."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ _HINT = "angular velocity, counterclockwise; it needs friction"
 Change = Callable[[], None]
 Slider = viser.GuiSliderHandle[float]
 OnChange = Callable[[Change], Callable[[Any], None]]
-"""Function that makes the callback of a slider from a change of the scene."""
+"""Function that returns the callback of a slider, which does a change of the scene."""
 
 
 def value_of(slider: viser.GuiInputHandle[Any]) -> float:
-    """Return the value of a slider, within its range whatever the browser sends."""
+    """Return the value of a slider. One that the browser sends from outside of the range is clipped."""
     low, high = slider.min, slider.max  # type: ignore[attr-defined]
     return float(np.clip(np.nan_to_num(float(slider.value), nan=low), low, high))
 
 
 class Sliders:
-    """Sliders of the physics of a simulation, which start at the values of the scene."""
+    """Sliders of the physics of a simulation, with the values of its scene at first."""
 
     def __init__(self, gui: viser.GuiApi, player: Live, on: OnChange) -> None:
         self._gui, self._player, self._on = gui, player, on
@@ -57,7 +57,7 @@ class Sliders:
         return slider
 
     def _add_friction(self) -> None:
-        """Add sliders of friction and of the angular velocities of the circles."""
+        """Add sliders for friction, rolling friction, and the angular velocities of the circles."""
         player, scene, sliders = self._player, self._player.scene, []
         given = {"friction": scene.friction}
         if scene.method != "exact":  # which knows no other
@@ -76,12 +76,12 @@ class Sliders:
             slider.on_update(self._on(change))
 
     def reset(self) -> None:
-        """Set all to the values at the start, which changes the scene as if somebody had."""
+        """Set all sliders to their first values, and so change the scene."""
         for slider, _, value in self._first:
             slider.value = value  # type: ignore[misc]
 
     def clipped(self) -> str | None:
-        """Return which value was out of range, also when the browser has replaced it by the end."""
+        """Return a message on a value out of range, also if the browser has clipped it; None without one."""
         for slider, label, _ in self._first:
             low, high, value = slider.min, slider.max, float(slider.value)
             if not low <= value <= high:
@@ -92,6 +92,9 @@ class Sliders:
 
 
 def _gravity(pull: Slider, towards: Slider, rate: float) -> dict[str, Any]:
-    """Return gravity of a size [m/s2] and direction at time 0, which turns at a rate [rad/s]."""
+    """Return the table of gravity [m/s2] from sliders of its size and its direction at time 0 [degrees].
+
+    Gravity turns at the rate [rad/s].
+    """
     size, angle = value_of(pull), np.radians(value_of(towards))
     return {"vector": (float(size * np.cos(angle)), float(size * np.sin(angle))), "rotate": rate}

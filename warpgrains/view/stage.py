@@ -19,7 +19,7 @@ _MARK_HEIGHT, _CHAIN_HEIGHT = 0.005, 0.01  # above the grains, in half of the lo
 
 
 class Stage:
-    """The 3D scene of a page, in the plane z = 0, seen from +z."""
+    """The 3D scene of a page: walls, grains and force chains in the plane z = 0, seen from +z."""
 
     def __init__(self, server: viser.ViserServer, painter: Painter) -> None:
         self._scene = server.scene
@@ -40,18 +40,18 @@ class Stage:
         self._has_chains = False
 
     def _reserve(self, grains: int) -> None:
-        """Add instances for a number of grains in place of those so far."""
+        """Replace the instances by ones for a number of grains."""
         self._slots = grains
         angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
         self._grains = self._add_instances("/grains", np.stack([np.cos(angle), np.sin(angle)], axis=1))
         self._marks = self._add_instances(_MARKS, mark())
 
     def _distance(self, height: float) -> float:
-        """Return how far the camera is if the view has a share of the height of the window [m]."""
+        """Return the distance of the camera [m] at which the view fills a part of the window's height."""
         return 1.1 * self._view.half / height / float(np.tan(_FIELD_OF_VIEW / 2.0))
 
     def _follow(self, client: viser.ClientHandle) -> None:
-        """Show the whole view in a window of any size, and again whenever its size changes."""
+        """Keep the whole view visible in the window of a client, whenever its size changes."""
         camera, shown = client.camera, [(0, 0)]
 
         def fit(_: object) -> None:
@@ -101,7 +101,7 @@ class Stage:
         self._add_mesh(f"/walls/{name}", mesh.points, mesh.corners, WALL_COLOR)
 
     def _add_instances(self, name: str, outline: FloatArray) -> viser.BatchedMeshHandle:
-        """Add a convex shape of each grain, whose outline has the corners of shape (k, 2) at radius 1."""
+        """Add an instance of a convex shape for each grain; its corners at radius 1 are `outline`, (k, 2)."""
         grains, number = self._slots, np.arange(1, len(outline) - 1)
         return self._scene.add_batched_meshes_simple(
             name,
@@ -139,7 +139,7 @@ def _place(
     radius: FloatArray,
     color: FloatArray,
 ) -> None:
-    """Put the shapes of grains at places [m], a height [m] above the plane, in colors (sRGB)."""
+    """Set positions [m], the height above the plane [m], radii [m] and colors (sRGB) of the instances."""
     shapes.batched_scales = radius.astype(np.float32)
     shapes.batched_positions = np.insert(position, 2, height, axis=1).astype(np.float32)
     shapes.batched_colors = np.rint(255.0 * linear(color)).astype(np.uint8)
