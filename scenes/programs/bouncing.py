@@ -134,7 +134,7 @@ def cooling(start: wg.Scene, e: float, step: float) -> tuple[FloatArray, FloatAr
 
 
 def section() -> Section:
-    """Draw the bounces of a ball, the pressure of a gas, its loss of energy over dt, and Haff's law."""
+    """Draw the bounces of a ball, the pressure of a gas, the energy that it loses over dt, and Haff's law."""
     figure, ((over_time, over_fraction), (over_dt, over_tau)) = panels(2, 2, height=6.4)
     numbers: dict[str, float] = {}
     for e in (0.5, 0.7, 0.9):

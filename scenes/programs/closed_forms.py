@@ -23,7 +23,10 @@ SCHEMES = {
 
 
 def disc(**changes: Any) -> wg.Scene:
-    """Return one disc of radius 0.5 m that touches a circle of radius 1.5 m, without gravity."""
+    """Return a scene of one disc of radius 0.5 m that touches a circle of radius 1.5 m, without gravity.
+
+    `changes` replace its fields.
+    """
     fields: dict[str, Any] = {
         "position": [[1.0, 0.0]],
         "radius": RADIUS,
@@ -81,7 +84,10 @@ def exact_rolling_period() -> float:
 
 
 def on_a_slope(tangent_of_slope: float, friction: float, rolling: float = 0.0) -> wg.Simulation:
-    """Return a disc after half a second on a slope, a circle so large that it is flat within a meter."""
+    """Return the simulation of a disc after half a second on a slope.
+
+    The slope is a circle so large that it is flat within a meter.
+    """
     slope, floor = np.arctan(tangent_of_slope), 1e6
     gravity, start = G * np.array([np.sin(slope), -np.cos(slope)]), [[0.0, -(floor - RADIUS)]]
     resists = {"friction": friction, "rolling_friction": rolling}

@@ -205,7 +205,7 @@ def jamming() -> Section:
 
 
 def jam() -> Section:
-    """Wedge five grains between walls whose distance is a little shorter than they are."""
+    """Wedge five grains between walls whose distance is a little less than five diameters."""
     chain = np.column_stack([np.zeros(5), -0.55 - 0.1 * np.arange(5)])
     loose = np.column_stack([[-0.5, -0.35, 0.35, 0.5], [0.55, 0.75, 0.75, 0.55]])
     places, circles = np.vstack([chain, loose]), {"radius_in": 0.5, "radius_out": 1.0}

@@ -12,7 +12,7 @@ from warpgrains.base.errors import InputError, requiring, written_as
 from warpgrains.base.files import require_writable_path, suffix_of
 from warpgrains.base.shown import number_of
 from warpgrains.base.warp_start import start_warp
-from warpgrains.drawing.kinds import FILMS, form_of, require_drawing
+from warpgrains.drawing.kinds import FILMS, form_of
 from warpgrains.drawing.looks import Looks, with_style
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.toml import shipped_scenes
@@ -37,8 +37,10 @@ def recover(arguments: Namespace) -> bool:
 @written_as(FLAGS | {"frames": "--frames"})
 def plot(arguments: Namespace) -> bool:
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
-    is_film, is_history = form_of(output) in FILMS, suffix_of(arguments.file) == ".csv"
-    require_drawing("plot", is_film)
+    is_history = suffix_of(arguments.file) == ".csv"
+    is_film = not is_history and form_of(output) in FILMS
+    with requiring("plot", "film" if is_film else "report"):
+        plots = import_module(f"warpgrains.{'pictures.film' if is_film else 'analysis.plots'}")
     given = {name: getattr(arguments, name) for name in (*Looks.__annotations__, "style")}
     given = {name: value for name, value in given.items() if value is not None}
     kind = "history" if is_history else "film" if is_film else "picture"
@@ -48,19 +50,13 @@ def plot(arguments: Namespace) -> bool:
         if is_history or (kind == "picture" and name in ("fps", "slow")):
             raise InputError(f"--{name.replace('_', '-')} has no effect on a {kind}")
     if is_history:
-        from warpgrains.analysis.plots import plot_history
-
-        print(f"{output}: {number_of(len(plot_history(arguments.file, output)), 'step')}")
+        print(f"{output}: {number_of(len(plots.plot_history(arguments.file, output)), 'step')}")
         return False
     looks: Any = with_style(given, given.pop("style", None))
     if is_film:
-        from warpgrains.pictures.film import draw_film
-
-        print(f"{output}: {number_of(len(draw_film(arguments.file, output, True, **looks)), 'frame')}")
+        print(f"{output}: {number_of(len(plots.draw_film(arguments.file, output, True, **looks)), 'frame')}")
         return False
-    from warpgrains.analysis.plots import plot
-
-    numbers = plot(arguments.file, output, arguments.frames, arguments.curves, **looks)
+    numbers = plots.plot(arguments.file, output, arguments.frames, arguments.curves, **looks)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
     return False
 

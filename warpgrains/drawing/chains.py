@@ -46,7 +46,8 @@ class ChainScale(NamedTuple):
 class Chains(NamedTuple):
     """Bands of the contacts of a snapshot, in the order of `all_contacts`.
 
-    In a periodic box, the parts of bands that lie beyond a side follow, see `cut`.
+    In a periodic box, the parts of bands beyond a side are moved into the box and follow at the end, see
+    `cut`.
     """
 
     corners: FloatArray

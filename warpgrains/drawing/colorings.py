@@ -81,7 +81,11 @@ def _length(wall: Wall) -> float:
 
 
 def spin_scale(scene: Scene) -> float:
-    """Return the largest spin at the start, or that of rolling at half of `speed_scale` [rad/s]."""
+    """Return a large spin in a scene [rad/s].
+
+    It is the largest one at the start, or if larger, that of a typical grain that rolls at half of
+    `speed_scale`.
+    """
     return max(float(np.abs(scene.spin).max()), 0.5 * speed_scale(scene) / scene.typical_radius)
 
 
@@ -146,12 +150,8 @@ def _ends(of: Callable[[Scene], FloatArray], scene: Scene) -> tuple[float, float
     return float(values.min()), float(values.max())
 
 
-def _up_to(most: Callable[[Scene], float], scene: Scene) -> tuple[float, float]:
-    return 0.0, most(scene)
-
-
 def force_scale(scene: Scene) -> float:
-    """Return the sum of the forces on a mean grain at `pressure_scale` [N]."""
+    """Return the sum of the normal forces on a mean grain whose pressure is `pressure_scale` [N]."""
     return pressure_scale(scene) * 2.0 * np.pi * float(scene.radius.mean())
 
 
@@ -178,13 +178,13 @@ COLORINGS = {
     "speed": Coloring(
         "m/s",
         "YlGnBu",
-        partial(_up_to, speed_scale),
+        lambda scene: (0.0, speed_scale(scene)),
         lambda now: np.hypot(*now.velocity.T),
         "max",
         has_root=True,
     ),
-    "pressure": Coloring("N/m", "YlOrBr", partial(_up_to, pressure_scale), pressure, **_PUSHED),
-    "force": Coloring("N", "YlGn", partial(_up_to, force_scale), force, **_PUSHED),
+    "pressure": Coloring("N/m", "YlOrBr", lambda scene: (0.0, pressure_scale(scene)), pressure, **_PUSHED),
+    "force": Coloring("N", "YlGn", lambda scene: (0.0, force_scale(scene)), force, **_PUSHED),
     "spin": Coloring(
         "rad/s",
         "PuOr",

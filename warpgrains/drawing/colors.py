@@ -43,11 +43,6 @@ _COLORMAPS = {
         25848e 228c8d 1f948c 1e9c89 20a386 25ab82 2eb37c 3aba76 48c16e 58c765 6ccd5a 7fd34e 93d741 a8db34
         c0df25 d5e21a eae51a fde725
     """,
-    "cividis": """
-        00224e 00285b 002e6a 053371 1c396f 293f6e 33446d 3c4a6c 45506c 4d556c 555b6d 5c616e 646770 6b6d72
-        727274 787877 807f78 888578 908b78 979177 a09875 a89e73 b0a571 b9ab6d c2b369 cbb965 d3c05f dcc859
-        e6d051 efd748 f8df3c fee838
-    """,
     "plasma": """
         0d0887 220690 310597 3f049c 4e02a2 5b01a5 6700a8 7401a8 8104a7 8d0ba5 9814a0 a21d9a ad2793 b6308b
         bf3984 c7427c cf4c74 d6556d dd5e66 e3685f e97257 ef7c51 f3874a f79143 fa9e3b fca934 fdb52e fdc229
@@ -106,7 +101,7 @@ class ColorScale:
 
 
 class GrainColors:
-    """Colors of the grains of a scene, by a quantity of `COLORINGS` or without a scale, see `CATEGORIES`.
+    """Colors of the grains of a scene: on the scale of one of `COLORINGS`, or from a table of `CATEGORIES`.
 
     The scale depends only on the scene, so that a color means the same in every snapshot and after a restart.
     `colors` and `range` are those of `Look`. `still` holds the index of each grain's color, shape (n,), if
@@ -180,7 +175,7 @@ OF_START = ("bands", "height")
 
 
 def colormap(name: str, share: FloatArray) -> FloatArray:
-    """Return the colors (sRGB, 0 to 1) of a colormap at places from 0 to 1, shape (n,), as shape (n, 3).
+    """Return the colors (sRGB), shape (n, 3), at places from 0 to 1 along a colormap, shape (n,).
 
     The name is that of a colormap of Matplotlib, or a list of colors with commas.
     """
@@ -200,7 +195,10 @@ def colormap(name: str, share: FloatArray) -> FloatArray:
 
 
 def mark_color(color: FloatArray) -> FloatArray:
-    """Return a color for the mark on each color (sRGB), shape (n, 3): darker, or lighter on a dark one."""
+    """Return the color of the mark on a grain of each color (sRGB), shape (n, 3).
+
+    It is darker than the grain, or lighter if the grain is dark.
+    """
     return np.where(is_dark(color)[..., np.newaxis], 1.0 - _CONTRAST * (1.0 - color), _CONTRAST * color)
 
 
@@ -210,12 +208,12 @@ def is_dark(color: FloatArray) -> BoolArray:
 
 
 def linear(encoded: FloatArray) -> NDArray[np.float32]:
-    """Return the linear values of sRGB colors, which displayColor of USD holds."""
+    """Convert sRGB colors to linear values, which displayColor of USD holds."""
     values = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     return values.astype(np.float32)
 
 
 def encoded(linear: FloatArray) -> FloatArray:
-    """Return the sRGB colors of linear values, which screens show."""
+    """Convert linear values to sRGB colors, which screens show."""
     clipped = np.clip(linear, 0.0, 1.0)
     return np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1.0 / 2.4) - 0.055)

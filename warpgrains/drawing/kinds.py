@@ -42,8 +42,6 @@ class FilmFormat(NamedTuple):
     """Largest frame rate that browsers play, or ffmpeg writes [1/s]."""
 
 
-SLOWEST = 1e-4
-"""Smallest frame rate of a film [1/s], so that ffmpeg can read it as a fraction."""
 _H264 = ("libx264", "yuv420p", "-crf", "18", "-preset", "fast", "-movflags", "+faststart")
 FILMS = {
     ".mp4": FilmFormat("mp4", _H264, side=720, fastest=1e6),
@@ -52,7 +50,7 @@ FILMS = {
     ".webp": FilmFormat("webp", ("libwebp_anim", "yuv420p", "-lossless", "0", "-q:v", "80", "-loop", "0")),
     SEQUENCE: FilmFormat("image2", ("png", "rgb24", "-start_number", "0"), side=720, fastest=1e6),
 }
-"""Formats of films, see `form_of`."""
+"""Formats of films, by the result of `form_of`."""
 
 
 class Output(AbstractContextManager[Any], Protocol):
@@ -72,6 +70,8 @@ class Output(AbstractContextManager[Any], Protocol):
 
 
 class Kind(NamedTuple):
+    """A kind of output of runs."""
+
     name: str
     shows: str
     """Description for users."""
@@ -111,7 +111,7 @@ STILL = Kind(
     has_frames=False, lacks=("draw_as", "fps", "slow"),
 )  # fmt: skip
 KINDS = {suffix: kind for kind in (RECORDING, FILM, STILL) for suffix in kind.suffixes}
-"""Kinds of outputs, see `form_of`."""
+"""Kinds of outputs, by the result of `form_of`."""
 
 
 def form_of(path: str | Path) -> str:
@@ -183,12 +183,3 @@ def color_of(field: str, text: str) -> tuple[float, float, float]:
 def colors_of(field: str, text: str) -> list[tuple[float, float, float]] | None:
     """Return the colors (sRGB) of a text with commas; None for one without, which names a colormap."""
     return [color_of(field, one.strip()) for one in text.split(",")] if "," in text else None
-
-
-def require_drawing(what: str, is_film: bool = False) -> None:
-    """Raise InputError unless the libraries for a picture, or a film of it, are installed."""
-    with requiring(what, "film" if is_film else "report"):
-        import matplotlib.axes  # noqa: F401
-
-        if is_film:
-            import imageio_ffmpeg  # noqa: F401

@@ -125,7 +125,7 @@ LOOKS = described_fields(Look)
 
 
 def with_style(given: Mapping[str, Any], style: str | Path | None) -> dict[str, Any]:
-    """Return the given options by name, completed by those of a style, a TOML file."""
+    """Return the options `given`, by name, and those of the TOML file `style` that are not given."""
     if style is None:
         return dict(given)
     path = Path(checks.path("style", style))

@@ -49,7 +49,7 @@ class Painter:
         return drawn_walls(self.scene, self.thickness)
 
     def moved_walls(self, now: Scene, time: float) -> dict[str, Band]:
-        """Return the mobile walls as drawn at a time [s], by name; driven ones as in the scene `now`."""
+        """Return the mobile walls as drawn at a time [s], by name, see `shapes.moved_walls`."""
         return moved_walls(self.scene, now, time, self.thickness)
 
     @property
@@ -75,7 +75,10 @@ class Painter:
         return None if self.chain_scale is None else chains_of(self.chain_scale, now)
 
     def show_all(self, *snapshots: Snapshot) -> None:
-        """Widen the rectangle to contain all grains of snapshots, unless it was given or is periodic."""
+        """Widen the rectangle to contain all grains of snapshots.
+
+        A rectangle that the look gives stays as it is, and so do periodic directions.
+        """
         if self.look.frame is None:
             period = self.scene.period
             boxes = [

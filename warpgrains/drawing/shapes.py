@@ -41,11 +41,11 @@ class Shape:
     marked: BoolArray | None = None
     """Polygons that form the mark, shape (p,)."""
     is_round: bool = False
-    """Whether the mesh is that of a sphere about the origin, and is shaded so."""
+    """Whether the mesh is a sphere of radius 1 m, which is shaded smoothly."""
 
     @property
     def normals(self) -> FloatArray:
-        """Normals of the polygons, shape (p, 3), or of the points of a sphere, shape (v, 3)."""
+        """Normals of the polygons, shape (p, 3); for a sphere those of the points, shape (v, 3)."""
         if self.is_round:
             return self.points
         first = np.cumsum(self.counts) - self.counts

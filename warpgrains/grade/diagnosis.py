@@ -75,7 +75,10 @@ def read_mistakes() -> list[Mistake]:
 
 
 def _in_slots(terms: dict[str, str], slots: str) -> dict[tuple[str, int], str]:
-    """Return the expression of each (term, slot), in `slots` unless digits after a term name others."""
+    """Return the wrong expression of each (term, slot).
+
+    A term occurs in all `slots`, unless digits after its name give its own slots.
+    """
     found = ((_TERM.fullmatch(term), expression) for term, expression in terms.items())
     return {
         (match[1], int(slot)): expression
@@ -86,14 +89,14 @@ def _in_slots(terms: dict[str, str], slots: str) -> dict[tuple[str, int], str]:
 
 
 def hint_of(first: Difference | None) -> Hint:
-    """Return the hint for the first wrong value, or for None that for an index beyond `dvContacts`."""
+    """Return the hint for the first wrong value; for None, that for an index beyond `dvContacts`."""
     groups = (each for group in _table()["group"] for each in (group, group.get("wall", {})))
     entry = _entry(first) if first else "index"
     return next(_hint(group) for group in groups if entry in group.get("shows", ()))
 
 
 def _entry(first: Difference) -> str:
-    """Return the name by which the lists `shows` of mistakes.toml have a wrong value."""
+    """Return the name of a wrong value in the lists `shows` of mistakes.toml."""
     entry, iteration = first.quantity.partition("[")[0], first.probe.call.iteration
     if iteration < 0:
         return "free" if "before" in first.quantity else "position" if entry in ("x", "y") else "loop"
@@ -227,7 +230,10 @@ class Model:
         return Explanation((), False)
 
     def _named(self, chosen: Sequence[int], row: np.ndarray, when: tuple[int, int]) -> list[Mistake]:
-        """Return the mistakes of a row that `search` found; names say in which iterations, unless in all."""
+        """Return the mistakes of a row that `search` found.
+
+        A mistake that occurs in some iterations only has these in its name.
+        """
         pairs = zip(row, when, strict=True)
         return [
             mistake._replace(name=Words(_SAID[bits], mistake=mistake.name)) if bits != _ALL else mistake

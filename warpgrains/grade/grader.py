@@ -53,7 +53,10 @@ _MAIN = "it defines main: hand in the two functions without the program that tes
 
 
 class Round(NamedTuple):
-    """Calls with the reference's answers; those of femGrainsUpdate also with iterMax - 1."""
+    """Calls with the answers of the reference.
+
+    Calls of femGrainsUpdate are also made with iterMax - 1, for homeworks that count iteration 0.
+    """
 
     probes: list[Probe]
     expected: list[Answer]

@@ -220,9 +220,10 @@ def _updates(step: Probe, zeta: FloatArray, limit: int, most: int, noise: float)
 
 
 def _clearest_drop(zeta: FloatArray, noise: float) -> float:
-    """Return a tolerance [m/s] that rounding does not move to another iteration.
+    """Return a tolerance [m/s] at which rounding cannot change the number of iterations.
 
-    It lies between the zeta that falls furthest, as a ratio, below all earlier ones, and these.
+    It lies between the zeta of an iteration and the least earlier one, where the ratio of both is the
+    largest.
     """
     drops = {
         k: max(zeta[k], noise) / zeta[1:k].min()

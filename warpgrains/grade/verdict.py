@@ -124,7 +124,7 @@ class Verdict:
     seconds: float = 0.0
     """Wall time of grading [s]."""
     points: Mapping[str, float] | None = None
-    """Points of each part that is right, by its name; None if no points are given."""
+    """Largest number of points of each part, by its name; None if no points are given."""
 
     @property
     def status(self) -> Words:

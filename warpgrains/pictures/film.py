@@ -22,7 +22,7 @@ from warpgrains.base.errors import InputError, OutputError
 from warpgrains.base.files import draft_folder, draft_of, draft_path, naming, publish, require_writable_path
 from warpgrains.base.locks import Lock
 from warpgrains.drawing.frames import FrameTimes
-from warpgrains.drawing.kinds import FILMS, SEQUENCE, SLOWEST, FilmFormat, form_of, size_of
+from warpgrains.drawing.kinds import FILMS, SEQUENCE, FilmFormat, form_of, size_of
 from warpgrains.drawing.looks import Looks
 from warpgrains.drawing.painter import Painter
 from warpgrains.pictures.still import Canvas, DrawnOutput
@@ -36,7 +36,8 @@ _FORMATS = FILMS | {
     ".mkv": FilmFormat("matroska", ("libx264rgb", "rgb24", "-crf", "0", "-preset", "ultrafast")),
     ".png": FilmFormat("image2"),
 }
-"""Formats of films, and of the lossless film and the palette that precede one with a palette."""
+"""Formats of films and of intermediate files: a lossless film, and a palette."""
+_SLOWEST = 1e-4  # frame rate [1/s], so that ffmpeg can read it as a fraction
 _SOURCE = re.compile(r"^(\[[^]]*\] )+")  # prefix of an error message: the part of ffmpeg that reports it
 _PALETTE = "palettegen=stats_mode=full"
 _WITH_PALETTE = "paletteuse=dither=none:diff_mode=rectangle"
@@ -104,15 +105,16 @@ def encoding_of_frames(output: Path, shape: tuple[int, ...], rate: float) -> Enc
 
 def require_rate(rate: float) -> None:
     """Raise InputError if a frame rate [1/s] is too low for a film."""
-    if rate < SLOWEST:
-        raise InputError(f"a film has at least {SLOWEST:g} frames a second of simulated time, not {rate:g}")
+    if rate < _SLOWEST:
+        raise InputError(f"a film has at least {_SLOWEST:g} frames a second of simulated time, not {rate:g}")
 
 
 @contextmanager
 def _draft_of(target: Path) -> Iterator[Path]:
     """Yield the path of a film, which replaces `target` after the block, see `draft_of`.
 
-    Pictures with numbers replace no others: those of an earlier film, if it is longer, would remain.
+    Numbered pictures replace no files, because the last ones of an earlier, longer film would remain. Raises
+    OutputError if there are any.
     """
     if form_of(target) != SEQUENCE:
         with draft_of(target) as draft:

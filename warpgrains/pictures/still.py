@@ -140,7 +140,7 @@ def _add_chain_legend(axes: Axes, scale: ChainScale, painter: Painter) -> None:
 
 
 def shares(view: Bounds) -> tuple[float, float]:
-    """Return width and height of axes that show a view, by their longer side; at least 0.4, for legends."""
+    """Return width and height of the axes for a view, divided by the longer one, and at least 0.4."""
     across, along = (max(length / (2.0 * view.half), _LEAST_SHARE) for length in (view.width, view.height))
     return across, along
 
@@ -152,10 +152,8 @@ class Canvas:
     """
 
     def __init__(self, painter: Painter, side: int) -> None:
-        bar, size = (
-            _BAR_SHARE * (painter.colors.scale is not None and not painter.look.clean),
-            painter.look.pixels,
-        )
+        bar = _BAR_SHARE * (painter.colors.scale is not None and not painter.look.clean)
+        size = painter.look.pixels
         if size is None:
             across, along = shares(painter.view)
             size = 2 * round(side * (across + bar) / 2.0), 2 * round(side * along / 2.0)  # even, for films
@@ -236,7 +234,10 @@ class Picture:
 
 
 class DrawnOutput(ExitStack):
-    """Base class of the film and the picture of a run, which replace any file and are locked until then."""
+    """Base class of the film and the picture of a run.
+
+    The file is locked during the run. At its end, it replaces any earlier file.
+    """
 
     def __init__(self, scene: Scene, options: RunOptions, *_: object) -> None:
         super().__init__()

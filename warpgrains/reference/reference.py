@@ -32,7 +32,7 @@ _PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
 class Grains(ctypes.Structure):
-    """`femGrains` of grains.h."""
+    """The C struct `femGrains` (fem.h)."""
 
     _fields_ = (
         ("n", ctypes.c_int),
@@ -295,7 +295,7 @@ class CReference(NamedTuple):
 
 @cache
 def find_c_reference() -> CReference:
-    """Compile the reference, once in a process; without a C compiler, the result says why there is none."""
+    """Compile the reference, once in a process. Without a C compiler, the result holds the reason."""
     with tempfile.TemporaryDirectory() as folder:
         try:
             library = build(Path(folder), FAST)

@@ -181,7 +181,7 @@ def _path_text(paths: Sequence[PathRow]) -> str:
 
 
 def _frontier_table(rows: Sequence[FrontierRow]) -> str:
-    """Return a table of the time step with the least overlap, rows by cost, columns by method."""
+    """Return a table that shows, for each cost and method, the time step with the least overlap."""
     head = "iterations in one of the scene's own steps"
     lines = [[head, *(f"least overlap, {method}" for method in SWEEPING)]]
     for cost in dict.fromkeys(row.cost for row in rows):

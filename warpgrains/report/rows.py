@@ -138,7 +138,7 @@ class FrontierRow:
 
 @dataclass(frozen=True)
 class Findings:
-    """All measurements, scene after scene."""
+    """All measurements of a report, in the order of the scenes."""
 
     steps: list[StepRow] = field(default_factory=list)
     paths: list[PathRow] = field(default_factory=list)

@@ -18,7 +18,7 @@ from warpgrains.base.errors import InputError, SimulationError, requiring
 from warpgrains.base.shown import Shown, number_of
 from warpgrains.base.turns import NOTHING, READ, ExclusiveUse
 from warpgrains.base.warp_start import find_device
-from warpgrains.drawing.kinds import STILL, require_drawing
+from warpgrains.drawing.kinds import STILL
 from warpgrains.drawing.looks import LOOKS, Look, Looks, with_style
 from warpgrains.drawing.painter import Painter
 from warpgrains.scene.compatibility import warn_of_overlaps, warn_of_overlaps_of
@@ -695,8 +695,8 @@ class Simulation(LoadedScene, Shown):
         InputError
             The coloring is unknown, the size or the frame is invalid, or Matplotlib is not installed.
         """
-        require_drawing("plot")
-        from warpgrains.pictures.still import Picture
+        with requiring("plot"):
+            from warpgrains.pictures.still import Picture
 
         for name in looks:
             checks.one_of("option of a picture", name, LOOKS.keys() - set(STILL.lacks))

@@ -48,7 +48,7 @@ class Row(NamedTuple):
 
     attribute: Usd.Attribute
     per: str | None = None
-    """Things with one value each, a key of the counts in `_frame_problems`; None if any length is right."""
+    """Key of the right length of the array among the counts of `_frame_problems`; None for any length."""
     within: tuple[float, float, str] = _FINITE
     """Bounds between which all values lie, without the bounds themselves, and their name in messages."""
     is_still: bool | None = None

@@ -25,17 +25,17 @@ PROTOTYPES = Sdf.Path("/World/Prototypes")
 """Class prim with the prototypes of instances; the prim itself is not drawn."""
 COLOR_INDICES = "primvars:displayColor:indices"
 OF_GRAINS = {"mass": "warpgrains:mass", "radius": "warpgrains:radius"}
-"""Fields of the scene that are primvars of the grains, by the attributes that hold them as doubles.
+"""Attributes that hold fields of the scene as doubles, by the name of the field.
 
-Primvars are floats, because Blender reads no primvar after a double.
+The same fields are primvars, as floats, because Blender reads no primvar after a double.
 """
 PERIODS = "warpgrains:periods"
-"""Attribute of grains in a periodic box: number of its lengths from the point to the grain, (n, 2)."""
+"""Attribute of grains in a periodic box: how many of its lengths a grain is away from its point, (n, 2)."""
 ANGLE = "angle"
 VELOCITIES = "velocities"
 
 ORIENTATIONS = "orientations"
-"""Attribute of instances that rotate: quaternions of half precision; in NumPy their real part is last."""
+"""Attribute of the orientations of instances: quaternions of half precision, (x, y, z, w) in NumPy."""
 
 _MOST_PROTOTYPES = 16
 
@@ -141,7 +141,7 @@ class Grains:
         return values
 
     def _color(self, levels: IndexArray) -> dict[str, NDArray[Any]]:
-        """Return the indices of colors, and of the prototypes of instances, by attribute, shape (n,)."""
+        """Return the arrays of color indices, and for instances of prototype indices, by attribute, (n,)."""
         index = {COLOR_INDICES: levels} | (
             {} if self._shape is None else {"protoIndices": levels // self._shared}
         )

@@ -33,9 +33,10 @@ _HIGHEST = 0.1  # height of walls, in half of the longer side of the view, up to
 
 
 class Walls:
-    """The walls, drawn outside the space of the grains, as high as a mean grain of `height` radii.
+    """The walls as bodies, outside the space of the grains.
 
-    Frames hold points, normals and extents of mobile walls.
+    They are as high as a mean grain, whose height is `height` times its radius. Frames hold points, normals
+    and extents of mobile walls.
     """
 
     def __init__(self, painter: Painter, height: float) -> None:

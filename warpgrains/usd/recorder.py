@@ -126,7 +126,10 @@ class Recorder:
         self._frames.remove()
 
     def _resume(self, frames: int) -> None:
-        """Continue the log after its first `frames` frames; make it of the file if that is finished."""
+        """Continue the log after its first `frames` frames.
+
+        If the recording is finished, make the log from it.
+        """
         is_joined = is_complete(self.path)
         if is_joined:
             reopen_log(self.path, self.log)

@@ -233,7 +233,10 @@ class Recording(Shown):
 
     @cached_property
     def recorded_scene(self) -> Scene:
-        """Scene of the run with the grains of the first frame, whose centers may be in walls."""
+        """Scene of the run with the grains of the first frame.
+
+        Unlike `scene`, it may have centers in walls.
+        """
         return Scene.of_later_state(
             position=self._of_frame("position", 0),
             velocity=self._of_frame("velocity", 0),

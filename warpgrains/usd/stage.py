@@ -216,7 +216,7 @@ def too_coarse(position: FloatArray, radius: FloatArray) -> str | None:
 
 
 def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the float32 box [m] of spheres, centers (n, 3) and half widths (n,), rounded outwards."""
+    """Return the box about spheres [m], shape (2, 3), rounded outwards to float32."""
     edges = np.empty((3, len(shown)))  # one row per component, because NumPy reduces long rows much faster
     box = np.empty((2, 3), dtype=np.float32)
     low = np.subtract(shown.T, half_width, out=edges).min(axis=1)

@@ -72,7 +72,7 @@ def identity(constants: str) -> str:
 
 
 def _logged(value: Any) -> NDArray[Any]:
-    """Convert a value to an array for the log; float16, of orientations, becomes float32."""
+    """Convert the value of an attribute to an array for the log, which has float32 instead of float16."""
     array = np.array(value)
     return array.astype(np.float32) if array.dtype == np.float16 else array
 

@@ -25,7 +25,7 @@ _SLOWED = 1.0 / 30.0  # duration of a stage on the page [s]
 
 
 class _Painter(Painter):
-    """Painter that shows the velocity difference of each grain by red, relative to the largest one."""
+    """Painter that colors grains from blue to red by their velocity difference over the largest one."""
 
     def color(self, now: Snapshot) -> FloatArray:
         difference = now.recorded["difference"]
@@ -107,7 +107,7 @@ class Homework:
             yield
 
     def _ask(self, iteration: int) -> list[Answer]:
-        """Return the answers of the reference and the homework to an iteration, or the time step for -1."""
+        """Let the reference and the homework do an iteration, or for -1 a time step; return their answers."""
         states = [self._call.state] * 2 if iteration < 0 else self._states
         pairs = zip(self._children, states, strict=True)
         return [child.ask(self._call._replace(iteration=iteration, state=state)) for child, state in pairs]

@@ -52,7 +52,7 @@ class _LocalServer(viser.ViserServer):
 
 
 def is_own_origin(request: Request) -> bool:
-    """Return whether a request comes from the served page: its origin is its host, which is this machine."""
+    """Return whether a request comes from the served page: its origin and its host are this machine."""
     hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
     if len(hosts) != 1 or len(origins) != 1:
         return False

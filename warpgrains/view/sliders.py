@@ -16,7 +16,7 @@ _HINT = "angular velocity, counterclockwise; it needs friction"
 Change = Callable[[], None]
 Slider = viser.GuiSliderHandle[float]
 OnChange = Callable[[Change], Callable[[Any], None]]
-"""Function that returns the callback of a slider, which does a change of the scene."""
+"""Function that turns a change of the scene into the callback of a slider."""
 
 
 def value_of(slider: viser.GuiInputHandle[Any]) -> float:
