@@ -196,7 +196,7 @@ def test_walls_are_bodies_about_the_bands_of_pictures(tmp_path, kind):
     painter = painter_of(recording := Recording(path))
     last = len(recording) - 1
     bands = painter.walls | painter.moved_walls(
-        scene.with_walls_at(recording.places(last)), recording.time[last]
+        scene.placed(recording.places(last)), recording.time[last]
     )
     for name, band in bands.items():
         mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/World/Walls/{name}"))

@@ -159,8 +159,7 @@ def exchange_keys() -> Iterator[Key]:
     """Yield the keys of `[[sources]]`, then those of `[[sinks]]`."""
     for section, kind in {"sources": Source, "sinks": Sink}.items():
         for name, own in described_fields(kind).items():
-            default = REQUIRED if own.default is MISSING else own.default
-            yield Key(section, name, default, own.metadata["meaning"])
+            yield Key.of(section, name, own)
 
 
 def commented(document: Table) -> str:

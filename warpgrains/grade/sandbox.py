@@ -61,8 +61,8 @@ _EXITS = {
 class EndedError(Exception):
     """Failure of a homework to answer.
 
-    `how` is its number in model.c: an index beyond `dvContacts`, -3 - k for an index k beyond another array, -2
-    for an endless loop, and -1 for any other failure.
+    `how` is its number in model.c: an index beyond `dvContacts`, -3 - k for an index k beyond another array,
+    -2 for an endless loop, and -1 for any other failure.
     """
 
     def __init__(self, english: str, how: int = -1, **values: object):

@@ -229,7 +229,7 @@ def allowed_overlap(scene: Scene) -> float:
 def warn_of_overlaps_of(state: State, scene: Scene) -> None:
     """Warn if grains of a state overlap by more than a step leaves: the square of its path over a radius."""
     walls = None if state.driven is None else state.driven[:, 0]
-    now = scene.with_walls_at(walls).starting_at(scene.time_after(state.steps), position=state.position)
+    now = scene.placed(walls, scene.time_after(state.steps), position=state.position)
     speeds = [wall.speed + abs(wall.angular_velocity) * wall.farthest(wall.about) for wall in scene.walls]
     speeds += [] if state.driven is None else np.abs(state.driven[:, 1]).tolist()
     path = scene.dt * (float(np.hypot(*state.velocity.T).max()) + max(speeds, default=0.0))

@@ -31,7 +31,7 @@ COMMON = {
     "radius": "Radius of every grain [m].",
     "spacing": "Distance of neighbors, center to center, in radii.",
     "region": "Bounds of the grains [m], such as {x = [-1.0, 0.0], y = [-1.0, 0.5], distance = [0.5, 0.9]},"
-    " where \"distance\" is from the origin; or the name of a closed polyline. By default the whole domain.",
+    ' where "distance" is from the origin; or the name of a closed polyline. By default the whole domain.',
 }
 """Keys that several layouts share, and their meanings."""
 

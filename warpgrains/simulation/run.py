@@ -143,7 +143,9 @@ class SceneRun:
             has_all_frames = self._is_resumed and self.has_ended and is_complete(path)
             if kind is not None and not has_all_frames:
                 resume_at = self.statistics.frames if self._is_resumed else None
-                self.output = held.enter_context(kind.opened(self.first_scene, options, self.times, resume_at))
+                self.output = held.enter_context(
+                    kind.opened(self.first_scene, options, self.times, resume_at)
+                )
             yield
             at_end = perf_counter()
         self.statistics.seconds += perf_counter() - at_end
