@@ -140,10 +140,10 @@ def _plain(number: str) -> str:
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def _features() -> Iterable[Sequence[str]]:
-    rows = _measured("features")
+def _ratios(bench: str, head: str) -> Iterable[Sequence[str]]:
+    rows = _measured(bench)
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    yield "feature", *scenes
+    yield head, *scenes
     for feature in dict.fromkeys(row["feature"] for row in rows):
         own = {row["scene"]: row for row in rows if row["feature"] == feature}
         numbers = ([float(own[scene][f"ratio_{of}"]) for of in ("median", "min", "max")] for scene in scenes)
@@ -207,7 +207,8 @@ def _shear() -> Iterable[Sequence[str]]:
 TABLES = {
     "benches": _benches,
     **{name: partial(_compared, name) for name in ("threads", "moving", "step", "batch", "exact", "gpu")},
-    "features": _features,
+    "features": partial(_ratios, "features", "feature"),
+    "measuring": partial(_ratios, "measuring", "measured after each step"),
     "speed": _speed,
     "over_grains": _over_grains,
     "shear": _shear,

@@ -52,6 +52,9 @@ BENCHES = {
         {"scenes": [1_000]},
     ),
     "features": Bench("the cost of each feature", "features.costs", {"repeats": 7}, {"repeats": 15}),
+    "measuring": Bench(
+        "the cost of measuring after each step", "features.measuring", {"repeats": 5}, {"repeats": 15}
+    ),
     "exact": Bench(
         "the exact method",
         "exact.piles exact.shipped exact.with_friction",

@@ -6,14 +6,14 @@ as the plain method in the text's scheme.
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains import Box, Disc, Scene, Simulation, State
+from warpgrains import Box, Disc, Scene, Simulation, State, analysis
 from warpgrains.scene.state import Corrections, first_state
 
 from .flow import ACCELERATED, ITERATIONS, SWEPT, flowing, settled_pile
@@ -22,6 +22,9 @@ from .rows import Row, in_turn, say, seconds
 COLUMNS = ("scene", "feature", "with_us", "without_us", "ratio_min", "ratio_median", "ratio_max")
 FIRST = 3  # steps before those that are timed
 GRAINS = (1_000,)  # of the larger scenes
+MEASURED = (400, 10_000)  # grains of flows that are measured
+FLOWING = 80  # steps before flows are measured
+STRIP = {"y": (-1.0, -0.8)}  # m
 NOTHING = 1e-100
 """A gravity, drag or radius that changes no other number; products of two are still floats of full digits."""
 Changes = dict[str, Any]
@@ -88,6 +91,18 @@ FEATURES: dict[str, tuple[Switch, Switch]] = {
 }
 """Changes of a scene after which it lacks a feature, and changes of that one that switch it on."""
 
+TOGETHER = ["stress_xy", "force_y:Outer", "coordination_number", "packing_fraction"]
+MEASUREMENTS: dict[str, Callable[[Simulation], object]] = {
+    "contacts and their forces": Simulation.forces,
+    "forces on walls by name": analysis.wall_forces,
+    "stress of a strip": partial(analysis.mean_stress, region=STRIP),
+    "packing fraction of a strip": partial(analysis.packing_fraction, region=STRIP),
+    "these two, a wall force and the coordination number": partial(
+        analysis.quantities, names=TOGETHER, region=STRIP
+    ),
+    "a profile of 20 slices": analysis.height_profile,
+}
+
 
 def costs(options: argparse.Namespace) -> Iterator[Row]:
     """Every feature in the course's scene, a pile, and grains that flow."""
@@ -105,6 +120,33 @@ def costs(options: argparse.Namespace) -> Iterator[Row]:
             yield cost(case._replace(steps=min(case.steps, most)), name, options.repeats)
 
 
+def measuring(options: argparse.Namespace) -> Iterator[Row]:
+    """Steps of which each is measured, in flows with friction, to steps that are not."""
+    for n in options.grains or MEASURED:
+        scene = flowing(n, **ACCELERATED, friction=0.5)
+        simulation = Simulation(scene, threads=1)
+        simulation.advance(0 if options.steps else FLOWING)
+        size = f"flow with friction, {n:,} grains"
+        for name, measure in MEASUREMENTS.items():
+            ways = [
+                partial(_us_of_steps, simulation, options.steps or 40, taken) for taken in (measure, None)
+            ]
+            for way in ways:
+                way()
+            yield _row(size, name, *in_turn(options.repeats, *ways))
+
+
+def _us_of_steps(simulation: Simulation, steps: int, measure: Callable[[Simulation], object] | None) -> float:
+    """Return the mean time of steps and of what is measured after each [us], from the same state."""
+    state, taken = simulation.state(), 0.0
+    for _ in range(steps):
+        taken += seconds(partial(simulation.advance, 1))
+        if measure:
+            taken += seconds(partial(measure, simulation))
+    simulation.restore(state)
+    return taken / steps * 1e6
+
+
 def cost(case: Case, name: str, repeats: int) -> Row:
     """Time a scene with a feature and without it in turn."""
     lacking, switched_on = FEATURES[name]
@@ -115,10 +157,13 @@ def cost(case: Case, name: str, repeats: int) -> Row:
         way()  # once, so that the kernels are loaded
     apart = np.abs(timed[0].position - timed[1].position).max()
     say(f"  {case.name}, {name}: {apart:.1g} m apart")
-    ours, its = in_turn(repeats, *ways)
+    return _row(case.name, name, *in_turn(repeats, *ways))
+
+
+def _row(scene: str, name: str, ours: Sequence[float], its: Sequence[float]) -> Row:
     ratios = [on / off for on, off in zip(ours, its, strict=True)]
     values = median(ours), median(its), min(ratios), median(ratios), max(ratios)
-    return dict(zip(COLUMNS, (case.name, name, *(f"{value:.4g}" for value in values)), strict=True))
+    return dict(zip(COLUMNS, (scene, name, *(f"{value:.4g}" for value in values)), strict=True))
 
 
 def _changed(scene: Scene, changes: Switch) -> Scene:

@@ -14,7 +14,7 @@ import warp as wp
 
 from tests.bench import mutations, peers, step
 from tests.bench.__main__ import BENCHES, main, options_of, parse
-from tests.bench.features import FEATURES
+from tests.bench.features import FEATURES, MEASUREMENTS
 from tests.bench.rows import STAMP, publish
 
 ROOT = Path(__file__).parents[2]
@@ -24,6 +24,7 @@ ROWS = {
     "threads": ("", 2 * 2 * 4),
     "batch": ("--scenes 2", 5),
     "features": ("", 3 * len(FEATURES)),
+    "measuring": ("", len(MEASUREMENTS)),
     "gpu": ("--scenes 1 --device cpu", 2),
     "exact": ("--grains 60", 2 + 13 + 9 * 3),
     "shear": ("--grains 100 --steps 40 --programs warpgrains", 3),

@@ -237,7 +237,7 @@ class Simulation(LoadedScene, Shown):
                 if last.steps == steps:
                     return last
                 done.add(last)
-                if done.steps == steps or done.unconverged >= most:
+                if last.steps < left or done.steps == steps or done.unconverged >= most:
                     return done
 
     def _advance(
