@@ -78,7 +78,7 @@ def test_what_is_commented_out_says_the_default(base, tmp_path):
     assert exit_code("init", path, "--from", base) == 0
     lines = path.read_text().splitlines()
     bare = [
-        line.removeprefix("# ") if before.startswith("#") and " = " in line and "..." not in line else line
+        line.removeprefix("# ") if before.startswith("#") and re.match(r"# \w+ = (?!\.\.\.)", line) else line
         for before, line in pairwise(["", *lines])
     ]
     assert bare != lines

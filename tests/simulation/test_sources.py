@@ -21,7 +21,7 @@ from warpgrains import (
     Source,
     analysis,
 )
-from warpgrains.scene.reader import scene_fields
+from warpgrains.scene.reader import scene_document
 from warpgrains.scene.state import first_state
 from warpgrains.scene.toml import parameters_text, read_parameters
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -241,7 +241,7 @@ def test_scene_files_and_recordings_have_the_same_sources(tmp_path):
     again = Scene(**GRAIN, **read_parameters(parameters_text(scene)))
     assert (again.sources, again.sinks) == (scene.sources, scene.sinks)
     assert exit_code("init", tmp_path / "other.toml", "--from", path) == 0
-    assert scene_fields((tmp_path / "other.toml").read_text(), path)["sinks"][0]["into"] == "top"
+    assert scene_document((tmp_path / "other.toml").read_text(), path)[0]["sinks"][0]["into"] == "top"
 
 
 def test_only_simulations_take_them():

@@ -110,7 +110,7 @@ def test_command_line(tmp_path, capfd):
     assert main(["run", str(scene), "--set", "solver.on_unconverged=raise"]) == 1
     assert "step 1, from t = 0.0 s: not converged after 300 iterations" in capfd.readouterr().err
     assert main(["run", str(scene), "--set", "solver.on_unconverged=shout"]) == 2
-    assert "unknown on_unconverged 'shout'" in capfd.readouterr().err
+    assert "unknown solver.on_unconverged 'shout'" in capfd.readouterr().err
 
 
 def test_many_grains_are_named_by_the_first():

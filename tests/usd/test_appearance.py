@@ -195,9 +195,7 @@ def test_walls_are_bodies_about_the_bands_of_pictures(tmp_path, kind):
     stage, height = Usd.Stage.Open(str(path)), float(scene.radius.mean())
     painter = painter_of(recording := Recording(path))
     last = len(recording) - 1
-    bands = painter.walls | painter.moved_walls(
-        scene.placed(recording.places(last)), recording.time[last]
-    )
+    bands = painter.walls | painter.moved_walls(scene.placed(recording.places(last)), recording.time[last])
     for name, band in bands.items():
         mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/World/Walls/{name}"))
         get = (mesh.GetPointsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetNormalsAttr())

@@ -137,7 +137,7 @@ class Batch(Shown):
         self.scenes, *given, states, reports = kept
         self._begin(*given)
         for k, state in enumerate(states):
-            self.restore(k, state)
+            self._loaded.load(k, state)
         self._restored = dict(enumerate(reports))
 
     def summary(self) -> dict[str, str]:

@@ -99,7 +99,7 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
         max_iterations=ITERATIONS,
         order=scene.order,
     )
-    simulation = Simulation(resting, state=first_state(resting))
+    simulation = Simulation.of_state(resting, first_state(resting))
     for step in range(1, MOST_STEPS + 1):
         report = simulation.step()
         if not report.converged and (wedged := simulation.infeasible_grains()):
@@ -109,7 +109,7 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
         if report.overlap <= overlap:
             shift = float(distance(simulation.position - scene.position).max())
             return Separation(scene.replace(position=simulation.position), shift, report.overlap, step)
-        simulation.restore(replace(first_state(resting), position=simulation.position))
+        simulation.replace_state(replace(first_state(resting), position=simulation.position))
     left = f"{report.overlap:.1e} m after {MOST_STEPS} steps"
     raise SimulationError(f"grains cannot be moved apart: they overlap by {left}")
 

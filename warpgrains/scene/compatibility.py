@@ -234,7 +234,7 @@ def warn_of_overlaps_of(state: State, scene: Scene) -> None:
     speeds += [] if state.driven is None else np.abs(state.driven[:, 1]).tolist()
     path = scene.dt * (float(np.hypot(*state.velocity.T).max()) + max(speeds, default=0.0))
     overlap = now.count_overlaps().largest
-    if overlap > allowed_overlap(scene) + path**2 / scene.smallest_radius:
+    if overlap > allowed_overlap(scene) + path * path / scene.smallest_radius:
         warn(
             f"grains of the state overlap by up to {overlap:.1e} m, which the next step turns into"
             f" {overlap / scene.dt:.1e} m/s",

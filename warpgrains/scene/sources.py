@@ -29,7 +29,16 @@ Kind = TypeVar("Kind", bound="Exchange")
 
 @fields_in_help
 class Inflow(NamedTuple):
-    """Grains of a source so far."""
+    """Grains of a source so far.
+
+    Examples
+    --------
+    >>> fed = wg.Source(region={"y": (0.0, 1.0)}, radius=0.05, density=10.0, count=3)
+    >>> filled = wg.Simulation(simulation.scene, sources=[fed])
+    >>> report = filled.step()
+    >>> filled.inflow
+    [Inflow(due=3, entered=3, missed=0, waiting=0)]
+    """
 
     due: int
     """Number by its count and its rate."""
@@ -43,7 +52,16 @@ class Inflow(NamedTuple):
 
 @fields_in_help
 class Outflow(NamedTuple):
-    """Grains that a sink has taken so far."""
+    """Grains that a sink has taken so far.
+
+    Examples
+    --------
+    >>> right = wg.Sink(region={"x": (0.0, 2.0)})
+    >>> drained = wg.Simulation(simulation.scene, sinks=[right])
+    >>> report = drained.step()
+    >>> drained.outflow[0].grains
+    9
+    """
 
     grains: int
     """Number of grains."""
@@ -188,7 +206,7 @@ class Sink(Exchange):
     --------
     >>> below = wg.Sink(region={"y": (-2.0, -1.0)}, into="top")
     >>> above = wg.Source(region={"y": (1.0, 1.8)}, radius=0.1, density=10.0, name="top")
-    >>> cycle = wg.Simulation(wg.Scene.load("annulus").replace(sources=[above], sinks=[below]))
+    >>> cycle = wg.Simulation(wg.Scene.load("annulus").replace(sources=[above], sinks=[right]))
     >>> summary = cycle.run(duration=4.0)
     >>> cycle.scene.n, cycle.outflow[0].grains == cycle.inflow[0].entered > 0
     (15, True)

@@ -42,13 +42,15 @@ from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loaded_scene import LoadedScene
-from warpgrains.solver.loading import change_scene, load_state
+from warpgrains.solver.loading import change_scene
 from warpgrains.solver.service import infeasible_grains
 from warpgrains.solver.sizes import Sizes
 from warpgrains.solver.statistics import StepHistory, StepReport, Summary
 from warpgrains.solver.tuning import threads_for
 
 if TYPE_CHECKING:
+    import warp
+
     from warpgrains.analysis.series import Measuring, Series
     from warpgrains.pictures.still import Picture
     from warpgrains.view.page import Page
@@ -137,23 +139,33 @@ class Simulation(LoadedScene, Shown):
             checks.thread_count("threads", threads)
         if state is not None:
             require_state(state, scene)
-        self._device, self._threads_wanted = find_device(device), threads
-        self._use, self.failures_to_search = ExclusiveUse("simulation"), 1
-        self._begin(scene, first_state(scene) if state is None else state)
+        self._open(scene, find_device(device), threads, first_state(scene) if state is None else state)
         if state is None:
             warn_of_overlaps([scene])
         else:
             warn_of_overlaps_of(state, scene)
 
+    @classmethod
+    def of_state(cls, scene: Scene, state: State, device: str = "cpu", threads: int | None = None) -> Self:
+        """Return a simulation that continues from a valid state, without a warning of overlaps."""
+        self = cls.__new__(cls)
+        self._open(scene, find_device(device), threads, state)
+        return self
+
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.scene, self._device.alias, self._threads_wanted, self.state())
+        return type(self).of_state, (self.scene, self.state(), self._device.alias, self._threads_wanted)
+
+    def _open(self, scene: Scene, device: warp.Device, threads: int | None, state: State) -> None:
+        self._device, self._threads_wanted = device, threads
+        self._use, self.failures_to_search = ExclusiveUse("simulation"), 1
+        self._begin(scene, state)
 
     def _begin(self, scene: Scene, state: State) -> None:
         self._threads = threads_for(scene, self._device, self._threads_wanted)
         sizes = Sizes.first([scene], self._threads, self._device)
         self._engine = Engine([scene], self._device, sizes)
         LoadedScene.__init__(self, self._engine.records, 0)
-        load_state(self._records, 0, state)
+        self.replace_state(state)
 
     def summary(self) -> dict[str, str]:
         """Return the line that describes the simulation, by name."""
@@ -490,7 +502,7 @@ class Simulation(LoadedScene, Shown):
         """
         require_state(state, self.scene)
         with self._use.held():
-            load_state(self._records, 0, state)
+            self.replace_state(state)
         warn_of_overlaps_of(state, self.scene)
 
     @documented(OPTIONS[name] for name in Outputs.__annotations__)
@@ -590,7 +602,7 @@ class Simulation(LoadedScene, Shown):
         progress : bool
             Whether to show a progress bar on standard error.
         checkpoint : str or Path, optional
-            File for the next checkpoints, by default `path`.
+            File for the next checkpoints, by default ``path``.
         every : int, optional
             Steps between two checkpoints, and between two rows of a series; by default as before.
 

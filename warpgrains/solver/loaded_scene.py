@@ -13,7 +13,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import at_positions
 from warpgrains.scene.state import State
 from warpgrains.solver.forces import PairContacts, WallContacts, contacts_of
-from warpgrains.solver.loading import driven_walls, scene_with_walls, state_of
+from warpgrains.solver.loading import driven_walls, load_state, scene_with_walls, state_of
 
 if TYPE_CHECKING:
     from warpgrains.solver.records import SceneRecords
@@ -28,6 +28,10 @@ class LoadedScene:
     def observed(self) -> AbstractContextManager[None]:
         """Return the context in which callbacks of a run may read the scene."""
         return nullcontext()
+
+    def replace_state(self, state: State) -> None:
+        """Continue from a valid state."""
+        load_state(self._records, self._k, state)
 
     @property
     def scene(self) -> Scene:
