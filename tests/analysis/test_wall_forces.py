@@ -104,7 +104,7 @@ def test_a_series_of_a_run_has_means_with_their_errors() -> None:
     found = series.average(blocks=50)
     assert found["kinetic_energy"].error == pytest.approx(0.01, rel=0.3)  # of 50 blocks: off by 1 / 10
     assert found["force_y:Outer"] == (1.0, 0.0)
-    with pytest.raises(InputError, match="blocks is 10: only 1 measurements are after"):
+    with pytest.raises(InputError, match="blocks is 10: only 1 measurement from this time on"):
         series.average(after=9999.0)
     with pytest.raises(InputError, match="the scene has no wall 'lid'"):
         simulation.measure("force_x:lid")

@@ -4,6 +4,7 @@ import pickle
 import shutil
 import warnings
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,26 @@ ALONE = {
     "to rest": (TO_REST, ("--until", UNTIL), []),
     "openings": (OPENINGS, ("--measure", "energy"), ["drag_power"]),
 }
+
+
+def test_means_after_a_time_are_those_of_the_series(tmp_path):
+    """With standard errors from ten blocks; a run with fewer rows has failed, and says so."""
+    text = SMALL.replace("time.duration = 0.4\n", "").replace("[axes]", "[axes]\ntime.duration = [0.1, 0.4]")
+    sweep, out = write(tmp_path, text), tmp_path / "out"
+    assert batch(sweep, "-o", out, *MEASURE, "--every", 2, "--mean", "--after", 0.1)
+    errors = []
+    for number, row in enumerate(rows(out)):
+        if row["error"]:
+            errors.append(row["error"])
+            continue
+        series = table(out / "runs" / f"{number:05}" / "series.csv")
+        for name in MEASURED:
+            values = np.array([float(own[name]) for own in series if float(own["time"]) >= 0.1])
+            means = [part.mean() for part in np.array_split(values, 10)]
+            near = partial(pytest.approx, rel=1e-12, nan_ok=True)  # sums of 20 numbers, in another order
+            assert float(row[f"{name}:mean"]) == near(values.mean())
+            assert float(row[f"{name}:error"]) == near(np.std(means, ddof=1) / np.sqrt(10), abs=1e-12)
+    assert sum("blocks is 10: only" in error for error in errors) == 4
 
 
 @pytest.mark.parametrize(("text", "options", "measured"), ALONE.values(), ids=ALONE)

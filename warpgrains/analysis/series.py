@@ -14,6 +14,7 @@ from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError, OutputError
 from warpgrains.base.files import read_table, require_writable_path, table_text, write_atomically
 from warpgrains.base.locks import Lock
+from warpgrains.base.shown import number_of
 from warpgrains.base.tables import dataset, library
 from warpgrains.scene.snapshot import Snapshot
 
@@ -50,7 +51,7 @@ def block_average(
     Values of weight 0 may be NaN. InputError if there are fewer values than blocks.
     """
     if len(values) < checks.whole_number("blocks", blocks, least=2):
-        raise InputError(f"blocks is {blocks}: only {len(values)} measurements are after this time")
+        raise InputError(f"blocks is {blocks}: only {number_of(len(values), "measurement")} from this time on")
     weight = np.broadcast_to(weight, values.shape)
     sums = np.where(weight > 0.0, values, 0.0) * weight, weight
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -107,6 +107,10 @@ def _settings(arguments: Namespace) -> RunSettings:
             raise InputError("--every needs --measure")
     if arguments.mean and arguments.every is None:
         raise InputError("--mean needs --every")
+    if arguments.after is not None:
+        if arguments.every is None:
+            raise InputError("--after needs --every")
+        checks.not_negative("--after", arguments.after)
     measured: tuple[str, ...] = ()
     if arguments.measure is not None:
         from warpgrains.analysis.quantities import names_of
@@ -122,7 +126,7 @@ def _settings(arguments: Namespace) -> RunSettings:
     if arguments.fps is not None and not arguments.usd:
         raise InputError("--fps needs --usd")
     fps = DEFAULT_RATE if arguments.fps is None else checks.positive("--fps", arguments.fps)
-    outputs = fps if arguments.usd else None, arguments.every, arguments.mean
+    outputs = fps if arguments.usd else None, arguments.every, arguments.mean, arguments.after
     return RunSettings(measured, arguments.until, arguments.region, *outputs)
 
 

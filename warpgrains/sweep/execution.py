@@ -29,6 +29,8 @@ class RunSettings(NamedTuple):
     """Steps between two rows of the series of a run; None without series."""
     mean: bool = False
     """Whether rows of series hold means over these steps."""
+    after: float | None = None
+    """Time [s] from which results hold means over the series of a run; None without means."""
 
     @property
     def table(self) -> dict[str, Any] | None:

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from warpgrains.analysis.snapshot import snapshot
+from warpgrains.base.errors import InputError
 from warpgrains.base.files import Row
 from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.simulation.run import advance_runs
@@ -99,13 +100,20 @@ class Group:
             for k in ended
             if (error := members[k].error) is not None
         }
+        means: dict[int, dict[str, float]] = {}
+        for k in ended:
+            try:
+                means[k] = members[k].means(settings.after)
+            except InputError as error:  # the run was too short
+                found.setdefault(k, failure(str(error), settings, members[k].statistics.seconds))
         if self._loaded is not None:
-            scenes, good = self._loaded.scenes, [k for k in ended if members[k].error is None]
+            scenes, good = self._loaded.scenes, [k for k in ended if k not in found]
             counted = good, lambda alike: stacked([members[k].statistics for k in alike])
             for numbers, done in (counted, *self._uncounted):
                 for alike, ends in self._loaded.ends(numbers, done):
                     states = (snapshot(scenes[k]) for k in alike)
-                    found |= zip(alike, results(ends, states, settings), strict=True)
+                    averaged = [means.get(k, {}) for k in alike]
+                    found |= zip(alike, results(ends, states, averaged, settings), strict=True)
         for k in found.keys() - reasons.keys():
             self.ended[members[k].run.number] = members[k].labels, found[k]
         return {members[k].run.number: reason for k, reason in reasons.items()}

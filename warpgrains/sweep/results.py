@@ -8,7 +8,7 @@ the steps of the run and for completing its recording. The table of all results 
 `results` finds all columns of finished runs, from the arrays of thousands of runs in memory, `FinalStates`.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,6 +42,8 @@ def _at_the_end(name: str, of_runs: Callable[[Snapshots], FloatArray]) -> Column
     return Column(f"{own.meaning}, at the end of the run", lambda ends: of_runs(ends.grains), own.unit)
 
 
+OF_MEAN, OF_ERROR = ":mean", ":error"
+"""Ends of the names of columns with means over a series, and with their standard errors."""
 MET = "met"
 SECONDS = "seconds"
 COLUMNS = {
@@ -63,8 +65,10 @@ COLUMNS = {
 
 def unit_of(column: str) -> str | None:
     """Return the unit of one of these columns or of a measured quantity; None of a label."""
+    if column in COLUMNS:
+        return COLUMNS[column].unit
     try:
-        return COLUMNS[column].unit if column in COLUMNS else find(column).unit
+        return find(column.removesuffix(OF_MEAN).removesuffix(OF_ERROR)).unit
     except InputError:
         return None
 
@@ -76,15 +80,28 @@ RunResult = tuple[Any, ...]
 def value_columns(settings: RunSettings) -> list[str]:
     """Return the columns of results after the labels, without the seconds."""
     *common, error = (name for name in COLUMNS if name != MET or settings.until is not None)
-    return [*common, *(name for name in settings.measured if name not in COLUMNS), error]
+    means = () if settings.after is None else settings.measured
+    averaged = (f"{name}{end}" for name in means for end in (OF_MEAN, OF_ERROR))
+    return [*common, *(name for name in settings.measured if name not in COLUMNS), *averaged, error]
 
 
-def results(ends: FinalStates, snapshots: Iterable[Snapshot], settings: RunSettings) -> Iterator[RunResult]:
-    """Return the results of finished runs, without labels; snapshots serve the measured quantities."""
+def results(
+    ends: FinalStates,
+    snapshots: Iterable[Snapshot],
+    means: Sequence[Mapping[str, float]],
+    settings: RunSettings,
+) -> Iterator[RunResult]:
+    """Return the results of finished runs, without labels.
+
+    Snapshots of their ends serve the measured quantities. Means are those over their series, by
+    column, which the settings may ask for.
+    """
     columns, region = value_columns(settings), settings.table
     in_region = [name for name in SWEEP_QUANTITIES if region is not None and takes_region([name])]
-    measured = [name for name in columns if name not in COLUMNS or name in in_region]
-    values = {name: COLUMNS[name].of_runs(ends).tolist() for name in columns if name not in measured}
+    averaged = {*means[0]}
+    measured = [name for name in columns if name not in {*COLUMNS, *averaged} or name in in_region]
+    values = {name: COLUMNS[name].of_runs(ends).tolist() for name in columns if name in COLUMNS}
+    values |= {name: [one[name] for one in means] for name in averaged}
     if measured:
         found = [quantities(state, measured, region) for state in snapshots]
         values |= {name: [float(one[name]) for one in found] for name in measured}

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warpgrains.analysis.quantities import takes_region
+from warpgrains.analysis.series import Series
 from warpgrains.base.errors import InputError, LockedError, MissingExtraError, SimulationError
 from warpgrains.base.files import write_atomically
 from warpgrains.base.frame_log import is_complete, log_of
@@ -24,6 +25,7 @@ from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.run import SceneRun
 from warpgrains.sweep.execution import RunSettings
+from warpgrains.sweep.results import OF_ERROR, OF_MEAN
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -110,6 +112,18 @@ class SweepRun(SceneRun):
             super().write_due(now)
         except InputError as error:
             self.error = str(error)
+
+    def means(self, after: float | None) -> dict[str, float]:
+        """Return the means over the series after a time [s], and their standard errors, by column."""
+        if after is None:
+            return {}
+        assert isinstance(self.observer, Series)
+        found = self.observer.average(after).items()
+        return {
+            f"{name}{end}": value
+            for name, own in found
+            for end, value in zip((OF_MEAN, OF_ERROR), own, strict=True)
+        }
 
     def save_state(self) -> None:
         """Save a checkpoint of `state`, unless the last frame before it could not be recorded."""
