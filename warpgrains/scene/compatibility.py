@@ -1,4 +1,4 @@
-"""Checks of a whole scene: fields must not contradict each other, or the grains."""
+"""Checks that the fields of a scene are compatible with each other and with the grains."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.state import State
 
-LEAST_WARNED = 1e-6  # overlap at the start [smallest radii] below which nobody is warned
-ROUNDED = 1e-9  # of a number of steps of a row, and of a width in periods
-MOST_STEPS = 1e12  # start time, in steps
-FARTHEST = 1e6  # distance of a periodic box from the origin, in smallest radii: places beyond it lose digits
+LEAST_WARNED = 1e-6  # smaller overlaps at the start [smallest radii] cause no warning
+ROUNDED = 1e-9  # tolerance of the number of steps of a row in a period, and of widths in periods
+MOST_STEPS = 1e12  # bound of the start time, in steps
+FARTHEST = 1e6  # largest distance of a periodic box from the origin [smallest radii]; beyond, digits are lost
 
 
 def require_valid_positions(scene: Scene) -> None:
@@ -37,7 +37,10 @@ def require_valid_positions(scene: Scene) -> None:
 
 
 def require_clear(scene: Scene, numbers: Collection[int], position: FloatArray, time: float) -> None:
-    """Raise InputError if a grain is in one of these walls at a time [s], or touches it without a normal."""
+    """Raise InputError if, at `time` [s], a center lies in a wall or a grain touches one without a normal.
+
+    `numbers` are the indices in `scene.walls` of the walls to check.
+    """
     for number in numbers:
         wall = scene.walls[number]
         if (covered := wall.covers(wall.places(position, scene.period, time))).any():
@@ -51,7 +54,7 @@ def require_clear(scene: Scene, numbers: Collection[int], position: FloatArray, 
 
 
 def require_size(scene: Scene) -> None:
-    """Raise InputError unless doubles resolve gaps of this size and hold the square of it, and grains fit."""
+    """Raise InputError if the domain is too large for float64 gaps, or too small for the grains."""
     smallest = scene.smallest_radius
     if scene.reach / MOST_RADII >= smallest:
         raise InputError(
@@ -84,7 +87,7 @@ def require_compatible_settings(scene: Scene) -> None:
 
 
 def _of_walls(scene: Scene) -> Iterator[str]:
-    """Yield which walls do not continue beyond periodic sides, and which rows are alone."""
+    """Yield complaints about walls that are too large or not periodic, and rows without a second row."""
     periods = scene.period.lengths.tolist()
     period = min((own for own in periods if own > 0.0), default=inf)
     smallest = scene.smallest_radius
@@ -113,7 +116,7 @@ def _of_walls(scene: Scene) -> Iterator[str]:
 
 
 def _of_steps(scene: Scene) -> Iterator[str]:
-    """Yield why steps are too long."""
+    """Yield complaints about a dt that is too long, and about values that overflow or lose digits."""
     dt, mass, smallest = scene.dt, float(scene.mass.min()), scene.smallest_radius
     lost = scene.drag * dt / mass  # fraction of a velocity that one step of the text's scheme removes
     lightest = int(np.argmin(scene.mass))
@@ -158,7 +161,7 @@ def _of_steps(scene: Scene) -> Iterator[str]:
 
 
 def _of_friction(scene: Scene) -> Iterator[str]:
-    """Yield which fields have no effect without friction, and which rotations cannot be computed."""
+    """Yield complaints about fields that need friction, and about rotations that cannot be computed."""
     if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
         yield f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall"
     for wall, friction in zip(scene.walls, scene.wall_frictions, strict=True):
@@ -192,7 +195,7 @@ def _of_friction(scene: Scene) -> Iterator[str]:
 
 
 def _rolling_friction(scene: Scene) -> str:
-    """Return which rolling friction is given."""
+    """Return the first coefficient of rolling friction that is not 0, as "NAME is VALUE"."""
     given = {name: getattr(scene, name) for name in ("rolling_friction", "wall_rolling_friction")}
     given |= {f"walls[{k}].rolling_friction": one.rolling_friction for k, one in enumerate(scene.walls)}
     return next(f"{name} is {value}" for name, value in given.items() if value)
@@ -204,7 +207,7 @@ def _of_restitution(scene: Scene) -> Iterator[str]:
 
 
 def _of_driven_walls(scene: Scene) -> Iterator[str]:
-    """Yield which settings exclude a force or a pressure on walls."""
+    """Yield complaints about settings that contradict a force or a pressure on walls, or lack one."""
     if scene.wall_mass is not None and scene.pressure is None:
         yield f"wall_mass is {scene.wall_mass} kg: the outer wall is fixed; give pressure"
     which = "pressure" if scene.pressure is not None else "force of a wall"
@@ -222,12 +225,16 @@ def _of_methods(scene: Scene) -> Iterator[str]:
 
 
 def allowed_overlap(scene: Scene) -> float:
-    """Return the overlap at a start that needs no warning [m]."""
+    """Return the largest initial overlap that causes no warning [m]."""
     return max(TOLERANCES * scene.tolerance * scene.dt, LEAST_WARNED * scene.smallest_radius)
 
 
 def warn_of_overlaps_of(state: State, scene: Scene) -> None:
-    """Warn if grains of a state overlap by more than a step leaves: the square of its path over a radius."""
+    """Warn if grains of a state overlap by more than a step causes.
+
+    The limit is `allowed_overlap` + path^2 / (smallest radius). The path is the longest of a grain in a step
+    plus the longest of a wall.
+    """
     walls = None if state.driven is None else state.driven[:, 0]
     now = scene.placed(walls, scene.time_after(state.steps), position=state.position)
     speeds = [wall.speed + abs(wall.angular_velocity) * wall.farthest(wall.about) for wall in scene.walls]
@@ -244,7 +251,7 @@ def warn_of_overlaps_of(state: State, scene: Scene) -> None:
 
 def warn_of_overlaps(scenes: Sequence[Scene]) -> None:
     """Warn if grains of scenes overlap at the start; of several scenes, name the worst."""
-    of_start: dict[Any, float] = {}  # many scenes of a batch start alike
+    of_start: dict[Any, float] = {}  # many scenes of a batch have the same start
     overlap = []
     for scene in scenes:
         key = scene.boundary, scene.time, scene.walls, scene.position.tobytes(), scene.radius.tobytes()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.walls.wall import Wall
 
-_CELLS = 16384  # of the grid on which the space of the grains is explored
+_CELLS = 16384  # approximate number of cells of the grid in `_touched`
 
 
 def box_of_discs(position: FloatArray, reach: FloatArray) -> Bounds:
@@ -37,13 +37,13 @@ def extent_of(scene: Scene) -> Bounds:
 
 
 def _outer(scene: Scene) -> int | None:
-    """Return the number of the outer circle, if there is one."""
+    """Return the index of the outer circle in `scene.walls`; None without one."""
     rims = (k for k, wall in enumerate(scene.walls) if isinstance(wall, Rim) and wall.inside)
     return next(rims, None)
 
 
 def _extent_of_box(scene: Scene) -> Bounds:
-    """Return the box at the start, and where its sides that move as given in advance are at any time."""
+    """Return the box about the space at the start and all places of lines with prescribed motion."""
     sides = [wall for wall in scene.walls if isinstance(wall, Line)]
     corners = scene.space_at(scene.time).outer_box
     reached = np.concatenate([corners, *(_reached(scene, wall) for wall in sides)])
@@ -51,13 +51,16 @@ def _extent_of_box(scene: Scene) -> Bounds:
 
 
 def _reached(scene: Scene, wall: Wall) -> FloatArray:
-    """Return points of a wall where it is during the scene [m], shape (k, 2)."""
+    """Return points of a wall [m], shape (k, 2): at the start, and during the scene if it moves."""
     times = wall.times(scene.time, scene.time + scene.duration) if wall.moves else [scene.time]
     return np.concatenate([wall.drawn_at(time, 0.0).first for time in times])
 
 
 def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[int]:
-    """Return the numbers of the walls that grains can touch, from cells that their centers can reach."""
+    """Return the numbers of the walls that grains can touch: a flood fill finds cells that centers reach.
+
+    `lines` holds points of each wall [m], by number.
+    """
     outer = _outer(scene)
     for number, line in lines.items():
         box = box if number == outer else box.covering(Bounds.around(line))
@@ -66,10 +69,10 @@ def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[in
     x, y = np.arange(left, right, step), np.arange(bottom, top, step)
     cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     mobile = {k for k, wall in scene.mobile_walls.items() if not isinstance(wall, Rim)}
-    with np.errstate(invalid="ignore", divide="ignore"):  # of normals, at the centers of circles
+    with np.errstate(invalid="ignore", divide="ignore"):  # at the centers of circles, normals are undefined
         point = np.zeros(len(cells))
         gaps = {k: scene.side(k, cells, point).gap for k in lines if k not in mobile}
-    # a step from one cell to the next crosses no wall that is further than half of it from both
+    # no wall lies between neighboring cells if both are farther from it than half their distance
     is_free = np.min([*gaps.values()], axis=0) >= max(scene.smallest_radius - step, 0.71 * step)
     if (up := _direction_up(scene, bool(mobile))) is not None:
         rise = (scene.velocity**2).sum(axis=1) / (2.0 * np.hypot(*scene.gravity_at(0.0)))
@@ -85,7 +88,7 @@ def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[in
 
 
 def _direction_up(scene: Scene, is_lifted: bool) -> FloatArray | None:
-    """Return the unit vector against gravity; None if grains can be lifted any height."""
+    """Return the unit vector against gravity; None if the initial energy does not bound the height."""
     gravity = np.array(scene.gravity_at(0.0))
     is_lifted = is_lifted or scene.gravity_rate != 0.0 or not gravity.any() or scene.has_driven_walls
     is_lifted = is_lifted or any(wall.surface_speed for wall in scene.walls)
@@ -93,7 +96,7 @@ def _direction_up(scene: Scene, is_lifted: bool) -> FloatArray | None:
 
 
 def _flooded(is_free: BoolArray, row: FloatArray, column: FloatArray) -> BoolArray:
-    """Return the free cells that are connected with the given ones."""
+    """Return the free cells that are connected with those of the cells (row, column) that are free."""
     reached = np.zeros_like(is_free)
     reached[row, column] = is_free[row, column]
     while True:

@@ -1,7 +1,7 @@
 """The fields of a scene.
 
-Each is declared once, with its key in scene files, its check, its default, its unit and its meaning; and
-again in `SceneChanges`, for type checkers, which derive no TypedDict from a class.
+Each field is declared with its section in scene files, check, default, unit and meaning. Its name and type
+are repeated in `SceneChanges`, because type checkers derive no TypedDict from a class.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -35,7 +35,7 @@ UNCONVERGED = ("report", "raise")
 def _key(
     meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING, mark: str = "absent"
 ) -> Any:
-    """Return a field of a scene, with its section in scene files, and its check or a tuple of names."""
+    """Declare a field of a scene, with its section in scene files. A tuple as check lists valid names."""
     known = partial(checks.one_of, known=check) if isinstance(check, tuple) else check
     return described(meaning, section=section, check=known, default=default, mark=mark)
 
@@ -240,7 +240,7 @@ class SceneFields:
 
 
 class SceneOptions(TypedDict, total=False):
-    """The fields with a default, as they may be given."""
+    """Fields with a default, in the types that callers may pass."""
 
     radius_out: float
     domain: Box | Mapping[str, Any] | None
@@ -281,7 +281,7 @@ class SceneOptions(TypedDict, total=False):
 
 
 class SceneChanges(SceneOptions, total=False):
-    """All fields, as they may be given."""
+    """All fields, in the types that callers may pass."""
 
     position: ArrayLike
     radius: ArrayLike
@@ -300,11 +300,11 @@ KEY_OF = {
     for section, names in {**SECTIONS, "grains": OF_GRAINS}.items()
     for name in names
 }
-"""The keys of fields in scene files."""
+"""Key of each field in scene files: "time.dt" for dt."""
 
 
 def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]:
-    """Return the named fields in the form in which a scene keeps them; all of grains with the position."""
+    """Check the named fields and convert them to the types of a scene; "position" means all of grains."""
     found = checked_grains(scene) if "position" in names else {}
     if not {"domain", *OF_ANNULUS}.isdisjoint(names):
         found |= _checked_boundary(scene)
@@ -323,7 +323,7 @@ def boundary_of(scene: SceneFields) -> Boundary:
 
 
 def _checked_boundary(scene: SceneFields) -> dict[str, Any]:
-    """Return the fields of the annulus, which must be those by default with a box."""
+    """Check radius_in, radius_out and wall; with a box, raise InputError if a field of the annulus is set."""
     if checked_domain("domain", scene.domain) is None:
         if scene.radius_out is None:
             raise InputError("radius_out is missing: give it, or domain")
@@ -338,7 +338,7 @@ def _checked_boundary(scene: SceneFields) -> dict[str, Any]:
 
 
 def checked_grains(scene: SceneFields) -> dict[str, Any]:
-    """Return position, velocity, radius, mass and spin in the form in which a scene keeps them."""
+    """Check position, velocity, radius, mass and spin; return them as arrays with a value for each grain."""
     position = checks.vectors("position", scene.position)
     velocity = np.zeros_like(position) if scene.velocity is None else scene.velocity
     velocity = checks.vectors("velocity", velocity)

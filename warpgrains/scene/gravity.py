@@ -35,7 +35,7 @@ class TurningGravity(Sequence[float]):
 
     @property
     def table(self) -> dict[str, Any]:
-        """Keys and values of a scene file."""
+        """Keys and values of the table `gravity` in a scene file."""
         return {"vector": list(self.vector), "rotate": self.rotate}
 
     def at(self, time: float) -> Vector:
@@ -46,7 +46,7 @@ class TurningGravity(Sequence[float]):
 
 
 def checked_gravity(field: str, value: Any) -> Vector | TurningGravity:
-    """Return two finite numbers as a pair, or gravity that turns from its table."""
+    """Check gravity: return two components [m/s2], or a TurningGravity for a table with a nonzero rate."""
     if isinstance(value, TurningGravity):
         value = value.table
     if not isinstance(value, Mapping):
@@ -61,7 +61,7 @@ def checked_gravity(field: str, value: Any) -> Vector | TurningGravity:
 
 
 def upwards(gravity: ArrayLike) -> FloatArray:
-    """Return unit vectors against gravity [m/s2], shape (..., 2); without gravity, the y direction."""
+    """Return the unit vectors against `gravity`, shape (..., 2); (0, 1) where gravity is 0."""
     g = np.array(gravity)
     size, up = np.hypot(g[..., :1], g[..., 1:]), np.zeros_like(g)
     up[..., 1] = 1.0

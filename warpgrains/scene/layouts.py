@@ -2,7 +2,7 @@
 
 Each layout is a function whose keyword parameters are the keys of `[grains]`. Its first argument is the
 domain as a region, an annulus or a box. A layout that avoids the walls of a scene takes these as `walls`, its
-second argument. It raises InputError, one line, if a value is invalid or the grains do not fit.
+second argument. It raises InputError if a value is invalid or the grains do not fit.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from warpgrains.walls.polyline import closed_corners
 from warpgrains.walls.wall import Wall
 
 MOST_GRAINS = 10_000_000
-LEAST_SPACING, LARGEST_SPACING = 0.1, 1e12  # in radii; closer grains almost coincide, farther ones leave
+LEAST_SPACING, LARGEST_SPACING = 0.1, 1e12  # [radii]
 MOST_ADDED = 0.54  # largest packing fraction of random sequential addition here; its limit is 0.547
 
 COMMON = {
@@ -90,8 +90,8 @@ def lattice(
 ) -> Placement:
     """Place grains on a hexagonal lattice from the bottom up, each row from left to right.
 
-    Sites that overlap a wall stay empty. By default the lattice is filled. In periodic directions, neighbors
-    are as much farther apart as whole rows and columns need.
+    Sites that overlap a wall stay empty. By default the lattice is filled. In periodic directions, the
+    spacing is increased until whole rows and columns fill the period.
     """
     space = _part(space, walls, region)
     radius = fitting_radius(space, radius)
@@ -149,7 +149,7 @@ def random_layout(
     space
         Space between the walls, such as `Box.space`.
     walls
-        Walls inside, of which grains keep clear.
+        Walls inside, which grains do not overlap.
     radius
         Radius of every grain [m]; or the smallest and the largest of a uniform distribution; or three or
         more, one for each grain; or {file = "radii.csv"}, also .npz; or a table {distribution = ...} with the
@@ -171,7 +171,7 @@ def random_layout(
     Raises
     ------
     InputError
-        An argument is invalid, or so many grains do not fit.
+        An argument is invalid, or the grains do not fit.
 
     Examples
     --------
@@ -206,7 +206,7 @@ def random_layout(
 
 
 def _part(space: Region, walls: Sequence[Wall], region: Any) -> Region:
-    """Return the part of a domain in a table of ranges [m], or in the closed polyline of a name."""
+    """Return the part of a domain that a table of ranges [m], or the name of a closed polyline, selects."""
     if not isinstance(region, str):
         return region_of(space, region)
     found = space.within(polygon("grains.region", closed_corners("grains.region", region, walls)))
@@ -218,7 +218,7 @@ def _part(space: Region, walls: Sequence[Wall], region: Any) -> Region:
 def _random_radii(
     radius: Any, count: Any, fraction: Any, region: Region, generator: np.random.Generator
 ) -> FloatArray:
-    """Return `count` random radii, or enough of them to reach a packing fraction in a region."""
+    """Return radii [m]: those listed, or `count` random ones, or as many as a packing fraction allows."""
     given = listed_radii(radius)
     if given is not None:
         if fraction is not None or count not in (None, len(given)):
@@ -276,7 +276,7 @@ def _count(value: Any) -> int:
 
 
 def fitting_radius(space: Region, value: Any) -> float:
-    """Return a radius [m] if a grain of it fits into a region, and float64 resolves gaps of such grains."""
+    """Check a radius [m]: such a grain must fit into a region, and float64 must resolve its gaps."""
     radius, (low, high) = checks.positive("grains.radius", value), space.box
     near, far = space.ring
     widest = min(
@@ -300,13 +300,13 @@ def _spacing(value: Any) -> float:
 
 
 def _centers(space: Region, radius: float) -> FloatArray:
-    """Return the box of the centers of grains in a domain [m], shape (2, 2)."""
+    """Return the lower and upper corner of the box of the centers of grains [m], shape (2, 2)."""
     margin = np.where(space.period.repeats, 0.0, radius)
     return space.box + np.array([margin, -margin])
 
 
 def _fitting_widths(space: Region, count: int, radius: float, lowest: float, pitch: float) -> IndexArray:
-    """Return how many grains fit in each row; rows are `pitch` apart, the first one at height `lowest`."""
+    """Return the numbers of grains that fit in the rows at y = lowest + k pitch [m], with sum >= count."""
     (left, bottom), (right, top) = _centers(space, radius)
     widths: list[int] = []
     while (missing := count - sum(widths)) > 0:

@@ -33,9 +33,9 @@ MOST_AT_ONCE = 1 << 18  # tries per launch; Ctrl-C is handled between two launch
 INITIAL_FRACTION = 0.35  # packing fraction before the discs grow
 STAGES = 24  # number of growth stages
 MARGIN = 2e-4  # relative excess of the radii at the end of growth
-WHILE_GROWING, HOPELESS = 0.02, 0.15  # overlaps [radii] below which growth continues, above which it fails
+WHILE_GROWING, HOPELESS = 0.02, 0.15  # overlaps [radii]: growth goes on below the 1st, fails above the 2nd
 SKIN = 0.2  # largest gap of listed pairs, in radii
-SWEEPS, LAST_SWEEPS = 400, 40_000  # at most, per stage and in the last one
+SWEEPS, LAST_SWEEPS = 400, 40_000  # largest numbers of sweeps, in a stage and at the end
 AT_ONCE = 20  # sweeps between two tests of the displacements
 
 
@@ -46,9 +46,9 @@ def place_at_random(
     walls: Sequence[Wall] = (),
     most_tries: int = MOST_TRIES,
 ) -> FloatArray:
-    """Place discs by random sequential addition in a region, the largest first, clear of walls and images.
+    """Place discs in a region by random sequential addition, the largest first, without overlaps.
 
-    Returns positions [m], shape (n, 2); NaN for the discs that remained when `most_tries` for one failed.
+    Return positions [m], shape (n, 2). After `most_tries` failed tries for a disc, it and the rest are NaN.
     """
     order = np.argsort(-radius, kind="stable")
     discs = _Discs(region, radius[order], walls)
@@ -107,7 +107,7 @@ class _Discs:
         return int(self._record["tries"][0])
 
     def try_positions(self, positions: FloatArray) -> None:
-        """Try positions [m], shape (m, 2), one after the other."""
+        """Try positions [m], shape (m, 2), in order, each for the next disc without a position."""
         import warp as wp
 
         from warpgrains.base.host_kernels import launch
@@ -117,7 +117,7 @@ class _Discs:
         launch(_kernels().place, [record])
 
     def _set(self, name: str, array: np.ndarray[Any, Any], record: Any = None) -> None:
-        """Store the address of an array in the record: making Warp arrays would take longer than placing."""
+        """Store the address of an array in the record. Making Warp arrays would take longer than placing."""
         self._arrays[name] = array
         field = (self._record if record is None else record)[name]
         field["data"], field["ndim"] = array.ctypes.data, 1
@@ -127,7 +127,7 @@ class _Discs:
 def grow(
     region: Region, radius: FloatArray, generator: np.random.Generator, walls: Sequence[Wall] = ()
 ) -> tuple[FloatArray, float]:
-    """Return dense positions of discs [m], (n, 2), and the scale of the radii at which none overlap."""
+    """Return dense positions of discs [m], (n, 2), and the factor <= 1 of the radii that removes overlaps."""
     filled = float(np.pi * (radius**2).sum()) / region.area
     start = min(1.0, float(np.sqrt(INITIAL_FRACTION / filled)))
     position = place_at_random(region, start * radius, generator, walls)
@@ -146,7 +146,7 @@ def grow(
 
 
 def _clear_share(region: Region, walls: Sequence[Wall], position: FloatArray, radius: FloatArray) -> float:
-    """Return the largest scale of the radii at which no disc overlaps another one, a wall or the box."""
+    """Return the largest factor of the radii at which no disc overlaps another disc, a wall or the box."""
     if not (region.is_box or region.contains(position).all()):
         return 0.0
     i, j = _near(region, position, radius).T
@@ -170,7 +170,7 @@ def _push(
     enough: float,
     sweeps: int,
 ) -> float:
-    """Push discs apart in place until no overlap is above `enough`; return the worst one, in radii."""
+    """Push discs apart in place until no overlap exceeds `enough`; return the largest. Both are in radii."""
     import warp as wp
 
     with BUILDING:
@@ -215,14 +215,14 @@ def _limits(region: Region, walls: Sequence[Wall]) -> tuple[Any, Any]:
 
 
 def _box(region: Region) -> FloatArray:
-    """Return the box about a region [m], shape (2, 2); infinite where it is as long as the period."""
+    """Return the box about a region [m], shape (2, 2); infinite in directions where it spans the period."""
     low, high = region.outer_box
     is_whole = region.period.repeats & (high - low >= region.period.lengths)
     return np.where(is_whole, [[-np.inf], [np.inf]], [low, high])
 
 
 def _shapes(walls: Sequence[Wall]) -> FloatArray:
-    """Return walls as the kernels keep them, before they move, shape (walls, SHAPE)."""
+    """Return the numbers of each wall for the kernels, see `Wall.shape`, shape (walls, SHAPE)."""
     return np.array([wall.shape for wall in walls]).reshape(-1, SHAPE)
 
 

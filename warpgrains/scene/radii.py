@@ -30,7 +30,7 @@ LEAST_KEPT = 1e-3  # smallest accepted fraction of draws between the bounds
 
 
 def listed_radii(radius: Any) -> FloatArray | None:
-    """Return the radii [m] if they are listed: as an array, or a list that is not a pair of bounds."""
+    """Return listed radii [m], an array or a list; None for a number, a table, or a pair of bounds."""
     is_array = isinstance(radius, np.ndarray) and radius.ndim > 0
     if not is_array and (not isinstance(radius, list | tuple) or len(radius) == 2):
         return None
@@ -40,7 +40,7 @@ def listed_radii(radius: Any) -> FloatArray | None:
 
 
 def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, float]:
-    """Return a function that draws radii according to `grains.radius`, and the largest one [m]."""
+    """Return a function that draws radii according to `grains.radius`, and their upper bound [m]."""
     if not isinstance(radius, dict):
         low, high = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
         return _uniform(checks.positive("grains.radius", low), high, generator), high
@@ -74,7 +74,7 @@ def _uniform(low: float, high: float, generator: np.random.Generator) -> Draw:
 
 
 def _power(share: FloatArray, exponent: float, low: float, high: float) -> FloatArray:
-    """Return the quantiles of the radius for a density proportional to r^-exponent."""
+    """Return the quantiles of the radius [m] at `share`, for a density proportional to r^-exponent."""
     k = 1.0 - exponent
     if abs(k) < 1e-9:
         return np.asarray(low * (high / low) ** share)

@@ -1,4 +1,4 @@
-"""Reader of scene files and of the files of grains that they name: text in, the fields of `Scene` out.
+"""Reader of scene files and of the files of grains that they name. It returns the fields of a `Scene`.
 
 ``warpgrains scenes NAME`` lists the keys of scene files. An `.npz` file of grains holds the array `position`
 (n, 2), and any of `velocity` (n, 2), `radius`, `mass` and `spin`, shape (n,). A `.csv` file names its columns
@@ -49,14 +49,14 @@ PROPERTIES = {
 """Keys that give other properties of the grains."""
 
 DOMAINS = {"annulus": ("kind", *SECTIONS["domain"]), "box": ("kind", *described_fields(Box))}
-"""The keys of `[domain]` of each kind."""
+"""Keys of `[domain]` for each kind of domain."""
 
 _COLUMNS = ("x", "y", "vx", "vy", "radius", "mass", "spin")
 _SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 
 def scene_document(text: str, path: Path, overrides: Iterable[str] = ()) -> tuple[Table, Table]:
-    """Return the document of a scene with some keys overridden, and the fields name and text of the scene."""
+    """Parse the text of a scene and apply overrides; return the document, and the fields name and text."""
     document = parse_toml(text, path)
     for override in overrides:
         document = overridden(document, override)
@@ -86,7 +86,7 @@ def domain_keys(kinds: Iterable[str] = DOMAINS) -> list[str]:
 
 
 def document_fields(document: Table, folder: Path) -> Table:
-    """Return the fields of a scene, except name and text, from its document in a folder."""
+    """Return the fields of a scene except name and text. Files of grains are relative to `folder`."""
     fields = section_fields(document)
     boundary: Boundary | None = checked_domain("domain", fields.get("domain"))
     if boundary is None and "radius_out" not in fields:
@@ -102,7 +102,7 @@ def document_fields(document: Table, folder: Path) -> Table:
 
 
 def section_fields(document: Table) -> Table:
-    """Return the fields of all sections of a document but `[grains]`, without their checks, and the walls."""
+    """Return the fields of all sections except `[grains]`: walls are checked, other values are not."""
     fields: Table = {"walls": checked_walls("walls", document.get("walls", []))}
     for section, table in document.items():
         checks.one_of("section", section, [*SECTIONS, "grains", *LISTS])
@@ -124,7 +124,7 @@ def section_fields(document: Table) -> Table:
 
 
 def _grains(table: Table, space: Region, walls: tuple[Wall, ...], folder: Path) -> Table:
-    """Return position, radius, mass and velocity of the grains."""
+    """Return position, radius and mass of the grains from `[grains]`, and velocity and spin if given."""
     source = checks.only_one("[grains]", table, SOURCES)
     own = {key: value for key, value in table.items() if key not in PROPERTIES and key != "layout"}
     if source == "layout":
@@ -151,7 +151,7 @@ def _grains(table: Table, space: Region, walls: tuple[Wall, ...], folder: Path) 
 
 
 def _lay_out(layout: Any, parameters: Table, space: Region, walls: tuple[Wall, ...]) -> Placement:
-    """Call a layout with those keys that are its parameters."""
+    """Call a layout with `parameters`; raise InputError if one is unknown or missing."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
     own = keyword_parameters(function)
     _refuse_unknown_keys("grains", parameters, (*own, *PROPERTIES))
@@ -177,7 +177,7 @@ def keyword_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Pa
 
 
 def _with_mass(table: Table, grains: Table) -> Table:
-    """Return the mass of the grains as `{"mass": ...}`, if it is given directly or by a density."""
+    """Return a table with the mass that follows from a density; without a density, return `table`."""
     if "density" not in table:
         return table
     if "mass" in table:
@@ -281,7 +281,7 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
 
 
 def _complaint(error: str, header: list[str], lines: list[int]) -> str:
-    """Return what NumPy complains of, by the numbers of the lines and the names of the columns."""
+    """Return a message of NumPy with the line of the file and the name of the column instead of indices."""
     if found := re.search(r"string (.*) to float64 at row (\d+), column (\d+)", error):
         where = f"line {lines[int(found[2])]}, column {header[int(found[3]) - 1]!r}"
         return f"{where}: {found[1]} is not a number"

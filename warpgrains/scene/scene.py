@@ -48,9 +48,9 @@ class Overlaps(NamedTuple):
     """Overlaps at the start of a scene, which the first step turns into speeds, see `separate`."""
 
     pairs: int
-    """Pairs of grains that overlap."""
+    """Number of pairs of grains that overlap."""
     walls: int
-    """Grains that overlap a wall."""
+    """Number of grains that overlap a wall."""
     largest: float
     """Largest overlap [m]; 0 if there is none."""
 
@@ -82,7 +82,7 @@ class Scene(SceneFields, Shown):
     0.1
     """
 
-    if TYPE_CHECKING:  # fields may be given in more forms than a scene keeps
+    if TYPE_CHECKING:  # callers may pass more types than those of the fields
 
         def __init__(
             self,
@@ -94,12 +94,12 @@ class Scene(SceneFields, Shown):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        with np.errstate(all="ignore"):  # the checks find what is not finite, and say so in one line
+        with np.errstate(all="ignore"):  # the checks report values that are not finite
             self._check(FIELDS)
             require_valid_positions(self)
 
     def _check(self, names: Collection[str]) -> None:
-        """Check fields, but not the places of the grains, and keep them in the form of a scene."""
+        """Check and store fields and what follows from them. Positions are not checked against walls."""
         vars(self).update(checked_fields(self, names))
         walls = self.boundary.among([wall for wall in self.walls if wall.image is None])
         walls = tuple(wall.starting(self.time) for wall in walls)
@@ -142,24 +142,24 @@ class Scene(SceneFields, Shown):
 
     @classmethod
     def of_later_state(cls, **fields: Any) -> Self:
-        """Return a scene with the grains of a later state, which may be where walls were at the start."""
+        """Return a scene without checking positions: in a later state, walls have moved from the start."""
         scene = object.__new__(cls)
         vars(scene).update(vars(SceneFields(**fields)))
         scene._check(FIELDS)
         return scene
 
     def unchecked(self, **fields: Any) -> Self:
-        """Return a copy of the scene with other fields, which are valid."""
+        """Return a copy of the scene with some fields replaced by valid values, which are not checked."""
         scene = object.__new__(type(self))
         stale = {name for name, sources in _FOUND_ONCE.items() if not fields.keys().isdisjoint(sources)}
         vars(scene).update({name: own for name, own in vars(self).items() if name not in stale} | fields)
         return scene
 
     def placed(self, driven: FloatArray | None, time: float | None = None, **grains: FloatArray) -> Self:
-        """Return the scene with its walls where they are, and with grains.
+        """Return the scene with walls moved to their present places, and with other `grains`.
 
-        Walls that forces drive are at coordinates of `State.driven` [m], unless these are None. With a time
-        [s], the scene starts then.
+        `driven` holds the coordinates of all walls [m], see `State.driven`; with None, walls that forces
+        drive stay. With a time [s], the scene starts at it, and walls with prescribed motion move there.
         """
         walls, changes = self.walls, dict[str, Any](grains)
         if driven is not None:
@@ -198,9 +198,10 @@ class Scene(SceneFields, Shown):
         return scene
 
     def changed(self, changes: dict[str, Any], time: float) -> Self:
-        """Return a copy with fields that are checked, but for places of grains.
+        """Return a copy with some fields changed and checked. Positions are not checked against walls.
 
-        Sides of a box that stay go on from where they are at a time [s], at which other walls begin to move.
+        Sides of a box that do not change continue from their present places. Other walls begin to move at
+        `time` [s].
         """
         if not changes.keys().isdisjoint(("domain", "walls")):
             sides = [wall for wall in self.walls if self.boundary.owns(wall)]
@@ -271,9 +272,9 @@ class Scene(SceneFields, Shown):
         return self.gravity.at(time) if isinstance(self.gravity, TurningGravity) else self.gravity
 
     def up_at(self, time: float) -> FloatArray:
-        """Return the unit vector against gravity; in a box, across the direction in which it is periodic.
+        """Return the unit vector against gravity at a time [s], without its component along a period.
 
-        It is (0, 1) without gravity, and in a box that is periodic in both directions.
+        If no component of gravity is left, it is (0, 1), or (1, 0) in a box that is periodic only along y.
         """
         x, y = self.gravity_at(time)
         along_x, along_y = self.period.repeats
@@ -312,19 +313,19 @@ class Scene(SceneFields, Shown):
         return self._at_walls("restitution")
 
     def _at_walls(self, name: str) -> list[float]:
-        """Return a coefficient by wall: its own, or else that at walls, or else that between grains."""
+        """Return coefficient `name` of each wall: `wall.{name}`, by default `wall_{name}` or `{name}`."""
         at_walls = getattr(self, f"wall_{name}")
         common = getattr(self, name) if at_walls is None else at_walls
         own = (getattr(wall, name) for wall in self.walls)
         return [common if value is None else value for value in own]
 
     def at_walls(self, name: str, wall: Indices) -> FloatArray:
-        """Return a coefficient, "friction" or such, of contacts (grain, wall), shape (m, 2) to (m,)."""
+        """Return coefficient `name`, such as "friction", of contacts (grain, wall), shape (m, 2) to (m,)."""
         return np.array(self._at_walls(name), np.float64)[wall[:, 1]]
 
     @property
     def has_moving_walls(self) -> bool:
-        """True if a wall moves as given in advance."""
+        """True if a wall has a prescribed motion."""
         return any(wall.moves for wall in self.walls)
 
     @property
@@ -343,12 +344,12 @@ class Scene(SceneFields, Shown):
         return Bodies(self)
 
     def text_after(self, changed: Collection[str]) -> str:
-        """Return the text of the scene with a line that lists changed fields, if it has a text."""
+        """Return the text of the scene with a comment that lists changed fields; "" if there is no text."""
         line = f"\n# changed afterwards: {', '.join(changed)}"
         return self.text + line if self.text and any(changed) and not self.text.endswith(line) else self.text
 
     def wall_speeds(self, position: FloatArray, wall: Indices, time: float) -> FloatArray:
-        """Return how fast walls move along normal and tangent of contacts (grain, wall) [m/s], shape (m, 2).
+        """Return speeds of walls along normal and tangent of contacts (grain, wall) [m/s], shape (m, 2).
 
         `position` is that of all grains [m], and `time` that of the start of the step [s] (eq. 26b).
         """
@@ -380,12 +381,12 @@ class Scene(SceneFields, Shown):
 
     @property
     def boundary(self) -> Boundary:
-        """The annulus or box that made the last of the walls, and the period."""
+        """The annulus or box, which defines the last of the walls and the period."""
         return boundary_of(self)
 
     @cached_property
     def period(self) -> Period:
-        """The cell by whose images the scene continues."""
+        """The periodic cell, whose images continue the scene."""
         return self.boundary.period
 
     def space_at(self, time: float) -> Region:
@@ -394,12 +395,12 @@ class Scene(SceneFields, Shown):
 
     @cached_property
     def reach(self) -> float:
-        """Upper bound of the distance of places from the origin [m], from which rounding errors follow."""
+        """Upper bound of the distance of positions from the origin [m], the scale of rounding errors."""
         return self.boundary.reach
 
     @property
     def rounding(self) -> float:
-        """Overlap below which a contact with a wall is not counted as overlapping [m]."""
+        """Largest overlap with a wall that counts as a rounding error [m]."""
         return ROUNDING * self.reach
 
     @property
@@ -409,38 +410,38 @@ class Scene(SceneFields, Shown):
 
     @cached_property
     def extent(self) -> Bounds:
-        """The box about the grains at the start and the walls that they can touch [m]: pictures show it."""
+        """Box about the grains at the start and the walls that they can touch [m]. Pictures show this box."""
         return extent_of(self)
 
     @property
     def area(self) -> float:
-        """Area between circles and lines at the start, without discs [m2]."""
+        """Area between circles and lines at the start, minus that of walls that are discs [m2]."""
         return container.without_discs(self.space_at(self.time), self.walls, self.time).area
 
     @cached_property
     def leaders(self) -> list[int]:
-        """The wall with which each of `walls` moves: itself, or of a row the driven line of its name."""
+        """Index of the wall with which each wall moves: a row's driven line, an image's wall, or itself."""
         return leaders_of(self.walls)
 
     @property
     def drives(self) -> list[Drive]:
-        """The drive of each of `walls`; that of one that no force acts on is all 0."""
+        """The drive of each wall; all 0 for walls on which no force acts."""
         return [self.walls[leader].drive or Drive() for leader in self.leaders]
 
     @property
     def mobile_walls(self) -> dict[int, Wall]:
-        """The `walls`, by number, that move as given in advance or that forces drive."""
+        """Walls with a prescribed motion or a drive, by number in `walls`."""
         each = enumerate(zip(self.walls, self.drives, strict=True))
         return {number: wall for number, (wall, drive) in each if wall.moves or drive.inverse_mass}
 
     @property
     def written_walls(self) -> tuple[Wall, ...]:
-        """`walls` as files hold them: without circles of an annulus, which its keys make, and images."""
+        """Walls that files list: all except images and the circles of an annulus, which have keys."""
         return tuple(wall for wall in self.walls if not (wall.image or isinstance(wall, Rim)))
 
     @property
     def wall_names(self) -> tuple[str, ...]:
-        """Names of the walls 0, 1, 2, ...; several walls may have one."""
+        """Names of the walls 0, 1, 2, ...; several walls may share a name."""
         return tuple(wall.named(number) for number, wall in enumerate(self.walls))
 
     def side(
@@ -454,9 +455,9 @@ class Scene(SceneFields, Shown):
     ) -> Side:
         """Return normals and gaps of grains at one wall from positions [m], shape (k, 2), and radii [m].
 
-        With the displacements `move` of a step [m], shape (k, 2), a round wall has the gaps of eq. 18. A wall
-        that moves is where it is at a time [s]. Gaps are larger by `free` [m], or twice the `reach`, where a
-        joint leaves no contact (eq. 8c).
+        With the displacements `move` of a step [m], shape (k, 2), a round wall has the gaps of eq. 18. Walls
+        with prescribed motion are taken at `time` [s]. Where a joint allows no contact (eq. 8c), `free` [m],
+        by default twice the `reach`, is added to the gap.
         """
         wall = self.walls[number]
         if self.joints.of(number):
@@ -467,7 +468,7 @@ class Scene(SceneFields, Shown):
         return wall.side_at(time, position, radius, self.period)
 
     def pair_frames(self, position: FloatArray, pair: Indices) -> tuple[FloatArray, FloatArray]:
-        """Return normals from i to j and gaps [m], shapes (m, 2) and (m,), of pairs, shape (m, 2).
+        """Return normals from i to j and gaps [m], shapes (m, 2) and (m,), of pairs (i, j), shape (m, 2).
 
         `position` holds the centers of all grains [m], shape (n, 2).
         """
@@ -486,7 +487,7 @@ class Scene(SceneFields, Shown):
     ) -> tuple[FloatArray, FloatArray]:
         """Return normals and gaps [m], shapes (m, 2) and (m,), of wall contacts (grain, wall), shape (m, 2).
 
-        `position` holds the centers of all grains [m], shape (n, 2); for the others, see `side`.
+        `position` holds the centers of all grains [m], shape (n, 2). For the other arguments, see `side`.
         """
         normal, gap = np.zeros(wall.shape), np.zeros(len(wall))
         for number in np.unique(wall[:, 1]).tolist():
@@ -543,7 +544,7 @@ _FOUND_ONCE = {
     "reach": _OF_WALLS,
     "extent": set(FIELDS),
 }
-"""The cached properties, and the fields from which they follow."""
+"""Cached properties, each with the fields that determine it."""
 
 SceneLike = Scene | str | os.PathLike[str]
 """A scene, or a file or name that `Scene.load` accepts."""
@@ -565,5 +566,5 @@ def _range(values: FloatArray) -> str:
 
 @lru_cache(1024)
 def _steps_in(duration: float, dt: float) -> int:
-    """Divide decimals as they are written, so that 0.3 s is three steps of 0.1 s."""
+    """Return round(duration / dt) for the decimals as written, so that 0.3 s is three steps of 0.1 s."""
     return round(Fraction(str(duration)) / Fraction(str(dt)))

@@ -1,4 +1,4 @@
-"""Time schemes: the velocities before contacts act, and their inverse (kernels/MODEL.md, "Half steps")."""
+"""Time schemes: free velocities, without contacts, and the inverse map (kernels/MODEL.md, "Half steps")."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ SCHEMES = ("text", "leapfrog")
 
 
 def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool, time: float = 0.0) -> FloatArray:
-    """Return v* [m/s], (n, 2), of a step from a time [s] (eqs. 2, 16, 17); for `staggered`, see `State`."""
+    """Return the velocities v* [m/s], (n, 2), after gravity and drag of the step that starts at `time` [s].
+    See eqs. 2, 16 and 17, and `State` for `staggered`.
+    """
     dt, gravity, drag = scene.dt, np.array(scene.gravity_at(time)), scene.drag
     mass = scene.mass[:, np.newaxis]
     if scene.scheme == "text":
@@ -37,7 +39,7 @@ def free_spin(scene: Scene, spin: FloatArray, staggered: bool) -> FloatArray:
 def at_positions(
     scene: Scene, velocity: FloatArray, spin: FloatArray, time: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return staggered velocities [m/s], (n, 2), and spins taken on by half a step, to a time (eq. 17)."""
+    """Advance staggered velocities [m/s], (n, 2), and spins [rad/s] by half a step, to `time` (eq. 17)."""
     a = scene.drag * scene.dt / (2.0 * scene.mass[:, np.newaxis])
     b = scene.spin_drag * scene.dt / (2.0 * scene.inertia)
     return (1.0 - a) * velocity + 0.5 * scene.dt * np.array(scene.gravity_at(time)), (1.0 - b) * spin
@@ -46,7 +48,7 @@ def at_positions(
 def before_positions(
     scene: Scene, velocity: FloatArray, spin: FloatArray, time: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what `at_positions` takes to these velocities [m/s] and spins: inf or NaN if drag dt = 2 m."""
+    """Invert `at_positions`: return staggered velocities [m/s] and spins; inf or NaN if drag dt = 2 m."""
     a = scene.drag * scene.dt / (2.0 * scene.mass[:, np.newaxis])
     b = scene.spin_drag * scene.dt / (2.0 * scene.inertia)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -84,7 +86,7 @@ def spin_kick_of(scene: Scene, free: FloatArray, spin: FloatArray, staggered: bo
 def _kick(
     scene: Scene, gravity: FloatArray, rate: FloatArray, free: FloatArray, now: FloatArray, staggered: bool
 ) -> Kick:
-    """Return the kick for an acceleration, and a rate of drag [1/s], from the velocities `now`."""
+    """Return the kick for an acceleration and a drag rate [1/s]; the step ends with the velocities `now`."""
     dt = scene.dt
     if scene.scheme == "text":
         before = (free - dt * gravity) / (1.0 - dt * rate)

@@ -38,7 +38,7 @@ class WallLoads(NamedTuple):
     """Contacts with walls in the last step."""
 
     grain: IndexArray
-    """Shape (c,)."""
+    """Grain of each contact, shape (c,)."""
     wall: IndexArray
     """Number in `Scene.walls`, shape (c,)."""
     point: FloatArray
@@ -54,7 +54,7 @@ class WallLoads(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """Contacts as forces on single grains: those of pairs on i, then on j, then those of walls."""
+    """Contact forces on single grains: first of all pairs on i, then of all pairs on j, then of walls."""
 
     grain: IndexArray
     """Loaded grain, shape (c,)."""
@@ -79,9 +79,9 @@ class Snapshots:
     """Snapshots of m scenes with n grains each, as arrays whose first axis is that of the scenes."""
 
     scenes: Sequence[Scene]
-    """The scenes, whose driven walls are where they are then."""
+    """The scenes, with walls that forces drive at their places at `time`."""
     time: Sequence[float]
-    """[s], one for each scene."""
+    """Time of each scene [s]."""
     mass: FloatArray
     """[kg], shape (m, n)."""
     radius: FloatArray
@@ -97,7 +97,7 @@ class Snapshots:
 
     @classmethod
     def of(cls, scenes: Sequence[Scene], times: Sequence[float], **arrays: FloatArray) -> Self:
-        """Return the grains of scenes, whose driven walls are where they are at the times [s].
+        """Return the grains of scenes at times [s]. Walls that forces drive are already moved to the times.
 
         `arrays` are position, velocity, spin and wall_force.
         """
@@ -115,7 +115,7 @@ class Snapshots:
 
     @cached_property
     def gravity(self) -> FloatArray:
-        """As it is at the time [m/s2], shape (m, 2)."""
+        """Acceleration of gravity at `time` [m/s2], shape (m, 2)."""
         return np.array([scene.gravity_at(time) for scene, time in self._each])
 
     @cached_property
@@ -130,12 +130,12 @@ class Snapshots:
 
     @cached_property
     def circle_walls(self) -> IndexArray:
-        """Numbers of these circles in `Scene.walls`, shape (m, 2); -1 without them."""
+        """Numbers of the inner and the outer circle in `Scene.walls`, shape (m, 2); -1 without them."""
         return np.array([scene.bodies.circle_walls for scene in self.scenes])
 
     @cached_property
     def containers(self) -> Mapping[int, Container]:
-        """Containers of the scenes with other walls, or a period, by number."""
+        """Containers, by number, of the scenes that have a period, or walls other than circles."""
         return {
             k: container_of(scene, time, self.position[k])
             for k, (scene, time) in enumerate(self._each)
@@ -157,7 +157,7 @@ class Snapshot:
     Parameters
     ----------
     scene : Scene
-        The scene, with the walls that forces drive where they are.
+        The scene, with walls that forces drive at their places at `time`.
     steps : int
         Time steps since the start.
     time : float
@@ -169,10 +169,10 @@ class Snapshot:
     start : ndarray
         Centers at the start of the last step [m], shape (n, 2).
     start_scene : Scene
-        The scene of that step, with the walls that forces drive where they were; in a recording, `scene`,
-        with these walls where they are in the frame.
+        The scene of the last step, with walls that forces drive at their places at its start. In a
+        recording it is `scene`, with these walls at their places in the frame.
     start_staggered : bool
-        Whether velocities were half a step behind then, see `State.staggered`.
+        Whether velocities were half a step behind at the start of the last step, see `State.staggered`.
     pair : ndarray
         Grains i < j in contact, shape (m, 2).
     force : ndarray
@@ -190,7 +190,7 @@ class Snapshot:
     inflow, outflow : ndarray or None
         Grains that came and went so far, see `State`; None in recordings.
     recorded : mapping
-        Numbers of the grains that a recording holds, such as the pressure, by name, shape (n,) each.
+        Values of the grains that a recording holds, such as the pressure, by name, shape (n,) each.
 
     Examples
     --------
@@ -233,12 +233,12 @@ class Snapshot:
 
     @property
     def start_time(self) -> float:
-        """Time of the start of the last step [s], at which its walls are taken."""
+        """Time of the start of the last step [s]."""
         return self.start_scene.time_after(self.steps - 1)
 
     @cached_property
     def grains(self) -> Snapshots:
-        """Grains in the form for many runs, with one run."""
+        """The grains as arrays for several scenes, with one scene."""
         wall_force = np.zeros((self.n, len(self.scene.walls)))
         wall_force[*self.wall.T] = self.wall_force
         arrays = {"position": self.position, "velocity": self.velocity, "spin": self.spin}
@@ -247,8 +247,8 @@ class Snapshot:
 
     @cached_property
     def images(self) -> tuple[FloatArray, IndexArray]:
-        """Centers of drawn grains [m], shape (k, 2), and their numbers, shape (k,): first all, wrapped into a
-        periodic box, and then those that cross its sides, on the other side."""
+        """Centers of drawn discs [m], shape (k, 2), and their grains, shape (k,): first all grains, wrapped
+        into a periodic box, then images on the opposite sides of grains that cross a periodic side."""
         return self.scene.period.images(self.position, self.scene.radius)
 
     @cached_property
@@ -276,7 +276,7 @@ class Snapshot:
 
     @cached_property
     def wall_loads(self) -> WallLoads:
-        """The contacts with walls."""
+        """Contacts with walls, with forces on the walls."""
         grain, wall = self.wall.astype(np.int64).T
         normal = self.loads.normal[2 * len(self.pair) :]
         along, across = self.wall_force[:, np.newaxis], self.wall_tangential_force[:, np.newaxis]
@@ -285,7 +285,7 @@ class Snapshot:
         return WallLoads(grain, wall, point, normal, self.wall_force, force, cross(point, force))
 
     def columns(self, table: str) -> dict[str, Any]:
-        """Return one of `TABLES` as columns by name."""
+        """Return the columns of a table, one of `TABLES`, by name."""
         if table == "grains":
             (x, y), (vx, vy) = self.position.T, self.velocity.T
             columns: dict[str, Any] = {} if self.births is None else {"id": self.births}

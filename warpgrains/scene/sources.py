@@ -23,13 +23,13 @@ from warpgrains.walls.wall import checked_name
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
-ROUNDED = 1e-9  # of a number of grains, and of a time in intervals
+ROUNDED = 1e-9  # tolerance of a number of grains, and of a time in intervals
 Kind = TypeVar("Kind", bound="Exchange")
 
 
 @fields_in_help
 class Inflow(NamedTuple):
-    """Grains of a source so far.
+    """Numbers of grains of a source so far.
 
     Examples
     --------
@@ -41,13 +41,13 @@ class Inflow(NamedTuple):
     """
 
     due: int
-    """Number by its count and its rate."""
+    """Grains that should have appeared according to `count` and `rate`."""
     entered: int
-    """Number that appeared, with those that sinks fed."""
+    """Grains that appeared, including those that sinks fed."""
     missed: int
-    """Due grains that found no room, which never appear."""
+    """Due grains for which there was no room. They never appear."""
     waiting: int
-    """Grains fed by sinks, which appear when there is room."""
+    """Grains that sinks fed and that have not appeared yet. They appear when there is room."""
 
 
 @fields_in_help
@@ -66,7 +66,7 @@ class Outflow(NamedTuple):
     grains: int
     """Number of grains."""
     mass: float
-    """[kg]."""
+    """Mass of these grains [kg]."""
 
 
 def _number(field: str, value: Any) -> int:
@@ -85,7 +85,7 @@ def _radius(field: str, value: Any) -> Any:
 
 @contextmanager
 def _radius_named(field: str) -> Iterator[None]:
-    """Name the field in errors about radii, which those of a layout call `grains.radius`."""
+    """Replace "grains.radius", which checks of layouts name, by `field` in the message of an InputError."""
     try:
         yield
     except InputError as error:
@@ -94,7 +94,7 @@ def _radius_named(field: str) -> Iterator[None]:
 
 @dataclass(frozen=True, kw_only=True)
 class Exchange:
-    """A region, and the times at which it exchanges grains: common keys of sources and sinks."""
+    """The keys that sources and sinks share: a region, and the times at which it exchanges grains."""
 
     region: Mapping[str, Any] = described(
         "Ranges ``x``, ``y`` and ``distance`` from the origin [m], such as {x = [-0.1, 0.1]}.",
@@ -120,7 +120,7 @@ class Exchange:
 
     @property
     def table(self) -> dict[str, Any]:
-        """Keys and values of its table in a scene file, without defaults."""
+        """Keys and values of the table in a scene file, without those that are defaults."""
         own = described_fields(type(self)).items()
         return {name: value for name, one in own if (value := getattr(self, name)) != one.default}
 
@@ -135,7 +135,7 @@ class Exchange:
         return inf if self.to_time is None else self.to_time
 
     def starting(self, time: float) -> Self:
-        """Return a copy that begins at a time [s], unless its own is given."""
+        """Return a copy that begins at `time` [s], or self if `from_time` is given."""
         return replace(self, from_time=time) if self.from_time is None else self
 
     def steps(self, dt: float) -> int:
@@ -219,7 +219,7 @@ class Sink(Exchange):
     )
 
     def is_open(self, time: float) -> bool:
-        """Return whether it takes grains at a time [s]."""
+        """Return whether the sink takes grains at a time [s]."""
         rounded = ROUNDED * self.interval
         return self.begin - rounded <= time <= self.end + rounded
 
@@ -272,14 +272,14 @@ def _checked_one(field: str, value: Any, kind: type[Kind]) -> Kind:
 
 
 def space_of(now: Scene, region: Any, radius: float, field: str = "region") -> Region:
-    """Return the part of a scene in which grains are placed whole; InputError if one does not fit into it."""
+    """Return the part of the space of a scene that `region` selects; InputError if a grain does not fit."""
     space = region_of(now.space_at(now.time), region, field)
     fitting_radius(space, radius)
     return space
 
 
 def complaints(scene: Scene) -> Iterator[str]:
-    """Yield which sources and sinks have no room, and which are not connected."""
+    """Yield complaints about names and rates of sources. Raise InputError for an invalid region or sink."""
     names = [source.name for source in scene.sources if source.name]
     for k, sink in enumerate(scene.sinks):
         region_of(scene.space_at(scene.time), sink.region, f"sinks[{k}].region")
@@ -297,7 +297,7 @@ def complaints(scene: Scene) -> Iterator[str]:
 
 
 def require_closed(scene: Scene, what: str) -> None:
-    """Raise InputError if the scene has sources or sinks, with which something cannot be done."""
+    """Raise InputError, which begins with `what`, if the scene has sources or sinks."""
     if scene.exchanges_grains:
         raise InputError(f"{what}: the scene has sources or sinks, which only `run` and Simulation take")
 

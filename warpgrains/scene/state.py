@@ -63,11 +63,11 @@ class Corrections:
 
 @dataclass(frozen=True, eq=False)
 class VerletList:
-    """The Verlet list of grains and walls, and what decides when it expires (kernels/search/verlet.py).
+    """The Verlet list of grains and walls, and the data for its expiry (kernels/search/verlet.py).
 
-    Colors depend on the list, so a run in color order needs it to continue with the same bits. Both circles
-    of an annulus are its outer one here where they are one body of the device (bodies.py). Bodies are the
-    grains, and those of walls if one is driven.
+    Colors depend on the list, so a run in color order needs it to continue with the same bits. Where both
+    circles of an annulus are one body on the device (bodies.py), `wall` names the outer one. Bodies are the
+    grains and, if a force drives a wall, the bodies of walls.
     """
 
     pair: IntArray
@@ -76,11 +76,11 @@ class VerletList:
     recent_deviation: FloatArray  # [m/s], shape (bodies,)
     reference_position: FloatArray  # when the list was built [m], shape (bodies, 2)
     reference_velocity: FloatArray  # [m/s], shape (bodies, 2)
-    frame_shift: FloatArray  # path of the frame since then [m], shape (2,)
+    frame_shift: FloatArray  # path of the frame since the list was built [m], shape (2,)
     base_skin: float  # [m]
     frame_skin: float  # path that the list allows the frame [m]
     elapsed: float  # since the list was built [s]
-    lifetime: float  # for which it was built [s]
+    lifetime: float  # time for which the list was built [s]
 
 
 VERLET_NUMBERS = ("base_skin", "frame_skin", "elapsed", "lifetime")
@@ -102,27 +102,26 @@ class State:
         The Verlet list. Without it, a run in color order continues with another order of contacts.
     staggered : bool
         Whether velocities are half a step behind positions, as after any step of the leapfrog scheme. That
-        scheme continues with a full kick if they are, else with half a kick. The text's scheme makes no
-        difference.
+        scheme continues with a full kick if True, else with half a kick. The text's scheme does not use it.
     spin, angle : ndarray or None
         Angular velocities [rad/s] and rotations since the start [rad], shape (n,); None without friction.
     driven : ndarray or None
         Coordinate [m] and speed [m/s] of each of `Scene.walls`, shape (walls, 2), if a force drives one; else
-        None. The coordinate is the way that a wall has moved or, of the outer circle, its radius.
+        None. The coordinate is the displacement of a wall, or the radius of the outer circle.
     last_staggered : bool
         `staggered` before the last step.
     id : ndarray or None
-        Numbers of birth of the grains, ascending int64, shape (n,); None, until `Simulation.add` or `remove`,
-        if they are 0, 1, ..., n - 1.
+        Numbers of birth of the grains, ascending int64, shape (n,). None stands for 0, 1, ..., n - 1, before
+        `Simulation.add` or `remove`.
     born : int
-        Number of births so far, above all numbers of `id`; 0 if that is None.
+        Number of births so far, above all numbers of `id`; 0 if `id` is None.
     inflow : ndarray or None
         Numbers of grains of each source so far, with the columns of `Inflow`, int64, shape (sources, 4);
         None in a scene without sources and sinks.
     outflow : ndarray or None
-        Number of grains and mass [kg] that each sink has taken so far, shape (sinks, 2); None as `inflow`.
+        Number of grains and mass [kg] that each sink has taken so far, shape (sinks, 2); None if `inflow` is.
     exchanged : int
-        Steps after which sources and sinks last exchanged grains; -1 before.
+        Number of steps at the last exchange of grains by sources and sinks; -1 before the first exchange.
     last_scene : Scene or None
         Scene of the last step, which its contacts and their forces refer to; None if it is the scene of the
         state. They differ after `Simulation.change`, until the next step.
@@ -196,7 +195,7 @@ _ARRAYS = {
     "reference_velocity": ("body", (2,), "a number"),
     "frame_shift": ("component", (), "a number"),
 }
-"""Arrays of doubles in states: what has a row each, the shape of a row, and what all numbers must be."""
+"""Float64 arrays of states: the kind of object that has a row, the shape of a row, and the valid values."""
 
 
 def require_state(state: State, scene: Scene) -> None:
@@ -262,7 +261,7 @@ def _require_flow(state: State, scene: Scene) -> None:
 
 
 def _require_arrays(record: Any, counts: dict[str, int]) -> None:
-    """Check the arrays of doubles of a record, of which those that are None by default may be None."""
+    """Check the float64 arrays of a record; `counts` are their rows. Arrays with default None may be None."""
     for own in fields(record):
         array = getattr(record, own.name)
         if own.name not in _ARRAYS or (array is None and own.default is None):
@@ -277,7 +276,7 @@ def _require_arrays(record: Any, counts: dict[str, int]) -> None:
 
 
 def _require_contacts(what: str, record: Any, kind: type, scene: Scene) -> None:
-    """Check the grains and walls of contacts, which are in ascending order."""
+    """Check that `pair` and `wall` of a record hold valid indices in ascending order."""
     _require_kind(what, record, kind)
     for name, most in (("pair", scene.n), ("wall", len(scene.walls))):
         contact = getattr(record, name)
@@ -293,7 +292,7 @@ def _require_contacts(what: str, record: Any, kind: type, scene: Scene) -> None:
 
 
 def _indices(record: Corrections | VerletList, scene: Scene) -> tuple[IndexArray, IndexArray]:
-    """Number the pairs, and the contacts with walls, by grain and body."""
+    """Return a unique number for each pair, and for each grain and body of a contact with a wall."""
     (i, j), (grain, wall) = (contact.T.astype(np.int64) for contact in (record.pair, record.wall))
     return i * scene.n + j, grain + scene.n * scene.bodies.of_walls[wall]
 

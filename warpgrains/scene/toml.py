@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 Table = dict[str, Any]
 
-_LONGEST = 2**28  # bytes of a text
+_LONGEST = 2**28  # largest size of a file [bytes]
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 LISTS = {"walls": "wall", "sources": "source", "sinks": "sink"}
-"""Lists of tables in scene files, such as [[walls]], and what a table describes."""
+"""Lists of tables in scene files, such as [[walls]], and the name of what one table describes."""
 SHIPPED = {"scene": "", "sweep": "sweeps"}
 """Folder of the shipped files of each kind, relative to the folder of the scenes."""
 
@@ -47,7 +47,7 @@ def shipped_text(kind: str, name: str) -> str:
 
 
 def read_text(path: Path, kind: str) -> str:
-    """Return the text of a scene or sweep, given by file or by the name of a shipped one."""
+    """Return the text of a scene or sweep from a file, or from a shipped file by its name."""
     if not _exists(path):
         if path.suffix == ".toml" or len(path.parts) > 1:
             nearest = get_close_matches(path.stem, shipped(kind), n=1)
@@ -101,7 +101,7 @@ def read_parameters(text: str) -> dict[str, Any]:
 
 
 def fields_of_sections(document: Table) -> dict[str, Any]:
-    """Return the fields of a scene that the sections of a document hold; those of a box are one."""
+    """Return the fields of a scene in the sections of a document. The keys of a box become field `domain`."""
     fields: dict[str, Any] = {}
     for section, table in document.items():
         own = {key: value for key, value in table.items() if (section, key) != ("domain", "kind")}
@@ -111,7 +111,7 @@ def fields_of_sections(document: Table) -> dict[str, Any]:
 
 
 def overridden(document: Table, override: str) -> Table:
-    """Return a document with the key of "section.key=value" set; a bare word is taken as a string."""
+    """Return a document with "section.key=value" applied. A value that is a bare word becomes a string."""
     target, equals, value = override.partition("=")
     told = f"override {checks.shown(override)}"
     if not equals or not all(target.strip().partition(".")):
@@ -130,7 +130,7 @@ def overridden(document: Table, override: str) -> Table:
 
 
 def with_key(document: Table, key: str, value: Any) -> Table:
-    """Return a document with another value of a key, such as "domain.top.mass" or "walls.0.friction"."""
+    """Return a document with a new value for a key, such as "domain.top.mass" or "walls.0.friction"."""
     section, _, name = key.partition(".")
     table = document.get(section, {})
     if section in LISTS:
@@ -150,7 +150,7 @@ def with_key(document: Table, key: str, value: Any) -> Table:
 
 
 def numbered_key(section: str, name: str) -> tuple[int, str]:
-    """Return the number of a table of a list, such as "walls", and its key from a text like "0.friction"."""
+    """Split "0.friction" into the number of a table in the list `section`, such as "walls", and its key."""
     number, _, key = name.partition(".")
     if not (number.isascii() and number.isdigit() and key):
         raise InputError(f"{section}.{name}: it must be {section}.NUMBER.KEY, such as walls.0.friction")
@@ -213,7 +213,7 @@ def _key(key: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a text in quotes on one line, with all but ASCII escaped."""
+    """Return a text as a quoted TOML string on one line; characters outside ASCII are escaped."""
     if any("\ud800" <= letter <= "\udfff" for letter in text):
         raise InputError(f"{text!r} is not valid text: it cannot be written")
     letters = (f"\\U{ord(letter):08x}" if letter > "\uffff" else json.dumps(letter)[1:-1] for letter in text)
