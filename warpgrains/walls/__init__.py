@@ -1,1 +1,1 @@
-"""Walls: a kind a file, motion and joints, and the annulus and the box that make them."""
+"""Walls: one file for each kind, motion and joints, and the annulus and the box, which define walls."""

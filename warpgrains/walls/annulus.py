@@ -1,4 +1,4 @@
-"""The annulus: an outer circle about the origin and an inner one, or none."""
+"""The annulus: an outer circle about the origin and, optionally, an inner circle."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WALLS = ("tangent", "round")
 
 @dataclass(frozen=True)
 class Annulus(Boundary):
-    """The space between two circles, as its keys describe it; None and 0 where there is none."""
+    """The space between two circles about the origin, with its keys in scene files as fields."""
 
     radius_in: float
     """Radius of the inner wall [m]; 0 if there is none."""
@@ -29,16 +29,16 @@ class Annulus(Boundary):
     wall: str = "tangent"
     """Model of the outer wall within a step: its "tangent", or "round"."""
     pressure: float | None = None
-    """On the outer wall [N/m]."""
+    """Pressure on the outer wall [N/m]; None if the wall is fixed."""
     wall_mass: float | None = None
-    """Mass of the outer wall [kg]."""
+    """Mass of the outer wall [kg], only with a pressure."""
     angular_velocity_out: float = 0.0
-    """[rad/s]."""
+    """Angular velocity of the outer wall [rad/s]."""
     angular_velocity_in: float = 0.0
-    """[rad/s]."""
+    """Angular velocity of the inner wall [rad/s]."""
 
     def checked(self) -> Self:
-        """Return the annulus in the form of a scene; raise InputError unless 0 <= radius_in < radius_out."""
+        """Check radii and `wall` and return a copy; raise InputError unless 0 <= radius_in < radius_out."""
         annulus = replace(
             self,
             radius_in=checks.not_negative("radius_in", self.radius_in),
@@ -60,7 +60,7 @@ class Annulus(Boundary):
 
     @property
     def walls(self) -> tuple[Rim, ...]:
-        """The outer wall, and the inner one, if there is one."""
+        """The outer wall and, if radius_in > 0, the inner wall."""
         return _walls_of(self)
 
     def owns(self, wall: Wall) -> bool:
@@ -93,7 +93,7 @@ class Annulus(Boundary):
 
 
 KEYS = tuple(own.name for own in fields(Annulus))
-"""The keys of an annulus, fields of a scene as well."""
+"""The keys of an annulus. They are fields of a scene, too."""
 
 
 @lru_cache(64)  # thousands of scenes of a sweep have few annuli

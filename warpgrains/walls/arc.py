@@ -13,7 +13,7 @@ from warpgrains.space.geometry import Side, distance, hollow_normals, left_of
 from warpgrains.walls.band import Band, strip
 from warpgrains.walls.wall import Wall, kind_of_wall
 
-_POINTS = 64  # of an arc as it is drawn
+_POINTS = 64  # number of points in the drawing of an arc
 
 
 @kind_of_wall
@@ -59,7 +59,7 @@ class Arc(Wall):
 
     @property
     def circle(self) -> tuple[float, float, float]:
-        """The whole circle."""
+        """The circle of which the arc is a part [m]."""
         return (*self.center, self.radius)
 
     @property

@@ -11,25 +11,25 @@ from warpgrains.space.geometry import Circle, left_of
 from warpgrains.walls.motion import Pose
 
 _WALL_SEGMENTS = 256
-_END_SEGMENTS = 16  # of a half of a round end
+_END_SEGMENTS = 16  # number of angles in each half of a round end
 
 
 class Band(NamedTuple):
     """Drawing of a wall: the flat band between two lines of equally many points."""
 
     first: FloatArray
-    """Points of a line [m], shape (k, 2)."""
+    """Points of the left line [m], shape (k, 2)."""
     second: FloatArray
-    """Points of the other line [m], shape (k, 2), to the right of the first one."""
+    """Points of the right line [m], shape (k, 2)."""
     is_closed: bool
-    """Whether both lines are closed, as those of a ring."""
+    """Whether both lines are closed, as in a ring."""
 
     def moved(self, pose: Pose) -> Band:
-        """Return the band where its wall is."""
+        """Return the band of a wall that has moved to a pose."""
         return self._replace(first=pose.place(self.first), second=pose.place(self.second))
 
     def copied(self, ways: FloatArray) -> Band:
-        """Return copies moved by ways [m], shape (k, 2), as one band: parts between them have no area."""
+        """Return copies displaced by `ways` [m], shape (k, 2), as one band. Links between have no area."""
         first, second = self.first, self.second
         if self.is_closed:
             first, second = (np.concatenate([line, line[:1]]) for line in (first, second))
@@ -39,7 +39,7 @@ class Band(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """Largest coordinate of a point [m]."""
+        """Largest absolute coordinate of a point [m]."""
         return float(max(np.abs(self.first).max(), np.abs(self.second).max()))
 
     def outlines(self) -> FloatArray:
@@ -50,7 +50,7 @@ class Band(NamedTuple):
 
 
 def ring(border: Circle, thickness: float) -> Band:
-    """Return the band of this thickness [m] along a circle, outside of the space that the circle bounds."""
+    """Return the band of this thickness [m] along a circle, on the side where no grains are."""
     x, y, r, keeps_inside = border
     inner, outer = (r, r + thickness) if keeps_inside else (max(r - thickness, r / 2), r)
     angle = np.arange(_WALL_SEGMENTS) * 2.0 * np.pi / _WALL_SEGMENTS

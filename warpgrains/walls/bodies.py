@@ -1,8 +1,8 @@
 """The walls of a scene as bodies of the device (kernels/walls/walls.py).
 
-Body 0 is the annulus, whose circles are its two sides; it is out of reach if there is none. The other walls
-follow. With friction or a driven wall the inner circle is body 1 instead, a disc at the origin, because each
-circle then needs its own friction and speed.
+Body 0 is the annulus; its circles are the two sides of the body. Without an annulus, the outer circle is out
+of reach. The other walls follow. With friction or a driven wall the inner circle is body 1, a disc at the
+origin, because each circle then needs its own friction and speed.
 
 At a joint, an end of a wall lies on another wall (MODEL.md, eq. 8c).
 """
@@ -28,26 +28,26 @@ if TYPE_CHECKING:
 
 
 NO_CIRCLE = 1e100  # m, radius of the outer circle of the device where there is none
-NONE = -1  # the number of a wall that is not there
-CLOSE = 1e-9  # how far an end may be off the other wall, as a part of the size of the larger one
-ACROSS = np.array([np.cos(1.0), np.sin(1.0)])  # direction in which ends are sorted, along no usual wall
+NONE = -1  # number of a wall that does not exist
+CLOSE = 1e-9  # largest distance of an end from the other wall at a joint, relative to the larger wall
+ACROSS = np.array([np.cos(1.0), np.sin(1.0)])  # direction in which ends are sorted, unusual for walls
 FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as in kernels/walls/walls.py
 
 
 Shift = tuple[float, float]
 Joined = tuple[int, Shift]
-"""A wall and how far it has to be moved [m] to be the image at a joint."""
+"""Number of a wall and the displacement [m] from the wall to its image at a joint."""
 HERE = (0.0, 0.0)
 
 
 def with_images(walls: Sequence[Wall], period: Period, radius: float) -> tuple[Wall, ...]:
-    """Return walls, followed by the images that grains up to a radius [m] can touch beside them."""
+    """Return walls, followed by their images that grains up to `radius` [m] can touch at the same time."""
     every = enumerate(walls if period else ())
     return *walls, *(image for k, wall in every for image in wall.images(k, period, radius))
 
 
 def image_ways(walls: Sequence[Wall], period: Period) -> FloatArray:
-    """Return the ways of walls from their nearest images [m], shape (walls, 2), or (0, 2) if all are 0."""
+    """Return displacements of walls from their nearest images [m], (walls, 2); (0, 2) without images."""
     steps = [wall.image.steps if wall.image else (0, 0) for wall in walls]
     return period.lengths * np.array(steps if any(wall.image for wall in walls) else np.zeros((0, 2)))
 
@@ -89,14 +89,14 @@ class Joints:
         return bool(self._others)
 
     def of(self, number: int) -> list[list[Joined]]:
-        """Return the walls that are joined at the ends of a wall, in order; [] if none are."""
+        """Return the walls joined at end 0 and those joined at end 1 of a wall; [] without joints."""
         image = self._every[number].image
         first = 2 * (image.of if image else number)
         own = self._others[first : first + 2]
         return own if any(own) else []
 
     def side(self, number: int, time: float, position: FloatArray, radius: FloatArray, free: float) -> Side:
-        """Return normals and gaps at a wall at a time [s]; `free` [m] is added where no contact exists."""
+        """Return normals and gaps at a wall at `time` [s]; add `free` [m] where a joint allows no contact."""
         wall, pose = self._every[number], self._every[number].pose(time)
         here = wall.image.of if wall.image else number, HERE
         x = wall.places(position, self._period, time)
@@ -132,10 +132,10 @@ class Joints:
     def _places(
         self, joined: Joined, here: Joined, position: FloatArray, x: FloatArray, time: float
     ) -> FloatArray:
-        """Return grains at positions in the frame of a wall, from their places x in the frame of another.
+        """Return the positions [m], shape (n, 2), of grains in the frame of wall `joined`.
 
-        The image is the one at the joint, and has the same bits as seen from the other wall, so that of two
-        walls one is nearer for both.
+        x are their positions in the frame of wall `here`. The periodic image is that at the joint. It has the
+        same bits when computed from either wall, so that both walls agree on which of them is nearer.
         """
         (other, way), period = joined, self._period
         if joined == here or not period:
@@ -152,9 +152,9 @@ def joints_of(walls: tuple[Wall, ...], period: Period) -> Joints:
 
 
 def leaders_of(walls: Sequence[Wall]) -> list[int]:
-    """Return the wall with which each moves: itself, that of which it is an image, or the line of a row.
+    """Return, for each wall, the index of the wall with which it moves.
 
-    That is the line of its name that a force drives.
+    A row moves with the line of the same name that a force drives, an image with its wall, others alone.
     """
     lines = {wall.name: k for k, wall in enumerate(walls) if isinstance(wall, Line) and wall.drive}
     own = [wall.image.of if wall.image else k for k, wall in enumerate(walls)]
@@ -173,44 +173,44 @@ class Bodies:
         outer, inner = rims.get(True, NONE), rims.get(False, NONE)
         self.two_circles = (scene.has_friction or scene.has_driven_walls) and inner != NONE
         self.circle_walls = inner, outer
-        """Numbers of the inner and the outer circle."""
+        """Numbers of the inner and the outer circle in `Scene.walls`; `NONE` without them."""
         self._inner = NONE if self.two_circles else inner
         others = [k for k in range(len(walls)) if k not in rims.values()]
         self.walls = [outer, *([inner] if self.two_circles else []), *others]
-        """Number of the wall that each body is; that of the annulus is its outer circle."""
+        """Number of the wall of each body. For body 0, it is the outer circle, or `NONE`."""
 
     def __len__(self) -> int:
         return len(self.walls)
 
     @property
     def circles(self) -> tuple[float, float]:
-        """Radii of the inner and the outer circle of body 0 [m]: 0 and very large without these."""
+        """Radii of the inner and the outer circle of body 0 [m]: 0 and `NO_CIRCLE` without these."""
         inner = self._scene.walls[self._inner] if self._inner != NONE else None
         near = inner.radius if isinstance(inner, Rim) else 0.0
         return near, NO_CIRCLE if self.outer is None else self.outer.radius
 
     @property
     def outer(self) -> Rim | None:
-        """The outer circle, if there is one."""
+        """The outer circle; None without one."""
         wall = self._scene.walls[self.walls[0]] if self.walls[0] != NONE else None
         return wall if isinstance(wall, Rim) else None
 
     @property
     def is_round(self) -> bool:
-        """Whether the outer circle is round within a step."""
+        """Whether there is an outer circle that is round within a step, instead of its tangent."""
         return self.outer is not None and self.outer.is_round
 
     @property
     def inside(self) -> tuple[Wall, ...]:
-        """The bodies 1, 2, ..."""
+        """The walls of the bodies 1, 2, ..., called bodies inside."""
         return tuple(self._scene.walls[k] for k in self.walls[1:])
 
     @property
     def joints(self) -> list[list[tuple[int, bool, Shift]]]:
-        """What is joined at both ends of each body inside; [] if nothing is.
+        """The joints at end 0 and end 1 of each body inside, 2 lists a body; [] without joints.
 
-        Each is a body inside, from 0 on, whether it comes first of those equally near, and how far it has to
-        be moved [m].
+        A joint is (index of the other body inside, whether the other wins if both are equally near,
+        displacement [m] to its image at the joint).
         """
         joints = self._scene.joints
         if not joints:
@@ -229,29 +229,29 @@ class Bodies:
         return image_ways(self.inside, self._scene.period)
 
     def _of_bodies(self, values: Sequence[float]) -> list[float]:
-        """Return values of walls by body; 0 for an annulus that is not there."""
+        """Return values of walls by body; 0 for body 0 without an outer circle."""
         return [values[k] if k != NONE else 0.0 for k in self.walls]
 
     @property
     def surfaces(self) -> FloatArray:
-        """Friction of each body, and the speed of its surface [m/s], shape (bodies, 2)."""
+        """Friction coefficient and surface speed [m/s] of each body, shape (bodies, 2)."""
         speeds = [wall.surface_speed for wall in self._scene.walls]
         return np.transpose([*map(self._of_bodies, (self._scene.wall_frictions, speeds))])
 
     @property
     def rolling(self) -> FloatArray:
-        """Rolling friction of each body, and the spin of a circle that rotates [rad/s], shape (bodies, 2)."""
+        """Rolling friction and angular velocity in place [rad/s] of each body, shape (bodies, 2)."""
         spins = [wall.rotation for wall in self._scene.walls]
         return np.transpose([*map(self._of_bodies, (self._scene.wall_rolling_frictions, spins))])
 
     @property
     def restitutions(self) -> FloatArray:
-        """Restitution of each body, shape (bodies,)."""
+        """Coefficient of restitution of each body, shape (bodies,)."""
         return np.array(self._of_bodies(self._scene.wall_restitutions))
 
     @property
     def drives(self) -> list[Drive]:
-        """The drive of each body; that of one that no force acts on is all 0."""
+        """The drive of each body, with its leader. The other fields are 0 if no force acts on the leader."""
         walls, leaders, bodies = self._scene.walls, self._scene.leaders, self.of_walls.tolist()
         drives = [(self.outer.drive if self.outer else None) or Drive()]
         for body, wall in enumerate(self.walls[1:], 1):
@@ -271,7 +271,7 @@ class Bodies:
         return pairs[0] if pairs else (0, 0)
 
     def pressed_length(self, line: Line) -> float:
-        """Return the length of a wall of the scene on which a pressure acts, as walls are placed [m]."""
+        """Return the length of a line on which a pressure acts, for the present places of walls [m]."""
         between = self._between(self.inside.index(line))
         if not any(between):
             return line.length
@@ -281,7 +281,7 @@ class Bodies:
     @property
     def of_walls(self) -> IntArray:
         """Body of each wall, shape (walls,)."""
-        found = np.zeros(len(self._scene.walls), np.int32)  # 0 remains for an inner side of body 0
+        found = np.zeros(len(self._scene.walls), np.int32)  # 0 remains for the inner side of body 0
         for body, wall in enumerate(self.walls):
             if wall != NONE:
                 found[wall] = body
@@ -292,6 +292,6 @@ class Bodies:
         return np.where(wall == self._inner, -1.0, 1.0)
 
     def carried(self, body: IntArray, correction: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return the walls that carry corrections of bodies [m/s], by sign on body 0, and these, >= 0."""
+        """Return walls and |correction| [m/s]. On body 0, corrections < 0 belong to the inner circle."""
         wall = np.array(self.walls, np.int32)[body]
         return np.where((body == 0) & (correction < 0.0), self._inner, wall), np.abs(correction)

@@ -1,4 +1,4 @@
-"""What makes walls of a scene, and its period: an annulus (annulus.py) or a box (box.py)."""
+"""The boundary of a scene: an annulus (annulus.py) or a box (box.py). It defines walls and the period."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from warpgrains.walls.wall import Wall
 
 
 class Boundary:
-    """The keys of `[domain]`, from which walls and a period are made when a scene is."""
+    """The keys of `[domain]`. They define the walls at the border of a scene, and its period."""
 
     @property
     def size(self) -> str:
-        """How large it is, as the beginning of a complaint."""
+        """Text with the size of the boundary, with which error messages begin."""
         raise NotImplementedError
 
     @property
     def walls(self) -> tuple[Wall, ...]:
-        """The walls at the start, which are the last ones of a scene."""
+        """The walls of the boundary at the start. In a scene, they come after other walls."""
         raise NotImplementedError
 
     def owns(self, wall: Wall) -> bool:
@@ -30,16 +30,16 @@ class Boundary:
         raise NotImplementedError
 
     def among(self, walls: Sequence[Wall]) -> tuple[Wall, ...]:
-        """Return walls and those of the boundary, which may be among them, at another place by now."""
+        """Return `walls` with those of the boundary. `walls` may hold them already, at later places."""
         raise NotImplementedError
 
     def continuing(self, before: Boundary, walls: Sequence[Wall], time: float) -> Iterable[Wall]:
-        """Return the walls, of which those as before are where the walls of a scene were at a time [s]."""
+        """Return the walls of the boundary. Those equal in `before` continue from `walls`, at `time` [s]."""
         raise NotImplementedError
 
     @property
     def period(self) -> Period:
-        """The cell by whose images the scene continues."""
+        """The periodic cell, whose images continue the scene."""
         raise NotImplementedError
 
     @property
@@ -49,7 +49,7 @@ class Boundary:
 
     @property
     def reach(self) -> float:
-        """Upper bound of the distance of places from the origin [m], from which rounding errors follow."""
+        """Upper bound of the distance of positions from the origin [m], the scale of rounding errors."""
         raise NotImplementedError
 
     @property

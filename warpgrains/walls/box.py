@@ -21,9 +21,9 @@ from warpgrains.walls.wall import Wall
 
 PERIODIC = ("", "x", "y", "xy")
 SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1.0)}
-"""The sides, and the component and sign of the direction from each to the grains."""
+"""For each side, the component (0 is x) and the sign of the direction from the side to the grains."""
 _OF_LINES = [name for name in described_fields(Wall) if name not in ("angular_velocity", "pivot", "name")]
-"""The keys of a side that are those of a line."""
+"""The keys of all kinds of walls that a side accepts."""
 
 
 def _roughness(field: str, value: Any) -> dict[str, float]:
@@ -52,7 +52,7 @@ def _side(field: str, value: Any) -> dict[str, Any]:
 
 
 def _quoted(names: Sequence[str]) -> str:
-    """Return names as a list in a text."""
+    """Return names as a list in a text: ``a``, ``b`` and ``c``."""
     *most, last = [f"``{name}``" for name in names]
     return f"{', '.join(most)} and {last}"
 
@@ -65,8 +65,8 @@ def _side_field(meaning: str) -> Any:
 class Box(Boundary):
     """A rectangle with sides along the axes, of which two opposite ones, or all, may be periodic.
 
-    What leaves the box through a periodic side comes in through the opposite one. Positions in states are
-    continuous: they continue beyond such a side.
+    Grains that leave the box through a periodic side enter it through the opposite side. Positions in states
+    are not wrapped: they continue beyond a periodic side.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ class Box(Boundary):
 
     @property
     def reach(self) -> float:
-        # twice the farthest corner, for sides that move outwards
+        # twice the distance of the farthest corner, because sides may move outwards
         return 2.0 * hypot(*(max(map(abs, ends)) for ends in (self.x, self.y)))
 
     @property
@@ -185,7 +185,7 @@ class Box(Boundary):
         return wall.name in self.sides
 
     def continuing(self, before: Boundary, walls: Sequence[Wall], time: float) -> Iterator[Wall]:
-        """Yield the sides, of which those as before, and discs, are where the walls were at a time [s]."""
+        """Yield the sides; unchanged sides and rows with unchanged discs keep their places at a time [s]."""
         for name, own in self.sides.items():
             was = before.sides.get(name, ()) if isinstance(before, Box) else ()
             now = [wall for wall in walls if wall.name == name]
@@ -214,7 +214,7 @@ class Box(Boundary):
             raise InputError(f"domain.{name}: {error}") from None
 
     def _rows(self, line: Line, radius: float, spacing: float) -> Iterator[Wall]:
-        """Yield the discs on a side, in two rows: a disc of each is between two of the other."""
+        """Yield the half discs on a side as two rows, whose discs alternate."""
         largest = max(line.length, *map(abs, line.point))
         if spacing < (least := 2.0 * largest / MOST_SHOWN):
             raise InputError(f"roughness.spacing is {spacing} m: it must be at least {least:.3g} m")
@@ -238,12 +238,12 @@ documented(described_fields(Box).values())(Box)
 
 
 def _at_start(wall: Wall) -> Wall:
-    """Return a wall of a side without what changes in time: its place, and motion, which may have ended."""
+    """Return a wall of a side at rest at `point` (0, 0), to compare the fields that time does not change."""
     return replace(wall, **AT_REST | {"point": (0.0, 0.0)}) if hasattr(wall, "point") else wall
 
 
 def checked_domain(field: str, value: Any) -> Box | None:
-    """Return a box, given as an object or by the keys of a `[domain]` section."""
+    """Return a box from a Box or the keys of a `[domain]` section; None for None, which means an annulus."""
     if value is None or isinstance(value, Box):
         return value
     if not isinstance(value, Mapping):

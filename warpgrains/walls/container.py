@@ -1,10 +1,10 @@
-"""The space of the grains, which circles and lines bound where they are, and their container in it.
+"""The space of the grains between circles and lines, and their container, a part of the space.
 
-The container is what segments leave of the space. A segment that has all centers on one side bounds it along
-its whole line. That is right as long as walls cover the border of the convex polygon that remains, but
-for gaps through which no grain passes. Under gravity, the polygon may be open above: its mouth is the lowest
-point of the border that no wall covers. With walls of other kinds, or a wall that cuts the polygon, the
-container is unknown.
+Segments bound the container. A segment with all centers on one side bounds it along the whole line of the
+segment. That is right if walls cover the border of the convex polygon that remains, except for gaps through
+which no grain passes. Under gravity, the polygon may be open above. Its mouth is the lowest point of the
+border that no wall covers. With walls of other kinds, or a wall that cuts the polygon, the container is
+unknown.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from warpgrains.walls.wall import Wall
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
-ROUNDING = 1e-9  # of places of walls, in the largest distance of a place from the origin
+ROUNDING = 1e-9  # rounding error of places of walls, relative to `Scene.reach`
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,12 @@ class Container:
     """The container of the grains at one time."""
 
     walled: Region
-    """The space without discs and what is beyond straight walls and their lines. Where the container is
-    unknown, segments are left out."""
+    """The space minus discs and minus the half planes beyond straight walls. If the container is unknown,
+    segments are ignored."""
     up: FloatArray
-    """Direction against gravity, see `Scene.up_at`."""
+    """Unit vector against gravity, see `Scene.up_at`, shape (2,)."""
     mouth: float = np.inf
-    """Height up to which walls enclose the grains [m], from the origin; inf if they do all around."""
+    """Height above the origin up to which walls enclose the grains [m]; inf without an opening."""
     is_known: bool = True
 
     @cached_property
@@ -58,7 +58,7 @@ class Container:
             raise NoAreaError(f"{whose}the walls do not form a convex polygon around the grains{hint}")
 
     def closed(self, whose: str = "", takes_region: bool = True) -> Region:
-        """Return the region that walls enclose all around. Raises NoAreaError if it is open or unknown."""
+        """Return the region of a closed container; raise NoAreaError if the container is open or unknown."""
         self.require_known(whose, takes_region)
         if self.mouth < np.inf:
             hint = ": give region, such as {'below': 'surface'}" if takes_region else ""
@@ -67,7 +67,7 @@ class Container:
 
 
 def space_of(walls: Iterable[Wall], period: Period, reach: float) -> Region:
-    """Return the space that walls as they are given leave within a reach [m], in a period."""
+    """Return the space between lines and circles, at their given places, within +-2 `reach` [m]."""
     circles, sides = list[Circle](), list[Side]()
     for wall in walls:
         if isinstance(wall, Line):
@@ -111,7 +111,7 @@ def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
 
 
 def without_discs(space: Region, walls: Iterable[Wall], time: float) -> Region:
-    """Return a space without the discs of walls as they are at a time [s]."""
+    """Return a space minus the walls that are discs, at their places at a time [s]."""
     discs = list[Circle]()
     low, high = space.outer_box
     for wall in walls:
@@ -143,7 +143,7 @@ def _is_on(sides: list[Side], edge: FloatArray, rounding: float) -> bool:
 
 
 def _cuts(part: Part, line: FloatArray, rounding: float) -> bool:
-    """Return whether a segment runs through the inside of a polygon."""
+    """Return whether a segment cuts the inside of a polygon."""
     for normal, level in sides_of(part.corner):
         line = clip(line, normal, level - rounding)
     return len(line) > 1
@@ -152,7 +152,10 @@ def _cuts(part: Part, line: FloatArray, rounding: float) -> bool:
 def _uncovered(
     line: FloatArray, others: FloatArray, rounding: float, gap: float, circles: tuple[Circle, ...]
 ) -> FloatArray:
-    """Return the pieces of a line, wider than `gap`, that neither others nor what is beyond circles cover."""
+    """Return the uncovered pieces of a segment [m], shape (k, 2, 2), that are wider than `gap` [m].
+
+    Segments `others` (ends, shape (m, 2, 2)) and the walls behind circles cover pieces.
+    """
     start, length = line[0], np.hypot(*(line[1] - line[0]))
     if length == 0.0:
         return np.empty((0, 2, 2))

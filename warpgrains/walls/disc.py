@@ -50,7 +50,7 @@ class Disc(Wall):
 
     @property
     def circle(self) -> tuple[float, float, float]:
-        """Circle within which grains touch the disc [m]: a ring keeps them from all points outside."""
+        """Center and radius of a circle about all contact points [m]. For a ring, the radius is inf."""
         return (*self.center, inf if self.inside else self.radius)
 
     @property
@@ -58,7 +58,7 @@ class Disc(Wall):
         return self.center
 
     def farthest(self, point: tuple[float, float]) -> float:
-        """Return the distance of the center from a point [m]; a disc that turns about it stays in place."""
+        """Return the distance from the center to a point [m]: turning a disc moves only its center."""
         return dist(self.center, point)
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:

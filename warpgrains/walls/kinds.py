@@ -16,13 +16,13 @@ from warpgrains.walls.segment import Segment
 from warpgrains.walls.wall import Wall
 
 WALL_KINDS: dict[str, type[Wall]] = {kind.kind: kind for kind in (Disc, Segment, Arc, Line, Row)}
-"""The kinds by the name that `[[walls]]` tables give."""
+"""The classes of walls by the key `kind` of `[[walls]]` tables."""
 WRITTEN_KINDS: dict[str, type[Wall]] = {**WALL_KINDS, Polyline.kind: Polyline}
-"""The same, and those of which a scene makes several walls."""
+"""The same, with polylines, which a scene splits into several walls."""
 
 
 def checked_walls(field: str, value: Any) -> tuple[Wall, ...]:
-    """Return walls, each given as an object or by the keys of a `[[walls]]` table; polylines as segments."""
+    """Return walls, each from an object or the keys of a `[[walls]]` table; polylines become segments."""
     if not isinstance(value, list | tuple):
         raise InputError(f"{field} is {checks.shown(value)}: it must be a list of walls, [[walls]] in a file")
     found: list[Wall] = []

@@ -27,7 +27,7 @@ def _direction(field: str, value: Any) -> Vector:
 class Line(InfiniteWall, StraightWall):
     """An infinite straight wall, with all grains on one side of it.
 
-    Its force, its velocity along itself and friction may be given together.
+    A line may have a force, a velocity along itself and friction at the same time.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Line(InfiniteWall, StraightWall):
         return Drive(1.0 / self.mass, pressure=self.pressure, length=self.length, direction=self.normal)
 
     def bounds(self, other: "Line") -> bool:
-        """Return whether the line bounds another one, at a right angle to it."""
+        """Return whether the line is perpendicular to another line, so that it bounds its length."""
         return bool(abs(np.dot(self.normal, other.normal)) <= ROUNDING)
 
     @property
@@ -95,7 +95,7 @@ class Line(InfiniteWall, StraightWall):
 
     @property
     def speed(self) -> float:
-        """Speed at which the line changes its place [m/s], which motion along itself does not."""
+        """Speed of the line along its normal [m/s]: motion along the line does not change its place."""
         return abs(float(np.dot(self.velocity, self.normal)))
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
@@ -111,7 +111,7 @@ class Line(InfiniteWall, StraightWall):
             return self
         way = (moved.point[0] - x) * nx + (moved.point[1] - y) * ny
         point = x + way * nx, y + way * ny
-        return moved.changed({"point": point})  # motion along itself moves no place
+        return moved.changed({"point": point})  # motion along the line does not change its place
 
     def drawn_at(self, time: float, thickness: float) -> Band:
         return self.at(time).drawn(thickness)

@@ -1,4 +1,4 @@
-"""Motion of a wall that is given in advance, on the host; kernels/walls/motion.py is the device's."""
+"""Prescribed motion of a wall. This is the host's side; kernels/walls/motion.py is the device's."""
 
 from dataclasses import dataclass, fields
 from math import cos, hypot, inf, pi, sin
@@ -12,38 +12,38 @@ from warpgrains.base.described import described
 from warpgrains.base.errors import InputError
 from warpgrains.space.geometry import left_of
 
-_TIMES = 17  # at which a wall is placed to find how far it reaches
+_TIMES = 17  # number of times at which a wall is placed to find how far it moves
 
 Vector = tuple[float, float]
 
 
 class Pose(NamedTuple):
-    """Place of a wall: a point x of it is at R(angle) x + shift."""
+    """Place of a wall that has moved: a point x of the wall at its start is at R(angle) x + shift."""
 
     angle: float
     """Angle by which the wall has turned [rad]."""
     shift: Vector
-    """[m]."""
+    """Displacement [m]."""
 
     def turn(self, vectors: FloatArray) -> FloatArray:
-        """Return vectors of the wall's frame, shape (n, 2), in that of the scene."""
+        """Rotate vectors, shape (n, 2), from the frame of the wall to that of the scene."""
         c, s = cos(self.angle), sin(self.angle)
         return vectors @ np.array([[c, s], [-s, c]])
 
     def place(self, points: FloatArray) -> FloatArray:
-        """Return where points of the wall are [m], shape (n, 2)."""
+        """Transform points [m], shape (n, 2), from the frame of the wall to that of the scene."""
         return self.turn(points) + self.shift
 
     def to_frame(self, points: FloatArray) -> FloatArray:
-        """Return points in the wall's frame [m], shape (n, 2)."""
+        """Transform points [m], shape (n, 2), from the frame of the scene to that of the wall."""
         return Pose(-self.angle, (0.0, 0.0)).turn(points - self.shift)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Motion:
-    """Translation, and rotation about a pivot that moves along (kernels/MODEL.md, eq. 26).
+    """Translation of a wall, and rotation about a pivot that moves with it (kernels/MODEL.md, eq. 26).
 
-    The device and the C reference take it as numbers, by the names of its fields.
+    The device and the C reference take the motion as numbers, with the names of its fields.
     """
 
     velocity: tuple[float, float] = described(
@@ -90,7 +90,7 @@ class Motion:
 
     @property
     def about(self) -> Vector:
-        """Point about which the wall turns, before it moves [m]."""
+        """Point about which the wall turns, at its place before the motion [m]."""
         return self.middle if self.pivot is None else self.pivot
 
     @property
@@ -100,17 +100,17 @@ class Motion:
 
     @property
     def stops_at(self) -> float:
-        """Time at which the motion ends [s]; inf if never."""
+        """Time at which the motion ends [s]; inf if it does not end."""
         return inf if self.to_time is None else self.to_time
 
     @property
     def moves(self) -> bool:
-        """True if the wall moves at some time as given in advance."""
+        """True if the wall has a prescribed motion, at any time."""
         return self.velocity != (0.0, 0.0) or self.angular_velocity != 0.0
 
     @property
     def motion_numbers(self) -> dict[str, float]:
-        """The fields as numbers, vectors by component, equal for walls that move alike; 0 at rest."""
+        """The fields as numbers by name, such as velocity_x. They are equal for equal motions, 0 at rest."""
         if not self.moves:
             return dict.fromkeys(MOTION_NUMBERS, 0.0)
         values = {own.name: getattr(self, own.name) for own in fields(Motion)}
@@ -130,13 +130,13 @@ class Motion:
             raise InputError(f"phase of {what} is {self.phase} rad: give the frequency of the oscillation")
 
     def progress(self, time: float) -> float:
-        """Return how long the wall would have moved at its velocities to be where it is at a time [s]."""
+        """Return the duration [s] of motion at constant velocities that leads to the place at `time` [s]."""
         moved = min(max(time, self.starts_at), self.stops_at) - self.starts_at
         rate = 2.0 * pi * self.frequency
         return (sin(rate * moved + self.phase) - sin(self.phase)) / rate if rate else moved
 
     def share(self, begin: float, end: float) -> float:
-        """Return the part of its velocities at which the wall moves on average from begin to end [s]."""
+        """Return the mean velocity from begin to end [s], as a fraction of the given velocities."""
         if self.frequency:
             return (self.progress(end) - self.progress(begin)) / (end - begin)
         return max(0.0, min(end, self.stops_at) - max(begin, self.starts_at)) / (end - begin)
@@ -153,7 +153,7 @@ class Motion:
         return Pose(angle, shift)
 
     def velocities(self, points: FloatArray, begin: float, end: float, dt: float) -> FloatArray:
-        """Return what points move in the step from begin to end [s], over dt [m/s], shape (n, 2)."""
+        """Return displacements of points from begin to end [s], divided by dt [m/s], shape (n, 2)."""
         share = self.share(begin, end)
         turn = self.angular_velocity * (share * dt)
         arm = points - np.add(self.about, np.multiply(self.velocity, self.progress(begin)))
@@ -161,13 +161,13 @@ class Motion:
         return share * np.array(self.velocity) + along * arm + across * left_of(arm)
 
     def from_then(self, time: float) -> dict[str, Any]:
-        """Return the fields of the motion that goes on from the place at a time [s], or has ended there."""
+        """Return the fields of the motion that continues from the place at `time` [s], or `AT_REST`."""
         if time >= self.stops_at:
             return AT_REST
         return {"from_time": time, "phase": self.phase + 2.0 * pi * self.frequency * (time - self.starts_at)}
 
     def times(self, begin: float, end: float) -> FloatArray:
-        """Return times from begin to end [s] at which the wall is as far as it gets, and others."""
+        """Return times from begin to end [s], including the turning points of an oscillation."""
         found = np.linspace(begin, end, _TIMES)
         if self.frequency:
             turns = (np.arange(-1.0, 4.0) + 0.5 - self.phase % (2.0 * pi) / pi) / (2.0 * self.frequency)
@@ -180,7 +180,7 @@ class Motion:
 
 
 AT_REST: dict[str, Any] = {own.name: own.default for own in fields(Motion)}
-"""The fields of a motion that is none."""
+"""The fields of a wall at rest."""
 MOTION_NUMBERS = tuple(
     f"{own.name}{axis}"
     for own in fields(Motion)

@@ -17,7 +17,7 @@ from warpgrains.walls.wall import Wall, kind_of_wall
 
 
 def closed_corners(field: str, name: str, walls: Sequence[Wall]) -> FloatArray:
-    """Return the corners [m], shape (k, 2), of a closed polyline from its segments among walls."""
+    """Return the corners [m], shape (k, 2), of the closed polyline `name`, from its segments in `walls`."""
     closed = dict[str, FloatArray]()
     for one in dict.fromkeys(wall.name for wall in walls if wall.name):
         ends = [(wall.start, wall.end) for wall in walls if isinstance(wall, Segment) and wall.name == one]
@@ -35,10 +35,10 @@ def _corners(field: str, value: Any) -> tuple[tuple[float, float], ...]:
 
 @kind_of_wall
 class Polyline(Wall):
-    """Segments from each of several points to the next, a way to write them.
+    """A short form of segments from each of several points to the next.
 
-    A scene holds the segments, as walls of one name: by default "polyline" and its place among the walls that
-    are given.
+    A scene holds the segments as walls that share a name, by default "polyline" and the index of the polyline
+    in `walls`.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class Polyline(Wall):
         return x, y
 
     def segments(self, number: int) -> tuple[Segment, ...]:
-        """Return the segments of the polyline, the wall of this number among those that are given."""
+        """Return the segments of the polyline, which has this index among the given walls."""
         common = {own.name: getattr(self, own.name) for own in fields(Wall)}
         common["name"] = self.name or f"{self.kind}{number}"
         if self.angular_velocity != 0.0:

@@ -1,4 +1,4 @@
-"""A circle of an annulus. On the device, kernels/walls/annulus.py has both."""
+"""A circle of an annulus. On the device, kernels/walls/annulus.py has both circles."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Self
@@ -13,14 +13,14 @@ from warpgrains.walls.wall import Drive
 
 @dataclass(frozen=True, repr=False)
 class Rim(Disc):
-    """A circle about the origin that rotates in place: the outer one of an annulus, or the inner one."""
+    """The outer or the inner circle of an annulus, about the origin. It can rotate in place."""
 
     kind: ClassVar[str] = "rim"
     takes_joints: ClassVar[bool] = False
     rotation: float = 0.0
     """Angular velocity [rad/s]."""
     is_round: bool = False
-    """Whether the circle is the wall within a step as well, or its tangent."""
+    """Whether a step uses the circle as the wall, or the tangent at each grain."""
     pressure: float | None = None
     """Pressure that drives the outer circle outwards [N/m]."""
     mass: float | None = None

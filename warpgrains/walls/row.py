@@ -13,20 +13,20 @@ from warpgrains.space.geometry import Side, left_of
 from warpgrains.walls.band import Band
 from warpgrains.walls.wall import InfiniteWall, Wall, kind_of_wall
 
-_POINTS = 16  # of the drawing of a disc
-MOST_SHOWN = 1e5  # discs of a row in pictures
-_ROUNDED = 1e-9  # of places, in steps
+_POINTS = 16  # number of points in each half of the drawing of a disc
+MOST_SHOWN = 1e5  # largest number of discs of a row in pictures
+_ROUNDED = 1e-9  # tolerance of places, in steps
 
 Vector = tuple[float, float]
 
 
 @kind_of_wall
 class Row(InfiniteWall):
-    """Equal discs in an infinite row, at equal spacing, of which a grain touches the nearest one.
+    """An infinite row of equal discs with equal spacing. A grain touches only the nearest disc of the row.
 
-    Another row must have its discs in the middle between these, so that no grain touches two discs of a row
-    at a time. A row that has the name of a line that a force drives moves with it. The key `roughness` of a
-    side of a box makes such rows.
+    A second row must have its discs in the middle between those of the first, so that no grain touches two
+    discs of one row. If a line that a force drives has the same name, the row moves with the line. The key
+    `roughness` of a side of a box makes such rows.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Row(InfiniteWall):
         return Side.at(self.point + discs * self.step, position, radius + self.radius)
 
     def discs_at(self, time: float, middle: Vector) -> FloatArray:
-        """Return the centers of the discs that reach into the part about a point, at a time [m], (k, 2)."""
+        """Return the centers [m], (k, 2), at a time [s] of the discs in the `length` about `middle`."""
         point = np.add(self.point, self.pose(time).shift)
         step, half = np.array(self.step), 0.5 * self.length + self.radius
         way = float((point - middle) @ step) / hypot(*step)
@@ -88,7 +88,7 @@ class Row(InfiniteWall):
         return np.asarray(point + np.arange(first, last + 1.0)[:, np.newaxis] * step)
 
     def fills_gaps_of(self, other: Wall) -> bool:
-        """Return whether the discs are in the middle between those of another row."""
+        """Return whether each disc lies in the middle between two discs of a row `other`, equal otherwise."""
         if not isinstance(other, Row) or (self.step, self.radius, self.motion_numbers) != (
             other.step,
             other.radius,
@@ -107,7 +107,7 @@ class Row(InfiniteWall):
         return self.drawn_about(self.point, time)
 
     def drawn_about(self, middle: Vector, time: float) -> Band:
-        """Return the drawing of the discs that reach into the part about a point, at a time [s]."""
+        """Return the drawing, at a time [s], of the discs in the `length` about a point."""
         angle = np.linspace(np.pi, 0.0, _POINTS)
         along = self.radius * np.outer(np.cos(angle), self.step) / hypot(*self.step)
         across = self.radius * np.outer(np.sin(angle), left_of(np.array([self.step]))) / hypot(*self.step)

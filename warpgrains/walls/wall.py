@@ -1,4 +1,4 @@
-"""Walls inside the domain: what all kinds have in common. A kind is a file such as disc.py."""
+"""The common base of all kinds of walls. Each kind has a file, such as disc.py."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -20,21 +20,21 @@ from warpgrains.walls.motion import Motion
 
 Vector = tuple[float, float]
 
-MOST_NUMBERS = 6  # of a kind of wall, as on the device (kernels/types.py)
-SHAPE = 1 + MOST_NUMBERS + 3  # numbers of a shape: its kind, its numbers and a circle
+MOST_NUMBERS = 6  # largest count of numbers of a kind of wall, as on the device (kernels/types.py)
+SHAPE = 1 + MOST_NUMBERS + 3  # length of a shape: the kind of wall, its numbers and a circle
 
-_NAME = re.compile(r"[a-z][A-Za-z0-9_]*")  # as in USD, and unlike the names that walls have by default
+_NAME = re.compile(r"[a-z][A-Za-z0-9_]*")  # valid in USD; default names of walls begin with a capital
 
 Kind = TypeVar("Kind")
 
 
 class Image(NamedTuple):
-    """The image of a wall in a periodic scene that grains can touch beside another one of it."""
+    """A periodic image of a wall as a wall of its own, for walls so wide that a grain can touch two."""
 
     of: int
-    """Number of the wall."""
+    """Number of the wall of which this is an image."""
     steps: tuple[int, int]
-    """Periods along x and y from the image that is nearest to a grain's center."""
+    """Displacement, in periods along x and y, from the image that is nearest to a grain's center."""
 
 
 class Drive(NamedTuple):
@@ -43,26 +43,26 @@ class Drive(NamedTuple):
     inverse_mass: float = 0.0
     """1 / mass [1/kg]; 0 if no force acts on the wall."""
     force: float = 0.0
-    """[N]."""
+    """Force along `direction` [N]."""
     pressure: float = 0.0
-    """On the outer circle, or on the length of a line [N/m]."""
+    """Pressure on the outer circle, or on the length of a line [N/m]."""
     length: float = 0.0
-    """Length of a line on which the pressure acts [m], if no lines bound it."""
+    """Length of a line on which the pressure acts [m], unless two lines bound it."""
     between: tuple[int, int] = (0, 0)
-    """The bodies of the two lines that bound it; 0 if none do."""
+    """The bodies of the two lines that bound the line; (0, 0) without them."""
     direction: tuple[float, float] = (0.0, 0.0)
     """Unit vector along which the wall moves; 0 for the outer circle."""
     leader: int = 0
-    """The body whose speed and coordinate the wall has: itself, or the line of a row."""
+    """The body whose speed and coordinate the wall takes, see `leaders_of` in bodies.py."""
 
     @property
     def given_force(self) -> float:
-        """Force on a wall inside that is as long as it is given [N]."""
+        """Force on a straight wall, if the pressure acts on the given `length` [N]."""
         return self.force + self.pressure * self.length
 
 
 def checked_name(field: str, name: Any) -> str:
-    """Return a name that USD and `--set` take; InputError for others."""
+    """Return a name if USD and `--set` accept it; raise InputError otherwise."""
     if not _NAME.fullmatch(checks.text(field, name)):
         raise InputError(
             f"{field} is {checks.shown(name)}: it must be letters, digits and _, with a small letter first"
@@ -74,15 +74,15 @@ def checked_name(field: str, name: Any) -> str:
 class Wall(Motion):
     """A wall inside the domain, with the keys of its `[[walls]]` table as fields.
 
-    A kind is a class with the decorator `kind_of_wall` that defines `kind`, `kind_number` and the methods
-    below that raise NotImplementedError, for the wall before it moves; and `border` if it fills a disc.
+    A kind is a subclass with the decorator `kind_of_wall`. It defines `kind`, `kind_number`, `border` if it
+    fills a disc, and the methods below that raise NotImplementedError, for the wall before it moves.
     """
 
     kind: ClassVar[str]
     kind_number: ClassVar[int]
     """Number of the kind on the device (kernels/walls/shapes.py)."""
     takes_joints: ClassVar[bool] = True
-    """Whether an end of another wall that lies on one of this kind is a joint."""
+    """Whether there is a joint where an end of another wall lies on a wall of this kind."""
     friction: float | None = described(
         "Coefficient of friction of the wall; by default that of the scene at walls.",
         check=checks.not_negative,
@@ -109,7 +109,7 @@ class Wall(Motion):
     )
 
     image: Image | None = None
-    """Of a wall that is an image of another one: which."""
+    """Set if the wall is a periodic image of another wall; names that wall."""
 
     def __post_init__(self) -> None:
         for key, own in self.keys().items():
@@ -117,9 +117,9 @@ class Wall(Motion):
         self.require_motion(self.one())
 
     def images(self, number: int, period: Period, radius: float) -> Iterator[Self]:
-        """Yield images of the wall, of this number, that grains up to a radius [m] can touch beside it.
+        """Yield images that grains up to `radius` [m] can touch together with the wall of this number.
 
-        They are needed where the wall and four radii are wider than a period.
+        There are images along a period if the wall plus four radii is wider than the period.
         """
         width = np.add(self.widths, 4.0 * radius)
         is_wide = period.repeats & (width < inf) & (width > period.lengths)
@@ -129,7 +129,7 @@ class Wall(Motion):
 
     @classmethod
     def one(cls) -> str:
-        """Return the kind with its article, such as "an arc"."""
+        """Return the kind with its article, such as "an arc", for messages."""
         return f"a{'n' * (cls.kind[0] in 'aeiou')} {cls.kind}"
 
     @classmethod
@@ -157,7 +157,7 @@ class Wall(Motion):
         return None
 
     def border_at(self, time: float) -> Circle | None:
-        """Return the border as it is at a time [s]."""
+        """Return the border at its place at a time [s]."""
         if self.border is None or not self.moves:
             return self.border
         ((x, y),) = self.pose(time).place(np.array([self.border[:2]])).tolist()
@@ -169,11 +169,11 @@ class Wall(Motion):
         return None
 
     def shifted(self, x: float, y: float) -> Self:
-        """Return the wall at a place that is so far away [m]."""
+        """Return the wall displaced by (x, y) [m]."""
         return self.changed({name: (own[0] + x, own[1] + y) for name, own in self._places.items()})
 
     def changed(self, values: Mapping[str, Any]) -> Self:
-        """Return the wall with other values, which are valid: their checks would take most of the time."""
+        """Return the wall with some valid values replaced. Checks, which would be slow, are omitted."""
         wall = object.__new__(type(self))
         vars(wall).update({**vars(self), **values})
         return wall
@@ -189,16 +189,16 @@ class Wall(Motion):
 
     @property
     def _places(self) -> dict[str, Any]:
-        """The fields that are places [m], where they are given."""
+        """The given fields that are positions [m], by name."""
         names = ("center", "point", "start", "end", "pivot")
         return {name: getattr(self, name) for name in names if getattr(self, name, None)}
 
     def starting(self, time: float) -> Self:
-        """Return the wall with its `from_time`: by default a time [s]."""
+        """Return the wall with `from_time` set to `time` [s], if the wall moves and has none."""
         return self.changed({"from_time": time}) if self.moves and self.from_time is None else self
 
     def at(self, time: float) -> Self:
-        """Return the wall as given where it is at a time [s], from which it moves on."""
+        """Return the wall at its place at `time` [s], with the motion that continues from there."""
         if not self.moves or time <= self.starts_at:
             return self
         pose = self.pose(time)
@@ -210,13 +210,14 @@ class Wall(Motion):
 
     @property
     def speed(self) -> float:
-        """Largest speed at which a point of the wall moves across its place [m/s]."""
+        """Largest speed at which the wall changes its place [m/s]; rotation in place does not count."""
         return self.largest_speed(self.farthest(self.about))
 
     def places(self, position: FloatArray, period: Period, time: float = -inf) -> FloatArray:
-        """Return points [m], shape (n, 2), in the frame of the wall at a time [s], as images nearest to it.
+        """Return points [m], shape (n, 2), in the frame of the wall at a time [s].
 
-        In that of an image of a wall, they are some periods beyond (kernels/walls/walls.py, `place_at`).
+        Of the periodic images of a point, the one nearest to the wall is returned; for a wall that is an
+        image, it is shifted by `image.steps` periods (kernels/walls/walls.py, `place_at`).
         """
         place = self.pose(time).to_frame(position) if self.moves else position
         if not period or self.circle[2] == inf:
@@ -228,10 +229,10 @@ class Wall(Motion):
     def velocity_at_contacts(
         self, step: tuple[float, float, float], position: FloatArray, hollow: FloatArray, normal: FloatArray
     ) -> FloatArray:
-        """Return how fast the wall moves along normals and tangents of contacts [m/s], (n, 2) (eq. 26b).
+        """Return the speeds of the wall along normals and tangents of contacts [m/s], (n, 2) (eq. 26b).
 
-        In a step, its begin, end and length [s], grains touch it at positions [m], where it is hollow with
-        radii [m].
+        `step` holds begin, end and length of the step [s], `position` the contact points [m], and `hollow`
+        the radii of the wall there, see `hollow_radii`.
         """
         if not self.moves:
             return np.tile((0.0, self.surface_speed), (len(position), 1))
@@ -253,13 +254,13 @@ class Wall(Motion):
     def side_at(
         self, time: float, position: FloatArray, radius: FloatArray, period: Period = NOWHERE
     ) -> Side:
-        """Return normals and gaps of grains at the wall as it is at a time [s], see `Scene.side`."""
+        """Return normals and gaps of grains at the wall, at its place at a time [s], see `Scene.side`."""
         normal, gap = self.side(self.places(position, period, time), radius)
         return Side(self.pose(time).turn(normal) if self.moves else normal, gap)
 
     @property
     def shape(self) -> tuple[float, ...]:
-        """Kind, numbers and circle as the kernels keep them (kernels/types.py)."""
+        """Kind, numbers and circle as the `SHAPE` numbers of the kernels (kernels/types.py)."""
         assert len(self.numbers) <= MOST_NUMBERS, f"{self.one()} has {len(self.numbers)} numbers"
         unused = (0.0,) * (MOST_NUMBERS - len(self.numbers))
         return (float(self.kind_number), *self.numbers, *unused, *self.circle)
@@ -280,7 +281,7 @@ class Wall(Motion):
         return 2.0 * self.circle[2], 2.0 * self.circle[2]
 
     def farthest(self, point: tuple[float, float]) -> float:
-        """Return the largest distance of a point from those that move when the wall turns [m]."""
+        """Return the largest distance [m] of `point` from points of the wall that turning displaces."""
         raise NotImplementedError
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
@@ -289,40 +290,40 @@ class Wall(Motion):
 
     @property
     def ends(self) -> FloatArray:
-        """The ends 0 and 1 [m], shape (2, 2); or none, shape (0, 2)."""
+        """The ends 0 and 1 [m], shape (2, 2); shape (0, 2) for a wall without ends."""
         return np.zeros((0, 2))
 
     @property
     def inwards(self) -> FloatArray:
-        """Unit vectors along the wall at its ends, away from these, shape (2, 2)."""
+        """Unit vectors at both ends along the wall, away from the end, shape (2, 2)."""
         raise NotImplementedError
 
     def end_of(self, position: FloatArray) -> Indices:
-        """Return which ends are nearest to points, shape (n,): -1 where a point between them is."""
+        """Return the end nearest to each position, shape (n,): 0, 1, or -1 if the wall between is nearer."""
         return np.full(len(position), -1)
 
     def hollow_radii(self, position: FloatArray) -> FloatArray:
-        """Return radii where grains touch the wall [m], (n,): < 0 where it bulges, 0 if it is straight."""
+        """Return radii of curvature where grains touch [m], (n,): < 0 if convex, 0 if straight or an end."""
         return np.zeros(len(position))
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
-        """Return normals at a point of the faces towards others, (n, 2); 0 where these bulge."""
+        """Return normals at `point` of the faces towards `position`, (n, 2); 0 for convex faces."""
         raise NotImplementedError
 
     def covers(self, position: FloatArray) -> BoolArray:
-        """Return which points are in or on the wall, shape (n,)."""
+        """Return which positions are in or on the wall, shape (n,)."""
         return ~(self.side(position, np.zeros(len(position))).gap > 0.0)
 
     def complaint(self, number: int) -> str:
-        """Return why a grain cannot have its center where the wall, of this number, covers it."""
+        """Return the message for a grain with its center in the wall, which has this number."""
         return f"its center is inside walls[{number}], {self}"
 
     def named(self, number: int) -> str:
-        """Return the name, by default of the kind and the number of the wall."""
+        """Return the name of the wall, by default its kind and number, such as Segment0."""
         return self.name or f"{self.kind.title()}{self.image.of if self.image else number}"
 
     def drawn_at(self, time: float, thickness: float) -> Band:
-        """Return the drawing of the wall as it is at a time [s]."""
+        """Return the drawing of the wall at its place at a time [s]."""
         band = self.drawn(thickness)
         return band.moved(self.pose(time)) if self.moves else band
 
@@ -356,7 +357,7 @@ class InfiniteWall(Wall):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class StraightWall(Wall):
-    """A straight wall that a force may drive `across` itself."""
+    """A straight wall that a force may drive along `across`, its normal."""
 
     force: float | None = described(
         "Force that drives the wall along its normal [N], which is to the left of the way from one end to the"
@@ -390,11 +391,11 @@ class StraightWall(Wall):
 
 @dataclass_transform(frozen_default=True, field_specifiers=(described,))
 def kind_of_wall(kind: type[Kind]) -> type[Kind]:
-    """Make a class of described fields a frozen dataclass, with these fields in its docstring."""
+    """Turn a class into a frozen dataclass, and list its described fields in its docstring."""
     frozen = dataclass(frozen=True, repr=False)(kind)
     return documented(_own_first(frozen))(frozen)
 
 
 def _own_first(kind: type) -> list[Field[Any]]:
-    """Return the described fields, those of all kinds last."""
+    """Return the described fields: first those of the kind, then those common to all kinds."""
     return sorted(described_fields(kind).values(), key=lambda own: own.kw_only is True)
