@@ -22,12 +22,12 @@ class Bounds(NamedTuple):
         return cls(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
     def grown(self, across: float, along: float | None = None) -> Self:
-        """Return the box with a border of a width along x, and y if it is another [m]."""
+        """Return the box grown on each side by `across` [m] along x, and by `along`, or `across`, along y."""
         up = across if along is None else along
         return type(self)(self.left - across, self.bottom - up, self.right + across, self.top + up)
 
     def covering(self, other: Bounds) -> Self:
-        """Return the smallest box that contains both."""
+        """Return the smallest box that contains this box and another."""
         least = map(min, self[:2], other[:2])
         return type(self)(*least, *map(max, self[2:], other[2:]))
 
@@ -48,5 +48,5 @@ class Bounds(NamedTuple):
 
     @property
     def center(self) -> tuple[float, float]:
-        """Its middle [m]."""
+        """Center of the box [m]."""
         return (self.left + self.right) / 2.0, (self.bottom + self.top) / 2.0

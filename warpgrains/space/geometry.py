@@ -16,9 +16,9 @@ from warpgrains.base.errors import InputError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
 """Relative rounding error of a gap: an overlap below this fraction of the coordinates counts as a contact."""
-SMALLEST, LARGEST = 1e-140, 1e150  # of a length [m], for squares to be finite and not 0
-MOST_RADII = 1e12  # of a length, in smallest grain radii; beyond it doubles cannot resolve a gap
-FEW = 64  # discs up to which all pairs are compared
+SMALLEST, LARGEST = 1e-140, 1e150  # bounds of lengths [m] whose squares are finite and not 0
+MOST_RADII = 1e12  # bound of lengths, in smallest grain radii; beyond it float64 cannot resolve a gap
+FEW = 64  # number of discs up to which all pairs are compared
 
 
 Ends = tuple[float, float]
@@ -26,9 +26,9 @@ Ends = tuple[float, float]
 
 @dataclass(frozen=True)
 class Period:
-    """The cell by whose images a scene continues: where it begins and ends along x and y.
+    """The periodic cell of a scene: its lower and upper end along x and along y [m].
 
-    The ends [m] are None in a direction in which nothing repeats.
+    The ends are None in a direction without a period.
     """
 
     x: Ends | None = None
@@ -44,41 +44,41 @@ class Period:
 
     @cached_property
     def low(self) -> FloatArray:
-        """Lower corner of the cell [m], shape (2,); 0 in other directions."""
+        """Lower corner of the cell [m], shape (2,); 0 in directions without a period."""
         return np.array([ends[0] if ends else 0.0 for ends in (self.x, self.y)])
 
     @cached_property
     def lengths(self) -> FloatArray:
-        """Lengths of the cell [m], shape (2,); 0 in other directions."""
+        """Lengths of the cell [m], shape (2,); 0 in directions without a period."""
         return np.array([ends[1] - ends[0] if ends else 0.0 for ends in (self.x, self.y)])
 
     @property
     def shifts(self) -> FloatArray:
-        """Ways from the cell to itself and those around it [m], shape (1, 3 or 9; 2)."""
+        """Displacements from the cell to itself and its neighbors [m], shape (k, 2), k = 1, 3 or 9."""
         steps = [(0.0, 1.0, -1.0) if length else (0.0,) for length in self.lengths]
         return np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2) * self.lengths
 
     def wrapped(self, position: FloatArray) -> FloatArray:
-        """Return the images of points in the cell [m], shape (..., 2)."""
+        """Wrap points into the cell [m], shape (..., 2)."""
         return wrapped(position, self.lengths, self.low)
 
     def from_corner(self, position: FloatArray) -> FloatArray:
-        """Return the places of points in the cell from its lower corner on, below its lengths [m], (n, 2)."""
+        """Return wrapped points relative to the lower corner [m], (n, 2): in [0, length) along periods."""
         places = self.wrapped(position) - self.low
         return np.where(self.repeats, np.clip(places, 0.0, np.nextafter(self.lengths, 0.0)), places)
 
     def nearest(self, ways: FloatArray) -> FloatArray:
-        """Return the shortest of ways and their images [m], shape (..., 2) (kernels/MODEL.md, eq. 36)."""
+        """Return displacements to the nearest images [m], shape (..., 2) (kernels/MODEL.md, eq. 36)."""
         if not self:
             return ways
         images = np.rint(np.divide(ways, self.lengths, np.zeros_like(ways), where=self.repeats))
         return np.asarray(ways - self.lengths * images)
 
     def images(self, position: FloatArray, reach: FloatArray) -> tuple[FloatArray, IndexArray]:
-        """Return discs in the cell, and the images of those that reach across a periodic side.
+        """Return the n discs wrapped into the cell, then images of the discs that cross a periodic side.
 
-        `reach` holds the radii [m], shape (n,). The centers [m], shape (k, 2), and the disc of each as a
-        number, shape (k,), are returned; first the n centers in the cell.
+        `reach` holds the radii [m], shape (n,). The result is k centers [m], shape (k, 2), and the number of
+        the disc of each, shape (k,).
         """
         places = self.wrapped(position)
         number = np.arange(len(places))
@@ -102,14 +102,14 @@ class Circle(NamedTuple):
     y: float
     radius: float
     keeps_inside: bool
-    """Whether the shape lies inside of the circle, or outside."""
+    """True if the shape lies inside of the circle, False if outside."""
 
     def meets(self, other: "Circle") -> bool:
-        """Return whether points of another circle may lie on the other side than the shape."""
+        """Return whether this circle may exclude points of another circle from the shape."""
         return self.keeps_inside or dist(self[:2], other[:2]) <= self.radius + other.radius
 
     def contains(self, points: FloatArray) -> BoolArray:
-        """Return which points [m], shape (..., 2), lie on the side of the shape, shape (...,)."""
+        """Return which points [m], shape (..., 2), lie on the shape's side of the circle, shape (...,)."""
         rho = np.hypot(points[..., 0] - self.x, points[..., 1] - self.y)
         return np.asarray(rho <= self.radius if self.keeps_inside else rho >= self.radius)
 
@@ -124,12 +124,12 @@ class Side(NamedTuple):
 
     @classmethod
     def at(cls, point: FloatArray, position: FloatArray, radius: FloatArray) -> Self:
-        """Return the side of a wall whose nearest points to grains are given [m], shape (n, 2)."""
+        """Return the side of a wall from the points of the wall nearest to the grains [m], shape (n, 2)."""
         away = point - position
         return cls(directions(away), distance(away) - radius)
 
     def without_normal(self, path: float = 0.0) -> BoolArray:
-        """Return which grains are where a wall within a path [m] has no normal, shape (n,)."""
+        """Return which grains have no normal (0) and a gap of at most `path` [m], shape (n,)."""
         return (distance(self.normal) == 0.0) & ~(self.gap > path)
 
 
@@ -146,7 +146,7 @@ def directions(vectors: FloatArray) -> FloatArray:
 
 
 def wrapped(position: FloatArray, period: FloatArray, start: FloatArray | float = 0.0) -> FloatArray:
-    """Return the images of points [m], shape (n, 2), from `start` on in periodic directions."""
+    """Wrap points [m], shape (..., 2), into [start, start + period) in directions with a period > 0."""
     if not period.any():
         return position
     images = np.floor(np.divide(position - start, period, np.zeros_like(position), where=period > 0.0))
@@ -169,7 +169,7 @@ def left_of(directions: FloatArray) -> FloatArray:
 
 
 def hollow_normals(center: Any, radius: float, point: FloatArray, position: FloatArray) -> FloatArray:
-    """Return the unit vector from a center to a point for positions within a circle, else 0, shape (n, 2)."""
+    """Return, for positions within a circle, the unit vector from its center to `point`, else 0, (n, 2)."""
     outwards = (point - center) / np.hypot(*(point - center))
     within: FloatArray = np.where(distance(position - center)[:, np.newaxis] < radius, outwards, 0.0)
     return within
@@ -188,7 +188,7 @@ def area_below(radius: FloatArray, level: FloatArray) -> FloatArray:
 
 
 def area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArray:
-    """Return the signed areas of triangles (origin, start, end) in a disc about the origin, shape (c,)."""
+    """Return the signed areas of triangles (origin, start, end) inside a disc about the origin [m2], (c,)."""
     along = end - start
     a, b = (along**2).sum(axis=1), (start * along).sum(axis=1)
     inside = np.maximum(b**2 - a * ((start**2).sum(axis=1) - radius**2), 0.0)
@@ -196,7 +196,7 @@ def area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArra
         enter, leave = (np.nan_to_num((-b + sign * np.sqrt(inside)) / a) for sign in (-1.0, 1.0))
     p, q = (start + np.clip(t, 0.0, 1.0)[:, np.newaxis] * along for t in (enter, leave))
     triangle = 0.5 * cross(p, q)
-    # where a side does not leave, q is its end but for rounding, which decides angles at the origin
+    # if a side ends inside, q is its end, and rounding errors of q would change angles at the origin
     beyond = np.where(leave < 1.0, _angle(q, end), 0.0)
     return triangle + 0.5 * radius**2 * (_angle(start, p) + beyond)
 
@@ -215,7 +215,7 @@ def overlapping_pairs(
 ) -> Iterator[tuple[IndexArray, IndexArray]]:
     """Yield the pairs i < j of discs that overlap, each once, in chunks, in memory proportional to n.
 
-    Of a pair that overlaps beyond a periodic side, one disc has an image there, of a longer list.
+    With a period, images of the discs that cross a periodic side are added to the search.
 
     The discs are divided into size classes, each a factor of two wide. A disc can overlap one of the same
     or a smaller class only if their cells are neighbors; a cell is as wide as the largest diameter of
@@ -242,11 +242,11 @@ def overlapping_pairs(
         stride = cell[:, 1].max() + 3
         key = cell[:, 0] * stride + cell[:, 1]
         members, smaller = (found[np.argsort(key[found], kind="stable")] for found in (members, smaller))
-        own, near = key[members], key[smaller]  # in order, so that searches stay in the cache
+        own, near = key[members], key[smaller]  # ascending, so that searches stay in the cache
         after = np.arange(1, len(members) + 1), np.searchsorted(own, own + 1, side="right")
         searches = [(members, *after), (members, *_within(own, own + stride))]
         searches += [(smaller, *_within(own, near + column)) for column in (-stride, 0, stride)]
-        center, reach = position[members], radius[members]  # read in order, too
+        center, reach = position[members], radius[members]  # read in this order, too
         for seekers, first, last in searches:
             seeking, own_reach = position[seekers], radius[seekers]
             for place, among in _matches(first, last):
@@ -264,7 +264,7 @@ def _all_pairs(n: int) -> tuple[IndexArray, IndexArray]:
 
 
 def _within(ascending: IndexArray, keys: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Return where the numbers begin and end that differ from each key by at most 1."""
+    """Return, for each key, the range [first, last) of indices of the numbers from key - 1 to key + 1."""
     return np.searchsorted(ascending, keys - 1, side="left"), np.searchsorted(
         ascending, keys + 1, side="right"
     )

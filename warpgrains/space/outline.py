@@ -1,9 +1,9 @@
 """Parts of convex polygons between circles, and the areas of discs in them, cut exactly at the border.
 
-The area that a disc shares with a part is the integral (x dy - y dx) / 2 along the border of what they share
+The area that a disc shares with a part is the integral (x dy - y dx) / 2 along the border of the shared area
 (Green), with the center of the disc as the origin. The border consists of pieces of the disc's circle, of the
-edges of the polygon, and of the circles. Each of these is cut where it meets the others; a piece between two
-cuts belongs to the border if its middle lies in all others.
+edges of the polygon, and of the circles. Each curve is cut where it meets another curve. A piece between two
+cuts belongs to the border if its middle lies in the disc and in the part.
 """
 
 from collections.abc import Iterable
@@ -14,9 +14,9 @@ import numpy as np
 from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.space.geometry import Circle, cross
 
-TOUCH = 1e-5  # half of a chord, in radii, below which lines and circles only touch a disc: 1e-15 of its area
-ONE_CORNER = 1e-12  # distance of corners that count as one, in their distance from the origin
-FIXED = np.array([0.0, 1.0, 2.5, 4.1])  # cuts, so that no arc is halved where a disc touches a wall
+TOUCH = 1e-5  # half chord, in radii, below which lines and circles only touch a disc: 1e-15 of its area
+ONE_CORNER = 1e-12  # distance of corners that count as one, relative to their largest coordinate
+FIXED = np.array([0.0, 1.0, 2.5, 4.1])  # extra cuts [rad], so that no arc has its middle at a touching wall
 
 
 class Part(NamedTuple):
@@ -28,7 +28,7 @@ class Part(NamedTuple):
 
     @classmethod
     def of(cls, corner: FloatArray, circles: Iterable[Circle]) -> Self:
-        """Return a part, without the circles of discs that do not touch the polygon."""
+        """Return a part without the circles that exclude their inside and do not reach the polygon."""
         low, high = corner.min(axis=0), corner.max(axis=0)
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         near = (c for c in circles if c.keeps_inside or (np.abs(middle - c[:2]) <= half + c.radius).all())
@@ -40,7 +40,7 @@ class Part(NamedTuple):
         return np.roll(self.corner, -1, axis=0) - self.corner
 
     def contains(self, points: FloatArray, margin: float = 0.0) -> BoolArray:
-        """Return which points [m], shape (..., 2), lie at most a margin [m] outside, shape (...,)."""
+        """Return which points [m], (..., 2), lie in the part or at most `margin` [m] outside, (...,)."""
         found = np.ones(points.shape[:-1], bool)
         for start, along in zip(self.corner, self.along, strict=True):
             found &= cross(along, points - start) >= -margin * np.hypot(*along)
@@ -67,7 +67,10 @@ class Part(NamedTuple):
         return np.where(self.contains(points), nearest, -nearest)
 
     def outermost(self, direction: FloatArray) -> FloatArray:
-        """Return points, those farthest along and against a direction among them [m], shape (m, 2)."""
+        """Return points [m], (m, 2), that include those farthest along and against a direction.
+
+        Circles that exclude their inside are ignored.
+        """
         outline = self._replace(circles=tuple(circle for circle in self.circles if circle.keeps_inside))
         points = [self.corner]
         for circle in outline.circles:
@@ -89,14 +92,14 @@ class Part(NamedTuple):
         return area
 
     def _within_and_cut(self, center: FloatArray, radius: FloatArray) -> tuple[IndexArray, IndexArray]:
-        """Return the discs with their centers inside, and those that the border may cut."""
+        """Return the numbers of the discs with centers inside, and of the discs that the border may cut."""
         low, high, reach = self.corner.min(axis=0), self.corner.max(axis=0), radius[:, np.newaxis]
         near = np.flatnonzero(((center + reach > low) & (center - reach < high)).all(axis=1))
         apart = self.clearance(center[near])
         return near[apart > 0.0], near[np.abs(apart) <= radius[near]]
 
     def cut_areas(self, center: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the areas of discs inside the part [m2], whether or not its border cuts them, shape (n,)."""
+        """Return what `areas` does, shape (n,) [m2], by the integral along the border for every disc."""
         area = 0.5 * radius**2 * self._cut_angles(center, radius)
         start = self.corner - center[:, np.newaxis]
         inside = [_roots(start, self.along, radius[:, np.newaxis])]
@@ -115,7 +118,7 @@ class Part(NamedTuple):
         return area
 
     def angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the angle of the circle of each disc that lies in the part [rad], shape (n,)."""
+        """Return the total angle of the arcs of each disc's circle inside the part [rad], shape (n,)."""
         angle, (within, cut) = np.zeros(len(radius)), self._within_and_cut(center, radius)
         angle[within] = 2.0 * np.pi
         angle[cut] = self._cut_angles(center[cut], radius[cut])
@@ -125,7 +128,7 @@ class Part(NamedTuple):
         start = self.corner - center[:, np.newaxis]
         t = _roots(start, self.along, radius[:, np.newaxis])
         met = start[:, :, np.newaxis] + t[..., np.newaxis] * self.along[:, np.newaxis]
-        angle = np.arctan2(met[..., 1], met[..., 0])  # also beyond the ends of edges: more cuts are no fault
+        angle = np.arctan2(met[..., 1], met[..., 0])  # beyond the ends of edges, too: more cuts are harmless
         cuts = [
             np.broadcast_to(FIXED, (len(center), len(FIXED))),
             angle.reshape(len(center), 2 * len(self.corner)),
@@ -144,7 +147,7 @@ class Part(NamedTuple):
         cuts += [_angles_at(middle_of, rho, np.array(other[:2]), other.radius) for other in others]
         common = np.concatenate(cuts)
         common = np.broadcast_to(common, (len(center), len(common)))
-        # from the cuts of the discs, so that both agree where a disc just touches the circle
+        # from the cuts of the discs' circles, so that both cuts agree where a disc just touches the circle
         of_disc = _angles_at(center, radius, middle_of, rho)
         to_cut = np.stack([np.cos(of_disc), np.sin(of_disc)], axis=-1) * radius[:, np.newaxis, np.newaxis]
         own = np.arctan2(*np.moveaxis(to_cut + (center - middle_of)[:, np.newaxis], -1, 0)[::-1])
@@ -169,13 +172,13 @@ class Part(NamedTuple):
 
 
 def distinct(corner: FloatArray) -> FloatArray:
-    """Return the corners of a polygon that are not the same as the next one, but for rounding, (k, 2)."""
+    """Return the corners of a polygon, (k, 2), without those that equal the next corner up to rounding."""
     apart = np.hypot(*(np.roll(corner, -1, axis=0) - corner).T)
     return corner[apart > ONE_CORNER * np.abs(corner).max(initial=0.0)]
 
 
 def clip(corner: FloatArray, normal: FloatArray, level: float) -> FloatArray:
-    """Return the part of a convex polygon with normal . x <= level, shape (k, 2), for a unit vector."""
+    """Return the corners of the part of a convex polygon with normal . x <= level, (k, 2); |normal| = 1."""
     beyond = corner @ normal - level
     onward, beyond_onward = np.roll(corner, -1, axis=0), np.roll(beyond, -1)
     found = []
@@ -199,7 +202,7 @@ def _arcs(cut: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _angles_at(
     center: FloatArray, radius: FloatArray | float, other: FloatArray, other_radius: FloatArray | float
 ) -> FloatArray:
-    """Return the angles at which circles meet others, shape (..., 2); NaN if they do not."""
+    """Return the angles on circles at which they meet circles `other` [rad], (..., 2); NaN if nowhere."""
     to = center - other
     rho, towards = np.hypot(to[..., 0], to[..., 1]), np.arctan2(to[..., 1], to[..., 0])
     with np.errstate(divide="ignore", invalid="ignore"):

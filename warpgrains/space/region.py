@@ -1,8 +1,8 @@
 """Regions: parts of the space between the walls, in which grains are placed, counted and cut.
 
-A region is convex polygons without discs and inside rings. A grain belongs to it if its center lies in it, a
-contact if its contact point does. Areas, also those of grains that the border cuts, are exact (outline.py).
-In periodic directions, points and discs count where their images are.
+A region is the part of convex polygons outside of discs and inside rings. A grain belongs to a region if its
+center lies in it, a contact if its contact point does. Areas, also of grains that the border cuts, are exact
+(outline.py). In periodic directions, the images of points and discs in the cell count.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from warpgrains.space.geometry import Circle, Ends, Period, area_below
 from warpgrains.space.outline import ONE_CORNER, TOUCH, Part, clip, distinct
 
 RANGES = ("x", "y", "distance")
-ROUNDING = 1e-13  # of areas, sums of dozens of parts, in squares of the region's diameter
+ROUNDING = 1e-13  # rounding error of an area, relative to the square of the region's diameter
 
 Corners = tuple[Ends, ...]
 Side = tuple[FloatArray, float]
@@ -48,13 +48,13 @@ class Region:
     cells: tuple[Corners, ...]
     """Convex polygons without overlap: the corners of each [m], counter-clockwise."""
     discs: tuple[Circle, ...] = ()
-    """Discs outside of which, and rings inside of which the region lies."""
+    """Circles: the region lies outside of discs and inside of rings."""
     period: Period = field(default_factory=Period)
-    """The cell by whose images it continues."""
+    """The periodic cell, whose images continue the region."""
 
     @cached_property
     def ring(self) -> Ends:
-        """Radii of the circles about the origin between which the region lies [m]: 0 and inf without one."""
+        """Radii of the ring about the origin that holds the region [m]; 0 and inf without its circles."""
         near, far = 0.0, inf
         for x, y, radius, keeps_inside in self.discs:
             if x == y == 0.0:
@@ -79,7 +79,7 @@ class Region:
 
     @property
     def box(self) -> FloatArray:
-        """The part of it that lies in the box about a circle that bounds the region [m], shape (2, 2)."""
+        """The part of `outer_box` in the box about the outer circle of `ring` [m], shape (2, 2)."""
         return np.clip(self.outer_box, -self.ring[1], self.ring[1])
 
     @property
@@ -108,11 +108,11 @@ class Region:
     ) -> FloatArray:
         """Return the areas of discs in slices between edges along a direction [m2], shape (slices, n).
 
-        Only those near the border are cut by it. Others are cut by the edges alone.
+        Discs near the border are cut by the border and the edges, all other discs by the edges alone.
         """
         slices = [self.between(direction, low, high) for low, high in pairwise(edges)]
         inner = self._are_clear(center, radius)
-        inner &= not (direction[self.period.repeats] != 0.0).any()  # which end of a cell is meant is unknown
+        inner &= not (direction[self.period.repeats] != 0.0).any()  # images at both ends of the cell count
         level = self.period.wrapped(center[inner]) @ direction
         found = np.empty((len(slices), len(radius)))
         found[:, inner] = np.diff(area_below(radius[inner], edges[:, np.newaxis] - level), axis=0)
@@ -120,10 +120,10 @@ class Region:
         return found
 
     def _are_clear(self, center: FloatArray, radius: FloatArray) -> BoolArray:
-        """Return which discs are wholly inside, in all of their images, but for rounding, shape (n,)."""
+        """Return which discs lie inside with all of their images, up to rounding, shape (n,)."""
         places, disc = self.period.images(center, radius)
         low, high = self.outer_box
-        beyond = self.period.repeats & (high - low >= self.period.lengths)  # sides that are no border
+        beyond = self.period.repeats & (high - low >= self.period.lengths)  # periodic sides are no border
         cells = self.cells
         if beyond.any() and cells == (rectangle((low[0], high[0]), (low[1], high[1])),):
             low, high = low - beyond * self.period.lengths, high + beyond * self.period.lengths
@@ -133,11 +133,11 @@ class Region:
         return np.bincount(disc, apart < (1.0 - TOUCH**2) * radius[disc], len(radius)) == 0.0
 
     def angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the angle of the circle of each disc that lies in the region [rad], shape (n,)."""
+        """Return the total angle of the arcs of each disc's circle inside the region [rad], shape (n,)."""
         return self._sums(Part.angles, center, radius)
 
     def _sums(self, measure: Measure, center: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the sums of a measure of discs over the parts and the images, shape (n,)."""
+        """Return the sum of a measure of each disc over the parts and its images, shape (n,)."""
         places, disc = self.period.images(center, radius)
         found = sum((measure(part, places, radius[disc]) for part in self.parts), start=np.zeros(len(disc)))
         return found if len(disc) == len(radius) else np.bincount(disc, found).astype(np.float64)
@@ -148,7 +148,7 @@ class Region:
         return np.max([part.clearance(points) for part in self.parts], axis=0)
 
     def cut(self, *sides: Side) -> Region:
-        """Return the part in half planes."""
+        """Return the part of the region in the intersection of half planes."""
         if not sides:
             return self
         cells = self._corners
@@ -168,17 +168,17 @@ class Region:
         return replace(self, discs=outer + inner + self.discs)
 
     def split(self, cells: Iterable[Iterable[Side]]) -> Region:
-        """Return the parts in convex cells without overlap, each the intersection of half planes."""
+        """Return the part in a union of cells that do not overlap, each the intersection of half planes."""
         parts = [self.cut(*sides).cells for sides in cells]
         return replace(self, cells=tuple(corner for part in parts for corner in part))
 
     def within(self, other: Region) -> Region:
-        """Return the part that lies in another region as well."""
+        """Return the intersection with another region."""
         both = self.split(sides_of(np.array(cell)) for cell in other.cells)
         return replace(both, discs=tuple(dict.fromkeys(self.discs + other.discs)))
 
     def without_layer(self, depth: float) -> Region:
-        """Return the part at a depth [m] from the border of a region of one polygon."""
+        """Return the part of a region of one polygon at least `depth` [m] from its border."""
         grown = [disc.radius + (-depth if disc.keeps_inside else depth) for disc in self.discs]
         discs = tuple(disc._replace(radius=radius) for disc, radius in zip(self.discs, grown, strict=True))
         if any(disc.radius <= 0.0 for disc in discs):
@@ -196,7 +196,7 @@ class Region:
         )
 
     def span(self, direction: FloatArray) -> tuple[float, float]:
-        """Return the smallest and the largest direction . x of the region, discs inside included [m]."""
+        """Return the smallest and the largest direction . x of the region and its discs inside [m]."""
         found = np.concatenate([part.outermost(direction) for part in self.parts]) @ direction
         return float(found.min()), float(found.max())
 
@@ -219,9 +219,9 @@ def rectangle(x: Ends, y: Ends) -> Corners:
 
 
 def polygon(field: str, corner: FloatArray) -> Region:
-    """Return the region in a polygon from its corners [m], shape (k, 2), as trapezoids one above the other.
+    """Return the region in a polygon with corners [m], shape (k, 2), divided into trapezoids.
 
-    Raises InputError, which names `field`, where sides of the polygon cross.
+    Raise InputError, which names `field`, if sides of the polygon cross.
     """
     (x, y), (onward, above) = corner.T, np.roll(corner, -1, axis=0).T
     cells: list[Corners] = []
@@ -245,7 +245,7 @@ def sides_of(corner: FloatArray) -> Iterable[Side]:
 
 
 def region_of(space: Region, given: Any, field: str = "grains.region") -> Region:
-    """Return the part of a domain in a table of ranges [m], all optional; NoAreaError if it is empty."""
+    """Return the part of `space` in the ranges [m] of a table, all optional; NoAreaError if it is empty."""
     if given is None:
         return space
     ranges = ranges_of(field, given)
@@ -256,7 +256,7 @@ def region_of(space: Region, given: Any, field: str = "grains.region") -> Region
         )
     region, (least, most) = space.distances(near, far), space.box
     for axis, (low, high) in ((np.eye(2)["xy".index(name)], own) for name, own in ranges.items()):
-        lowest, highest = least @ axis, most @ axis  # no side beyond the box, which may touch a circle
+        lowest, highest = least @ axis, most @ axis  # no cut at or beyond the box, which may touch a circle
         if low > lowest:
             region = region.cut((-axis, -low))
         if high < highest:
@@ -267,7 +267,7 @@ def region_of(space: Region, given: Any, field: str = "grains.region") -> Region
 
 
 def ranges_of(field: str, given: Any) -> dict[str, tuple[float, float]]:
-    """Return the ranges [m] of a table by name; InputError if it is none."""
+    """Check a table of ranges and return the ranges [m] by name; InputError if it is invalid."""
     if not isinstance(given, Mapping):
         raise InputError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
     for key in given:
@@ -276,7 +276,7 @@ def ranges_of(field: str, given: Any) -> dict[str, tuple[float, float]]:
 
 
 def table_of(field: str, text: Any) -> dict[str, Any]:
-    """Return the table that a text of an option describes, such as "x = [-1.0, 0.0], below = 0.5"."""
+    """Parse the text of an option as a table, such as "x = [-1.0, 0.0], below = 0.5"."""
     line = checks.text(field, text).strip()
     try:
         return dict(tomllib.loads(f"region = {line if line.startswith('{') else f'{{{line}}}'}")["region"])
