@@ -4,9 +4,9 @@
 >>> analysis.coordination_number(simulation)
 
 Every function takes a simulation or a snapshot, which may be of a simulation, of a state or of a frame of a
-recording. Those that take a region, see `region_of`, count in the whole container without one; those that
-take `least` count contacts from this force on [N]. Units are SI; in two dimensions a stress is a force per
-length.
+recording. Functions with a `region`, see `region_of`, count in the whole container by default. Functions
+with `least` count only contacts with at least this force [N]. Units are SI; in two dimensions a stress is a
+force per length.
 """
 
 from warpgrains.analysis.contacts import grain_stresses, mean_stress, pressure

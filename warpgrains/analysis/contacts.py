@@ -1,6 +1,6 @@
-"""Stress after Love and Weber, positive in compression, in its two parts.
+"""Stress after Love and Weber, positive in compression: the sum of a contact part and a kinetic part.
 
-That of the contacts is
+The part of the contacts is
 
     sigma_c = 1 / A sum_c l_c n (f_c n + q_c t)^T,
 
@@ -17,7 +17,7 @@ Without friction, q_c = 0 and the stress is symmetric. With friction it has an a
     (sigma_xy - sigma_yx) / 2 = 1 / (2 A) sum_c l_c q_c,
 
 minus half the torque of the contacts on the grains, per area. It vanishes where moments balance, as for
-grains at rest, and else spins grains up. The symmetric part is the stress of a continuum without couples.
+grains at rest; elsewhere it changes spins. The symmetric part is the stress of a continuum without couples.
 Tangential forces do not change the pressure.
 """
 
@@ -38,8 +38,8 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
     Parameters
     ----------
     area : ndarray, optional
-        Area A of each grain [m2], shape (n,); by default that of its cell, see `cell_areas`, which needs
-        scipy. The mean of the stresses weighted by the cells is `mean_stress`.
+        Area A of each grain [m2], shape (n,); by default the area of its cell, see `cell_areas`, which needs
+        scipy. With it, the mean stress weighted by areas is the contact part of `mean_stress`.
 
     Raises
     ------
@@ -62,17 +62,17 @@ PARTS = ("all", "contacts", "kinetic")
 def mean_stress(of: Snapshot | HasState, region: Where = None, part: str = "all") -> FloatArray:
     """Return the stress averaged over the container, or over a region [N/m], shape (2, 2).
 
-    With friction it has an antisymmetric part while grains spin up or slow down, see the head of the module.
+    With friction, the stress has an antisymmetric part while spins change, see the head of the module.
 
     Parameters
     ----------
     region : mapping, optional
-        See `region_of`. The sums are over the grains in the region and all their contacts, and A is its area.
-        So the parts of the contacts in regions that fill a larger one, weighted by their areas, add up to
-        that in the larger one.
+        See `region_of`. The sums are over the grains in the region and all their contacts, and A is the area
+        of the region. So if regions fill a larger region, the mean of their contact parts, weighted by area,
+        is the contact part of the larger region.
     part : str
-        "contacts", "kinetic", which is about the mean velocity of the grains in the region, or "all", their
-        sum. In a shear flow, the kinetic part of a region holds the velocity profile, unless it is a slice.
+        "contacts"; "kinetic", about the mean velocity of the grains in the region; or "all", the sum of both.
+        In a shear flow, the velocity profile adds to the kinetic part, unless the region is a thin slice.
 
     Raises
     ------
@@ -97,14 +97,14 @@ def mean_stress(of: Snapshot | HasState, region: Where = None, part: str = "all"
 
 
 def momentum_flow(mass: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return the sum of m (v - <v>) (v - <v>)^T of grains [N m], shape (2, 2), <v> weighted by mass."""
+    """Return the sum of m (v - <v>) (v - <v>)^T over grains [N m], shape (2, 2); <v> is weighted by mass."""
     whole = mass.sum()
     fluctuation = velocity - mass @ velocity / whole if whole > 0.0 else velocity
     return np.asarray((mass * fluctuation.T) @ fluctuation)
 
 
 def pressure(of: Snapshot | HasState, region: Where = None) -> float:
-    """Return half the trace of the mean stress, of contacts and kinetic [N/m].
+    """Return half the trace of the mean stress, contact part plus kinetic part [N/m].
 
     Examples
     --------

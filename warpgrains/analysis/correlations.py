@@ -1,4 +1,4 @@
-"""Radial distribution functions of the centers of grains, of all and by kinds."""
+"""Radial distribution functions of the centers of grains: of all grains, and between kinds of grains."""
 
 from typing import NamedTuple
 
@@ -76,7 +76,7 @@ class PartialDistributions(NamedTuple):
     kinds: IndexArray
     """The kinds in ascending order, shape (k,)."""
     pairs: IndexArray
-    """Number of pairs of a grain of the first and one of the second kind in each bin, each pair once, shape
+    """Number of pairs of a grain of kind a and a grain of kind b in each bin, each pair counted once, shape
     (k, k, bins), symmetric."""
     g: FloatArray
     """g_ab(r), shape (k, k, bins), symmetric: `pairs` divided by its expectation for the same numbers of
@@ -92,8 +92,8 @@ def partial_radial_distributions(
 ) -> PartialDistributions:
     """Return g_ab(r) of the grains in a region by kinds a and b; each tends to 1 in a uniform mixture.
 
-    The pairs of all kinds, each counted once, are those of `radial_distribution`, and so are their
-    expectations.
+    Summed over the pairs of kinds, each once, `pairs` and the expected numbers are those of
+    `radial_distribution`.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def radius_classes(of: Snapshot | HasState, count: int = 2) -> IndexArray:
 def _counted(
     now: Snapshot, label: IndexArray, bins: int, reach: float | None, region: Where
 ) -> PartialDistributions:
-    """Return pairs and g(r) of grains with labels."""
+    """Return pairs and g(r) between kinds of grains in a region; `label` is the kind of each grain."""
     with requiring("radial_distribution"):
         from scipy.spatial import cKDTree
     counted, position = counted_region(now, region), now.position
@@ -179,7 +179,7 @@ def _counted(
 def _expected(
     region: Region, position: FloatArray, of_kind: list[BoolArray], edges: FloatArray
 ) -> FloatArray:
-    """Return the expected number of pairs of kinds in bins for random centers, by the midpoint rule."""
+    """Return the expected numbers of pairs for random centers, (k, k, bins), by the midpoint rule."""
     middle, k = 0.5 * (edges[1:] + edges[:-1]), len(of_kind)
     inside, clearance = np.empty((k, len(middle))), region.clearance(position)
     for b, r in enumerate(middle):
@@ -194,7 +194,10 @@ def _expected(
 
 
 def counted_region(now: Snapshot, region: Where) -> Region:
-    """Return a region, by default the container below the mean height, without a layer along its walls."""
+    """Return a region, by default the container below the mean height without a layer at the walls.
+
+    The layer is a mean diameter wide.
+    """
     if region is not None:
         return region_of(now, region)
     scene, level, container = now.scene, mean_heights(now.grains).item(), now.container

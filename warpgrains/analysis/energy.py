@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def kinetic_energy(of: Snapshot | HasState) -> float:
     """Return the sum of m v^2 / 2 and, with friction, m r^2 w^2 / 4 [J].
 
-    In the leapfrog scheme, it is that of half a step before the other quantities.
+    In the leapfrog scheme, velocities, and so this energy, are half a step behind the other quantities.
 
     Examples
     --------
@@ -40,7 +40,7 @@ def kinetic_energies(grains: Snapshots) -> FloatArray:
 
 
 def potential_energy(of: Snapshot | HasState) -> float:
-    """Return the sum of -m g . x [J], 0 at the origin, with gravity as it is at the time.
+    """Return the sum of -m g . x [J], 0 at the origin, for gravity g at the time of the snapshot.
 
     Examples
     --------
@@ -104,9 +104,9 @@ class EnergyBalance(NamedTuple):
     """
 
     gravity_work: float
-    """Work of gravity. Where it is constant, it equals the loss of potential energy up to a term of order dt,
-    because a step moves grains with the velocities at its end, and velocities of the leapfrog scheme are half
-    a step behind."""
+    """Work of gravity. If gravity is constant, the work is the loss of potential energy up to a term of order
+    dt, because a step moves grains with the velocities at its end, and velocities of the leapfrog scheme are
+    half a step behind."""
     drag_loss: float
     """Energy dissipated by drag, on translation and on rotation."""
     contact_loss: float
@@ -124,7 +124,7 @@ class EnergyBalance(NamedTuple):
 
 
 def require_energy_balance(what: str, scene: Scene) -> None:
-    """Raise InputError, which names `what`, if work is not computed: of driven walls, or of moments."""
+    """Raise InputError, which names `what`, with driven walls or rolling friction: their work is unknown."""
     if scene.has_driven_walls:
         raise InputError(f"{what} cannot be computed where a pressure or a force drives a wall")
     if scene.has_rolling_friction:
@@ -132,7 +132,7 @@ def require_energy_balance(what: str, scene: Scene) -> None:
 
 
 def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
-    """Return the energy balance of the last step from its forces and velocities; zeros before the first.
+    """Return the energy balance of the last step from its forces and velocities; 0 before the first step.
 
     From v before the step to v' after it, m (v' - v) = dt F, so the kinetic energy changes by
     dt F . (v + v') / 2, a sum over the forces, and that of rotation likewise by torques and spins. The free
@@ -160,7 +160,7 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     free = now.velocity - scene.dt * contact_forces(now) / scene.contact_mass[:, np.newaxis]
     kick = kick_of(scene, free, now.velocity, staggered=now.start_staggered, time=start)
     mean = 0.5 * (kick.before + now.velocity)
-    pushed = 0.0  # work of the normal forces of walls that move
+    pushed = 0.0  # work of normal forces of moving walls [J]
     if scene.has_moving_walls:
         speed = scene.wall_speeds(now.start, now.wall, start)[:, 0]
         pushed = float(-scene.dt * (now.wall_force * speed).sum())
@@ -174,14 +174,14 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
 
 
 def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> EnergyBalance:
-    """Add spin drag, friction and the work of walls. `mean` is (v + v') / 2 [m/s], shape (n, 2)."""
+    """Add spin drag, friction and tangential work of walls; `mean` is (v + v') / 2 [m/s], shape (n, 2)."""
     scene, (grain, normal, _, tangential) = now.start_scene, now.loads
     turn = -scene.dt * scene.radius * np.bincount(grain, tangential, now.n)  # angular impulse
     free = now.spin - turn / (0.5 * scene.rim_mass * scene.radius**2)
     kick = spin_kick_of(scene, free, now.spin, staggered=now.start_staggered)
     spin = 0.5 * (kick.before + now.spin)
     surface = (mean[grain] * left_of(normal)).sum(axis=1) + (scene.radius * spin)[grain]
-    work = -scene.dt * tangential * surface  # on the grains
+    work = -scene.dt * tangential * surface  # on the grains [J]
     speed = scene.wall_speeds(now.start, now.wall, now.start_time)[:, 1]
     wall_work = float(-scene.dt * (now.wall_tangential_force * speed).sum())
     friction_loss = wall_work - float(work.sum())
@@ -228,5 +228,5 @@ def contact_forces(of: Snapshot | HasState) -> FloatArray:
 
 
 def _sums(now: Snapshot, force: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return the sums of forces against directions, by grain [N], shape (n, 2)."""
+    """Return the sum of -force * direction over the contacts of each grain [N], shape (n, 2)."""
     return np.stack([np.bincount(now.loads.grain, -force * along, now.n) for along in direction.T], axis=1)

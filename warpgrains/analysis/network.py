@@ -11,18 +11,18 @@ from warpgrains.base.errors import InputError, requiring
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.space.geometry import left_of
 
-MOST_FREEDOMS = 3000  # of `rigidity`: a singular value decomposition of a matrix of this size takes some 20 s
+MOST_FREEDOMS = 3000  # bound of velocity components in `rigidity`: the SVD of this size takes some 20 s
 
 
 class _Contacts(NamedTuple):
-    """Contacts whose force is large enough."""
+    """Contacts whose force is at least `least`."""
 
     pair: IntArray
     wall: IntArray
     """Grain of each contact with a wall, shape (k,)."""
 
     def numbers(self, without: BoolArray) -> IndexArray:
-        """Return the number of contacts of each grain, shape (n,), leaving out some grains."""
+        """Return the number of contacts of each grain, shape (n,), except contacts of grains `without`."""
         kept = self.pair[~without[self.pair].any(axis=1)]
         wall, n = self.wall[~without[self.wall]], len(without)
         return np.bincount(kept.ravel(), minlength=n) + np.bincount(wall, minlength=n)
@@ -53,9 +53,9 @@ def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
     """Return which grains do not carry loads, shape (n,).
 
     A frictionless grain is held by 3 contacts, or in a pile by 2 and its weight; a grain with friction by 2.
-    Contacts with walls count. Grains with fewer are removed with their contacts, repeatedly until none has
-    fewer. The removed grains are the rattlers; the remaining ones are the backbone, a k-core. A grain of a
-    pile that stands on a single contact is a rattler.
+    Contacts with walls count. Grains with fewer contacts are removed with their contacts, repeatedly until no
+    such grain is left. The removed grains are the rattlers; the remaining grains are the backbone, a k-core.
+    A grain of a pile that stands on a single contact is a rattler.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def coordination_number(
     Parameters
     ----------
     without_rattlers : bool
-        Whether to leave out rattlers, and their contacts.
+        Whether to leave out rattlers and their contacts.
     region : mapping, optional
         Region of the grains that count, with all their contacts, see `region_of`.
 
@@ -126,7 +126,7 @@ def clusters(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
 
 
 class Rigidity(NamedTuple):
-    """Numbers of forces and motions of a network of contacts, which Maxwell's count relates.
+    """Numbers of forces and motions of a network of contacts. Maxwell's count relates these numbers.
 
     `forces` - `self_stresses` = `freedoms` - `zero_modes` = `rank` (Calladine, 1978).
     """
@@ -140,8 +140,8 @@ class Rigidity(NamedTuple):
     self_stresses: int
     """Dimension of the space of contact forces, of any sign, that balance on every grain without a load."""
     zero_modes: int
-    """Dimension of the space of velocities, of first order, that change the gap of no contact, and with
-    friction let no contact slide."""
+    """Dimension of the space of velocities that, to first order, change no gap of a contact and, with
+    friction, make no contact slide."""
 
 
 def rigidity(
@@ -150,8 +150,8 @@ def rigidity(
     """Return the number of states of self-stress and of zero modes of the contacts, walls included.
 
     The rank of the rigidity matrix is the number of its singular values above 1e-9 of the largest one. The
-    geometry decides, not the sizes of forces: two parallel contacts of a grain with the same two walls, off
-    by a rounding error, are parallel.
+    geometry decides, not the sizes of forces. Contacts of a grain that are parallel up to rounding errors
+    count as parallel.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def rigidity(
 
 
 def _rigidity_matrix(now: Snapshot, least: float, counted: BoolArray) -> FloatArray:
-    """Return the matrix that gives relative velocities at contacts from velocities and r times spins."""
+    """Return the matrix that maps velocities and r * spins of grains to relative velocities at contacts."""
     rough, n = now.scene.has_friction, int(counted.sum())
     per_grain = 3 if rough else 2
     if n * per_grain > MOST_FREEDOMS:

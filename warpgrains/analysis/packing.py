@@ -19,7 +19,7 @@ from warpgrains.scene.snapshot import Snapshot, Snapshots
 from warpgrains.space.geometry import area_below, area_in_disc, distance
 from warpgrains.space.region import Region, sides_of
 
-BEYOND = 10.0  # in sizes of the region: three auxiliary points there close the outermost cells
+BEYOND = 10.0  # distance, in sizes of the region, of three auxiliary points that close the outermost cells
 
 
 def heights(of: Snapshot | HasState) -> FloatArray:
@@ -58,7 +58,7 @@ def pile_height(of: Snapshot | HasState) -> float:
 
 
 def pile_heights(grains: Snapshots) -> FloatArray:
-    """Return the pile heights of many runs [m], shape (m,); NaN where the container is unknown or endless."""
+    """Return the pile heights of many runs [m], (m,); NaN if the container is unknown or has no bottom."""
     lowest = -grains.circles[:, 1]
     for k, container in grains.containers.items():
         span = container.region.span(container.up)
@@ -69,8 +69,9 @@ def pile_heights(grains: Snapshots) -> FloatArray:
 def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
     """Return the fraction of the container that grains fill, below their mean height.
 
-    The mean height is weighted by area. A pile is dense below it, so that neither its loose surface nor the
-    empty space above counts. Grains and space are cut exactly at that height. Discs inside are no space.
+    The mean height is weighted by area. A pile is dense below this height, so that neither the loose surface
+    nor the empty space above counts. Grains and space are cut exactly at this height. Walls that are discs do
+    not count as space.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
     if region is None:
         found = packing_fractions(now.grains).item()
         if np.isnan(found):
-            now.container.closed()  # which says why
+            now.container.closed()  # raises NoAreaError, which says why
         return found
     counted = region_of(now, region)
     return float(counted.areas(now.position, now.scene.radius).sum() / counted.area)
@@ -115,7 +116,7 @@ def packing_fractions(grains: Snapshots) -> FloatArray:
 def mean_heights(grains: Snapshots) -> FloatArray:
     """Return the mean heights of the grains of many runs, weighted by area [m], shape (m,).
 
-    They are inf in a box that is periodic in both directions, which has no height.
+    The result is inf in a box that is periodic in both directions, where heights have no meaning.
     """
     area = grains.radius**2
     level: FloatArray = (area * _heights(grains)).sum(axis=-1) / area.sum(axis=-1)
@@ -143,7 +144,7 @@ def global_packing_fraction(of: Snapshot | HasState) -> float:
 def cell_areas(of: Snapshot | HasState) -> FloatArray:
     """Return the area of each grain's radical Voronoi cell in the container [m2], shape (n,).
 
-    For the container, see `region_of`; in an open one, cells end at the height of its mouth.
+    For the container, see `region_of`. If it is open above, cells end at the height of the opening.
 
     Raises
     ------
@@ -167,7 +168,7 @@ def cell_areas(of: Snapshot | HasState) -> FloatArray:
 
 
 def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
-    """Return the fraction of its cell that each grain fills, shape (n,); see `cell_areas`.
+    """Return, for each grain, the fraction of its cell that it fills, shape (n,); see `cell_areas`.
 
     Examples
     --------
@@ -179,7 +180,7 @@ def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
 
 
 def radical_cell_areas(position: FloatArray, radius: FloatArray, region: Region) -> FloatArray:
-    """Return the areas of the cells of discs in a region of one polygon [m2], shape (n,)."""
+    """Return the areas of the radical cells of discs in a region of one polygon [m2], shape (n,)."""
     near, far = region.ring
     size, shifts = float(distance(region.outer_box).max()), region.period.shifts
     images = np.concatenate([position + shift for shift in shifts])
@@ -210,7 +211,7 @@ def radical_cell_areas(position: FloatArray, radius: FloatArray, region: Region)
 
 
 def _corners(position: FloatArray, radius: FloatArray) -> tuple[IndexArray, FloatArray]:
-    """Return the corners of all cells, shape (c, 2), and the grain of each corner, in ascending order.
+    """Return the grain of each corner of all cells, shape (c,), ascending, and the corners, shape (c, 2).
 
     Lengths are in units of the size of the region.
     """

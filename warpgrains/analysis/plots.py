@@ -40,9 +40,9 @@ def plot(
     curves: bool = True,
     **looks: Unpack[Looks],
 ) -> list[int]:
-    """Draw frames of a recording, by default five, and curves over time, and return their numbers.
+    """Draw frames of a recording, by default five, and curves over time; return the numbers of the frames.
 
-    They have the look of the recording or another, see `RunOptions`.
+    The look is that of the recording, with changes by `looks`, see `RunOptions`.
     """
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
@@ -104,7 +104,7 @@ def _draw_curves(figure: SubFigure, source: Recording, marked: list[int]) -> Non
 
 
 def measure(source: Recording) -> dict[str, FloatArray]:
-    """Return the curves by title, shape (f,): energy of all grains per their mass, mean of heights."""
+    """Return the curves of a recording with f frames by title, shape (f,): energy, height and contacts."""
     energies, heights, contacts = list[float](), list[float](), list[float]()
     for k in range(len(source)):
         now = source.frame(k, source.has_forces)
@@ -117,7 +117,7 @@ def measure(source: Recording) -> dict[str, FloatArray]:
 
 
 def plot_history(table: str | Path, output: str | Path) -> list[int]:
-    """Draw the history in a table, a line per step against the iteration, and return the steps."""
+    """Draw zeta and residual over the iterations of each step in a history table; return the steps."""
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
     step, iteration, *values = _columns(Path(table))

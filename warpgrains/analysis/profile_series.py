@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ALONG = {"height": height_profile, "radius": radial_profile}
 UNITS = {"packing_fraction": "", "velocity": "m/s", "spin": "rad/s", "temperature": "m2/s2", "stress": "N/m"}
 WEIGHTED = {"velocity", "spin", "temperature"}
-"""Fields that are weighted by the packing fraction in a mean over time: they are NaN without grains."""
+"""Fields that means over time weight by the packing fraction, because they are NaN without grains."""
 
 
 class ProfileAverage(NamedTuple):
@@ -30,20 +30,20 @@ class ProfileAverage(NamedTuple):
 
     mean: Profile
     error: Profile
-    """Standard errors of the means; edges of slices have one where walls move."""
+    """Standard errors of the means. Those of `edges` matter only if walls move."""
 
 
 class ProfileSeries:
     """Profiles, measured during a run: ``simulation.run(observer=profiles)``.
 
-    Slices follow the container: where a side moves, they move and stretch with it.
+    The slices of each profile divide the container at that time: if a wall moves, they move and stretch.
 
     Parameters
     ----------
     along : str
         "height" or "radius", see `height_profile` and `radial_profile`.
     every : int
-        Steps between two profiles; they are at multiples of this number.
+        Steps between two profiles. Profiles are measured at multiples of this number.
     bins, region
         See `height_profile`.
 
@@ -84,12 +84,12 @@ class ProfileSeries:
         """Do nothing: a run calls it at checkpoints."""
 
     def _values(self, name: str, after: float = -np.inf) -> FloatArray:
-        """Return a field of the profiles after a time [s], along the first axis."""
+        """Return a field of all profiles from a time [s] on, stacked along the first axis."""
         each = zip(self.time, self.profiles, strict=True)
         return np.array([getattr(profile, name) for time, profile in each if time >= after])
 
     def average(self, after: float = -np.inf, blocks: int = 10) -> ProfileAverage:
-        """Return means over the profiles after a time, and their standard errors, see `Series.average`.
+        """Return means over the profiles from a time on, and standard errors, see `Series.average`.
 
         Velocity, spin and temperature are weighted by the packing fraction of the slice.
 

@@ -18,7 +18,9 @@ from warpgrains.space.region import Region
 
 @fields_in_help
 class Profile(NamedTuple):
-    """Means over slices, in which each grain is weighted by its area inside; NaN without grains.
+    """Means over slices, in which each grain is weighted by its area inside the slice.
+
+    Velocity, spin and temperature are NaN in slices without grains.
 
     Examples
     --------
@@ -38,22 +40,23 @@ class Profile(NamedTuple):
     temperature: FloatArray
     """Granular temperature relative to the mean velocity of the slice [m2/s2], shape (bins,)."""
     stress: FloatArray
-    """Stress [N/m], shape (bins, 2, 2), of the components of the velocity: the sum over grains as for
-    `mean_stress`, each with the share of its area inside, by the area of the slice. Its kinetic part is about
-    the mean velocity of the slice."""
+    """Stress [N/m], shape (bins, 2, 2), with the components of `velocity`: the sum over grains as for
+    `mean_stress`, each weighted by the share of its area inside, divided by the area of the slice. The
+    kinetic part is about the mean velocity of the slice."""
 
 
 def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None) -> Profile:
     """Return means over slices perpendicular to gravity, or along the direction in which a box is periodic.
 
-    They reach from the lowest to the highest point of the container, see `region_of`. Heights are measured
-    from the origin. Without gravity, they are those along y, or x where the box is periodic in y.
+    The slices reach from the lowest to the highest point of the container, see `region_of`. Heights are
+    measured from the origin. Without gravity, they are along y, or along x in a box that is periodic in y.
 
     Parameters
     ----------
     bins : int
     region : mapping, optional
-        Region whose parts the slices are, see `region_of`; without area in it, their packing fraction is NaN.
+        Region that is divided into slices, see `region_of`. In a slice without area, the packing fraction is
+        NaN.
 
     Raises
     ------
@@ -100,7 +103,7 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
 
 
 def _counted(now: Snapshot, region: Where) -> Region:
-    """Return a region, by default the container, which may be open above."""
+    """Return a region, by default the container up to its opening, if any."""
     if not region:
         now.container.require_known()
         return now.container.region
@@ -110,9 +113,9 @@ def _counted(now: Snapshot, region: Where) -> Region:
 def _means(
     now: Snapshot, edges: FloatArray, slices: tuple[FloatArray, FloatArray], along: FloatArray
 ) -> Profile:
-    """Return means of grains weighted by their areas in slices, shape (slices, n); with those of the slices.
+    """Return means over slices from the areas of grains in slices, (slices, n), and of slices, (slices,).
 
-    `along` are unit vectors along the profile, shape (n, 2).
+    `slices` holds these areas [m2], and `along` unit vectors along the profile at each grain, shape (n, 2).
     """
     (weight, space), radius = slices, now.scene.radius
     axes = np.stack([along, left_of(along)], axis=1)

@@ -25,16 +25,16 @@ from warpgrains.walls.container import container_of
 class Quantity(NamedTuple):
     """A scalar quantity of a snapshot.
 
-    It is one element of the result of a function, which is called once for all its elements.
+    It is one element of the result of a function. Quantities of the same function share one call.
     """
 
     unit: str
     """Unit; empty for a dimensionless number."""
     function: Callable[..., Any]
     part: Callable[..., float] = float
-    """The element; of a quantity of a wall, with the name of the wall as second argument."""
+    """Function that returns the element. For a quantity of a wall, its second argument is the wall's name."""
     of_runs: Callable[[Snapshots], FloatArray] | None = None
-    """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
+    """Function that returns the quantity of m runs, shape (m,); only for columns of every sweep's results."""
     meaning: str = ""
     require: Callable[[str, Scene], object] = lambda name, scene: None
     """Function that raises InputError if a scene cannot have the quantity of this name without a region."""
@@ -246,9 +246,9 @@ def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
 
 
 def require_quantities(names: Iterable[str], scene: Scene, region: Mapping[str, Any] | None = None) -> None:
-    """Raise InputError unless a scene can have all the quantities of these names at its start.
+    """Raise InputError if a scene cannot have one of these quantities, or a region, at its start.
 
-    So must a region; the surface of a pile is not known yet.
+    The surface of a pile, which is not known yet, is taken at the height `Scene.reach`.
     """
     if region is not None:
         to_surface = {"below": scene.reach} if region.get("below") == "surface" else {}
@@ -259,7 +259,7 @@ def require_quantities(names: Iterable[str], scene: Scene, region: Mapping[str, 
 
 
 def _possible(scene: Scene, region: Where) -> Iterator[str]:
-    """Yield the quantities that a scene can have, but those of single walls."""
+    """Yield the names of the quantities that a scene can have, except quantities of single walls."""
     for name, one in QUANTITIES.items():
         if name.endswith(":WALL"):
             continue
@@ -284,16 +284,16 @@ def quantities(
     Parameters
     ----------
     names : iterable of str, optional
-        Names of quantities, or of `GROUPS`; by default all that the scene can have, but those of single
-        walls.
+        Names of quantities, or of `GROUPS`. By default all quantities that the scene can have, except those
+        of single walls.
     region : mapping, optional
         Region of packing fraction, coordination number, stresses and forces between grains, see `region_of`.
-        The others are those of all grains.
+        Other quantities are those of all grains.
 
     Returns
     -------
     dict
-        Values by name; NaN where the area is unknown, or there is none, see `NoAreaError`.
+        Values by name; NaN if the area that a quantity needs is unknown or 0, see `NoAreaError`.
 
     Raises
     ------

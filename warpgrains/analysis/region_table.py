@@ -16,19 +16,19 @@ from warpgrains.space import region as ranges
 from warpgrains.space.region import Region, Side, sides_of
 
 KEYS = (*ranges.RANGES, "angle", "polygon", "below")
-MOST_COLUMNS = 64  # into which the space above a pile is divided
+MOST_COLUMNS = 64  # largest number of columns to find the surface of a pile
 
 Where = Mapping[str, Any] | Region | None
 """Argument of functions that count in a region; None is the whole container."""
 
 
 def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
-    """Return the region that a table describes, the part of the container of the grains in which all holds.
+    """Return the part of the container of the grains in which all conditions of a table hold.
 
-    The container is the space between the circles, or the box between its sides where they are, without the
-    discs inside. Where it has segments, these must form a convex polygon around the grains, which may be open
-    above; it then ends where they end. With other walls, or segments that cut the space otherwise, the
-    container is unknown, and the region is the described part of the space between the circles or sides.
+    The container is the space between the circles, or between the sides of the box at their present places,
+    minus discs inside. Segments have to form a convex polygon around the grains. If it is open above,
+    the container ends at the height of the opening. With other walls, or segments that cut the space
+    otherwise, the container is unknown; the region is then a part of the space between the circles or sides.
     In periodic directions, grains count where their images in the box are.
 
     Parameters
@@ -44,20 +44,20 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
         - ``below``: a height above the origin, against gravity [m], or ``"surface"``. The latter is the space
           that is at least a mean diameter below the surface of a pile, which leaves out its rough top. The
           surface is at the highest center of a grain in each of the columns into which the space is divided.
-          They are as wide as two mean diameters, or as 1/64 of the domain if that is more. Only
-          grains with a contact count, if any has one. A column without grains is not part of the region.
+          The columns are at least two mean diameters and at least 1/64 of the domain wide. Only grains
+          with a contact count, if any has one. A column without grains is not part of the region.
 
     Returns
     -------
     Region
-        Its border is inside.
+        The border belongs to the region.
 
     Raises
     ------
     InputError
         A key is unknown, or a value is invalid. It is a `NoAreaError` if the region is empty, or if the
-        container is open and the whole of it is asked for, or if it is unknown and the region is bounded
-        neither by ``x`` and ``y``, nor by ``distance`` or ``polygon``.
+        container is open and `region` is None or empty, or if the container is unknown and the region is
+        bounded neither by ``x`` and ``y``, nor by ``distance`` or ``polygon``.
 
     Examples
     --------
@@ -140,7 +140,7 @@ def _polygon(_: Snapshot, given: Any) -> list[list[Side]]:
 
 
 def _wedges(_: Snapshot, given: Any) -> list[list[Side]]:
-    """Return convex wedges that fill a range of directions."""
+    """Return convex wedges, as half planes, that fill a range of angles [rad]."""
     start, end = checks.vector("region.angle", given)
     if not start < end <= start + 2.0 * pi * (1.0 + 1e-12):
         raise InputError(
@@ -168,11 +168,11 @@ def _below(now: Snapshot, given: Any) -> list[list[Side]]:
     column = np.clip(np.searchsorted(edges, place @ across, "right") - 1, 0, count - 1)
     top = np.full(count, -np.inf)
     np.maximum.at(top, column, place @ up)
-    edges[0], edges[-1] = low - (high - low), high + (high - low)  # beyond the wall that bounds the column
+    edges[0], edges[-1] = low - (high - low), high + (high - low)  # beyond the walls at both ends
     left, right, level = edges[:-1], edges[1:], top - diameter
     held = np.flatnonzero(np.isfinite(top))
     return [[(-across, -left[k]), (across, right[k]), (up, level[k])] for k in held]
 
 
 _CELLS = {"polygon": _polygon, "angle": _wedges, "below": _below}
-"""Readers of keys: each returns convex cells without overlap, which are cut out of the region."""
+"""Readers of keys. Each returns convex cells that do not overlap; the region lies in their union."""

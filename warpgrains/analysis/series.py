@@ -71,19 +71,19 @@ class Series:
     measure : str or iterable of str
         Names of `QUANTITIES` or `GROUPS`; a single text may hold several, separated by commas.
     every : int
-        Steps between two rows; they are at multiples of this number.
+        Steps between two rows. Rows are at multiples of this number.
     path : str or Path, optional
         CSV file, written completely at each checkpoint and at the end. It is locked until `close` or the end
         of a ``with`` block.
     resume_at : int, optional
         Step up to which existing rows of the file are kept and continued.
     first_step : int
-        Step at which the run that is continued has begun.
+        Step at which the run to be continued began.
     region : mapping, optional
-        Region of the quantities that have one, see `quantities`.
+        Region for those quantities that take one, see `quantities`.
     mean : bool
-        Whether to measure after every step, and to write the means of the steps since the previous row. Then
-        the first row is that of step `every`. By default a row is of its step alone.
+        Whether to measure after every step, and to write means over the steps since the previous row. Then
+        the first row is that of step `every`. By default a row holds the values of its step.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ class Series:
         self.close()
 
     def observe(self, simulation: Simulation | Snapshot) -> None:
-        """Measure a step, unless it is measured already, and append a row if one is due."""
+        """Measure the present step, unless it is measured already; append a row if the interval is over."""
         step, seen = simulation.steps, self._seen
         if seen is not None and step <= seen:
             return
@@ -176,10 +176,10 @@ class Series:
             self._written = len(self.rows)
 
     def average(self, after: float = 0.0, blocks: int = 10) -> dict[str, Average]:
-        """Return the means of the rows after a time, with their standard errors, by name.
+        """Return the means of the rows from a time on, with standard errors, by name of the quantity.
 
-        The error is that of the mean of blocks of successive rows: it is right if a block is longer than the
-        quantity remembers.
+        Errors follow from the means of blocks of successive rows. They are right if a block is longer than
+        the correlation time of the quantity.
 
         Parameters
         ----------
@@ -199,7 +199,7 @@ class Series:
         return {name: Average(*own) for name, *own in zip(self.names, mean, error, strict=True)}
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return the rows as a frame, by step.
+        """Return the rows as a DataFrame, with the step as index.
 
         Raises
         ------
@@ -225,7 +225,7 @@ class Series:
             self._lock.release()
 
     def _read_rows(self, path: Path, resume_at: int | None, first_step: int) -> None:
-        """Read the rows to continue from an existing file. Raises OutputError if the file is no series."""
+        """Read the rows up to `resume_at` from the file, if any; raise OutputError if it is no series."""
         rows = read_table(path) if path.exists() else []
         if path.exists() and (not rows or tuple(rows[0])[:2] != FIRST):
             raise OutputError(f"refusing to overwrite '{path}': not a series of warpgrains")

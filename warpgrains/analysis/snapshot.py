@@ -32,7 +32,7 @@ def snapshot(of: Snapshot | HasState) -> Snapshot: ...
 @overload
 def snapshot(of: Scene, state: State) -> Snapshot: ...
 def snapshot(of: Any, state: State | None = None) -> Snapshot:
-    """Return grains and contacts of a simulation as it is, or of a state of a scene.
+    """Return grains and contacts of a simulation at present, or of a state of a scene.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
 def snapshot_of(now: LoadedScene, left: float = 0.0, has_contacts: bool = True) -> Snapshot:
     """Return the snapshot of a simulation at `left` [s] before the end of its last step, for an output.
 
-    Within a step, grains move in a straight line and turn with the velocities at its end (eqs. 3, 24). It is
-    cheap without contacts.
+    Within a step, grains move in a straight line and turn with the velocities at its end (eqs. 3, 24).
+    Without contacts, a snapshot takes little time.
     """
     driven = now.driven
     if has_contacts:

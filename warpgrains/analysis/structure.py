@@ -14,7 +14,7 @@ from warpgrains.base.errors import InputError
 from warpgrains.scene.snapshot import Snapshot
 
 CHUNK = 2048  # grains whose waves fit into the cache
-SAME_CHANGE = 1e-15  # of wave numbers, relative to the largest one: equally spaced ones are off by rounding
+SAME_CHANGE = 1e-15  # tolerance of equal spacing, relative to the largest wave number, for rounding errors
 
 ComplexArray = NDArray[np.complex128]
 
@@ -23,7 +23,7 @@ class StructureFactor(NamedTuple):
     """Static structure factor of grain centers."""
 
     k: FloatArray
-    """Wave numbers [1/m], shape (K,); in a periodic box means of those of the wave vectors."""
+    """Wave numbers [1/m], shape (K,). In a periodic box, each is the mean length of its wave vectors."""
     s: FloatArray
     """S(k), shape (K,); NaN without grains."""
 
@@ -38,8 +38,8 @@ def structure_factor(
     For k below some 20 / (width of the region), S(k) is mostly that of the shape of the region, n at k = 0.
     Independent random centers have S = 1.
 
-    In a periodic direction, each component of a wave vector is the multiple of 2 pi / (side of the box) that
-    is nearest; those that are 0 then are left out, unless all are.
+    In a periodic direction, each component of a wave vector is rounded to a multiple of 2 pi / (side of the
+    box). Wave vectors that become 0 are left out, unless all of the same k become 0.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def structure_factor(
 
 
 def _of_cell(k: FloatArray, way: FloatArray, position: FloatArray, period: FloatArray) -> StructureFactor:
-    """Return S(k) of the wave vectors of a periodic cell that are nearest to those of some directions."""
+    """Return S(k) for the wave vectors of a periodic cell nearest to k times the directions `way`, (d, 2)."""
     vector = k[:, np.newaxis, np.newaxis] * way
     step = np.divide(2.0 * np.pi, period, out=np.zeros(2), where=period > 0.0)
     whole = np.rint(np.divide(vector, step, out=np.zeros_like(vector), where=step > 0.0))

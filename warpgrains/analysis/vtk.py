@@ -19,16 +19,16 @@ from warpgrains.drawing.shapes import wall_mesh
 from warpgrains.usd.recording import Recording, painter_of
 
 Arrays = dict[str, np.ndarray]
-_FRAME = re.compile(r"(\.draft\.)?([a-z]+-)?\d{4,}\.vtp")  # drafts are those of an export that was killed
+_FRAME = re.compile(r"(\.draft\.)?([a-z]+-)?\d{4,}\.vtp")  # drafts remain where an export was killed
 
 
 def export(recording: str | Path, output: str | Path) -> int:
-    """Write the frames of a recording as files of VTK, and return their number.
+    """Write the frames of a recording as VTK files, and return the number of frames.
 
-    RUN.pvd lists the times, and for each the files ``RUN/grains-0000.vtp`` and so on of its blocks:
+    RUN.pvd lists the times and, for each time, a file of each block, such as ``RUN/grains-0000.vtp``. Blocks:
 
-    - ``Grains``: points with vertex cells, in the box if it is periodic, and then images of the grains that
-      cross its sides. Point data are `grain` (the number), `radius` [m], `mass` [kg],
+    - ``Grains``: points with vertex cells, wrapped into a periodic box and followed by images of the grains
+      that cross periodic sides. Point data are `grain` (the number), `radius` [m], `mass` [kg],
       `velocity` [m/s], and what else is recorded: `speed` [m/s], `pressure` [N/m], and with friction `spin`
       [rad/s], `angle` [rad] and `mobilized`; where grains come and go, `id`, the number of birth.
     - ``Contacts``, if recorded: lines between centers, or from a center to a wall. Cell data are `force` [N],
@@ -45,7 +45,7 @@ def export(recording: str | Path, output: str | Path) -> int:
 
 
 def _write(source: Recording, output: Path) -> None:
-    """Write the files of all frames into a folder next to the output, and then the list of them."""
+    """Write the files of all frames into a folder next to `output`, and then `output`, the list of files."""
     folder = resolve_link(output).with_suffix("")
     earlier = [*folder.iterdir()] if folder.is_dir() else []
     if any(not _FRAME.fullmatch(path.name) for path in earlier):
@@ -71,7 +71,7 @@ def _write(source: Recording, output: Path) -> None:
 
 
 def _blocks(source: Recording, k: int) -> dict[str, bytes]:
-    """Return the files of a frame by block, without walls if they are as in the frame before."""
+    """Return the content of the files of frame k by block. If no wall moves, only frame 0 has walls."""
     frame = source.frame(k, contacts=source.has_forces)
     (places, number), scene = frame.images, frame.scene
     own: Arrays = {**frame.recorded, "radius": scene.radius, "mass": scene.mass}
@@ -133,7 +133,7 @@ def _vtp(
 
 
 def _array(name: str, values: np.ndarray) -> str:
-    """Return an array as XML: in base 64 a header, and the bytes as one compressed block."""
+    """Return an array as XML: a header and the bytes as one compressed block, both in base 64."""
     data = values.astype(values.dtype.newbyteorder("<")).tobytes()
     block = compress(data) if data else b""
     header = np.array([1, len(data), 0, len(block)] if data else [0, 0, 0], "<u8")

@@ -1,4 +1,4 @@
-"""Forces on walls, by their names: sums over the contacts with them in the last step."""
+"""Forces on walls by name: sums over the contacts of each wall in the last step."""
 
 from typing import NamedTuple
 
@@ -36,8 +36,8 @@ class WallForce(NamedTuple):
 def wall_forces(of: Snapshot | HasState) -> dict[str, WallForce]:
     """Return the forces of grains on walls by name, see `Scene.wall_names`.
 
-    Walls of one name, such as the segments of a polyline, or a side and its roughness, are one. The forces of
-    all walls on the grains, with gravity and drag, change the momentum of the grains.
+    Walls that share a name, such as the segments of a polyline, or a side and its roughness, count as one
+    wall. The forces of all walls on the grains, with gravity and drag, change the momentum of the grains.
 
     Examples
     --------
@@ -65,9 +65,9 @@ def wall_forces(of: Snapshot | HasState) -> dict[str, WallForce]:
 
 
 def wall_places(of: Snapshot | HasState) -> dict[str, FloatArray]:
-    """Return where walls are now, by name [m], shape (2,) each: the center, or the point of a line.
+    """Return present positions of walls by name [m], shape (2,) each: the center, or the point of a line.
 
-    It is that of the first wall of the name.
+    If walls share a name, it is the position of the first.
 
     Examples
     --------
@@ -87,16 +87,16 @@ def _place(wall: Wall, time: float) -> FloatArray:
 
 
 def require_wall(quantity: str, scene: Scene) -> None:
-    """Raise InputError unless a scene has the wall that the name of a quantity names after a colon."""
+    """Raise InputError unless a scene has the wall in the name of a quantity, such as "force_x:top"."""
     name, known = quantity.partition(":")[2], dict.fromkeys(scene.wall_names)
     if name not in known:
         raise InputError(f"{quantity}: the scene has no wall {name!r}; it has {', '.join(known) or 'none'}")
 
 
 def circle_forces(grains: Snapshots, which: int) -> FloatArray:
-    """Return the sum of the forces on the inner circle, 0, or the outer one, 1, for many runs [N], (m,).
+    """Return the sum of the forces on a circle for many runs [N], shape (m,): 0 is the inner, 1 the outer.
 
-    It is 0 without an inner circle, and NaN without an outer one.
+    The sum is 0 without an inner circle, and NaN without an outer circle.
     """
     own, found = grains.circle_walls[:, which], np.zeros(len(grains.mass))
     for wall in np.unique(own[own >= 0]).tolist():
@@ -106,7 +106,7 @@ def circle_forces(grains: Snapshots, which: int) -> FloatArray:
 
 
 def _sums(force: FloatArray) -> FloatArray:
-    """Return sums over forces of many runs, shape (m, n) to (m,), in an order that is that of one run."""
+    """Sum the forces of many runs, shape (m, n) to (m,), with the bits of the sum of a single run."""
     sums, is_positive = np.zeros(len(force)), force > 0.0
     for k in np.flatnonzero(is_positive.any(axis=-1)):
         sums[k] = force[k][is_positive[k]].sum()
