@@ -19,7 +19,7 @@ from warpgrains.walls.wall import Wall
 
 OF_START = {"position", "velocity", "radius", "mass", "spin", "time", "sources", "sinks"}
 OF_LISTS = {"dt", "scheme", "order", "method", "wall", "drag", "spin_drag"}
-"""Fields by which contacts are listed, sorted and solved; shares of corrections depend on both drags."""
+"""Fields that determine how contacts are listed, sorted and solved. Shares of corrections need both drags."""
 
 
 class Change(NamedTuple):
@@ -27,13 +27,13 @@ class Change(NamedTuple):
 
     scene: Scene
     staying: dict[int, int]
-    """Walls that are where they were: their new numbers by the old ones. Other contacts are dropped."""
+    """New number of each wall that stays in place, by its old number. Contacts of other walls are dropped."""
     keeps_list: bool
-    """Whether all stay and move as before, so that the list of contacts holds."""
+    """True if the list of contacts stays valid, because all walls keep their places and motions."""
     driven: FloatArray | None
     """Coordinates and speeds of the walls, see `State.driven`."""
     is_local: bool
-    """Whether only parameters change, but for the list."""
+    """True if all walls keep their places and numbers, and no field of `OF_LISTS` changes."""
 
     def state_after(self, state: State) -> State:
         """Return the state from which the simulation continues."""
@@ -46,7 +46,10 @@ class Change(NamedTuple):
 def change_of(
     before: Scene, fields: SceneChanges, steps: int, position: FloatArray, driven: FloatArray | None
 ) -> Change:
-    """Return the change of fields after some steps; InputError for fields of the start or walls on grains."""
+    """Return the change of `fields` after `steps` steps, when grains are at `position` [m], shape (n, 2).
+
+    InputError if a field describes the start, or a new wall is where a grain is.
+    """
     now = before.time_after(steps)
     scene = _changed(before, fields, steps)
     if driven is not None and scene.wall_names != before.wall_names:
@@ -64,7 +67,7 @@ def change_of(
         one if at is None else one.placed(at[:, 0]) for one, at in ((before, driven), (scene, places))
     )
     staying = _staying(was, put, now)
-    if driven is not None and places is not None:  # contacts of the last step are at walls as driven then
+    if driven is not None and places is not None:  # its contacts were with the wall at its old place
         jumped = {*np.flatnonzero((driven != places).any(axis=1)).tolist()}
         staying = {old: new for old, new in staying.items() if new not in jumped}
     require_size(put)
@@ -82,7 +85,7 @@ def change_of(
 
 
 def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
-    """Return the scene with other fields, whose time continues and whose walls begin to move now."""
+    """Return the scene with changed fields. Time continues; walls without `from_time` begin to move now."""
     for name in fields:
         checks.one_of("field of a scene", name, FIELDS)
         if name in OF_START:
@@ -93,13 +96,13 @@ def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
     given: dict[str, Any] = {"text": before.text_after(fields), **fields}
     dt = checks.positive("dt", fields.get("dt", before.dt))
     time = before.time if dt == before.dt else now - steps * dt
-    at_rest = before.unchecked(spin=np.zeros(before.n), time=time)  # grains have other spins by now
+    at_rest = before.unchecked(spin=np.zeros(before.n), time=time)  # spins of the start need no check
     scene = at_rest.changed(given, now)
     return scene.unchecked(spin=before.spin) if scene.has_friction else scene
 
 
 def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -> FloatArray | None:
-    """Return coordinates and speeds of the walls: as before where the shape is, else those of a start."""
+    """Return coordinates and speeds of the walls: `driven` if the shape is as before, else as at a start."""
     places = first_state(scene).driven
     if places is None:
         return None
@@ -113,7 +116,7 @@ def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -
 
 
 def _staying(was: Scene, put: Scene, now: float) -> dict[int, int]:
-    """Return the numbers in another scene of walls that are at the same places in it now [s]."""
+    """Return by number in `was` the number in `put` of each wall with equal shape and place at `now` [s]."""
     if was.walls is put.walls:
         return {number: number for number in range(len(was.walls))}
     found: dict[int, int] = {}
@@ -132,7 +135,7 @@ def _move_alike(wall: Wall, other: Wall) -> bool:
 
 
 def at_walls(corrections: Corrections, numbers: dict[int, int]) -> Corrections:
-    """Return the corrections of contacts with walls that have these new numbers, without the others."""
+    """Return corrections in which walls have new `numbers`, by the old ones; drop contacts of other walls."""
     new = np.full(max([-1, *corrections.wall[:, 1].tolist(), *numbers]) + 1, -1, np.int32)
     new[[*numbers]] = [*numbers.values()]
     wall = np.stack([corrections.wall[:, 0], new[corrections.wall[:, 1]]], axis=1)

@@ -6,8 +6,8 @@ dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`); the
 `last_scene` and `start` are a `Scene`, too.
 
 If a field of these, of `RunOptions` or of `Summary` is added, removed, renamed or changes its meaning,
-`VERSION` must increase, so that another version of the program says which version it reads. A field that is
-added to `Scene` needs none: earlier files take its default, and earlier programs name it as unknown.
+`VERSION` must increase, so that other versions of the program report that they cannot read the file. A new
+field of `Scene` is an exception: earlier files get its default, and earlier programs report it as unknown.
 """
 
 import io
@@ -47,7 +47,7 @@ class Checkpoint:
     statistics: Summary
     """Statistics of the run up to the checkpoint."""
     start: Scene | None = None
-    """Scene at the start of the run, which its outputs show, if grains came or went since."""
+    """Scene at the start of the run, for which outputs were opened; None if it is `scene`."""
 
     @property
     def first_step(self) -> int:
@@ -55,13 +55,13 @@ class Checkpoint:
 
 
 def lock_checkpoint(path: Path) -> Lock:
-    """Lock a checkpoint for writing; InputError if it cannot be written, or replaces another file."""
+    """Lock a checkpoint for writing; InputError if `path` cannot be written or is another file."""
     require_writable_path("checkpoint", path, ".npz")
     return lock_own(path, _is_checkpoint, "checkpoint")
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
-    """Write a locked checkpoint atomically; the old one stays until the new one is on the disk."""
+    """Write a locked checkpoint atomically. The old file stays until the new file is on the disk."""
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **_entries(checkpoint, path))
     write_atomically(path, buffer.getbuffer())
@@ -94,7 +94,7 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
         "version": VERSION,
         "warpgrains": __version__,
         "options": None if options is None else options.stored(path),
-        "statistics": asdict(replace(checkpoint.statistics, error=None)),  # a resumed run has not failed
+        "statistics": asdict(replace(checkpoint.statistics, error=None)),  # a resumed run starts without
     }
     arrays: Arrays = {}
     for part, record in _parts(checkpoint).items():
@@ -119,7 +119,7 @@ def _parts(checkpoint: Checkpoint) -> dict[str, Any]:
 def _read(path: Path) -> tuple[Header, Arrays]:
     """Return header and arrays without checking their content."""
     with zipfile.ZipFile(path) as archive:
-        # entries are uncompressed: a small file cannot expand to fill the memory
+        # without compressed entries, a small file cannot expand to fill the memory
         if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
             raise ValueError("an entry is compressed")
         if archive.testzip() is not None:

@@ -12,7 +12,7 @@ from warpgrains.simulation.population import Population
 
 
 def exchanged(present: Population) -> Population:
-    """Return the population after the exchanges that are due now: first those of sinks, then of sources."""
+    """Return the population after the exchanges due now: first sinks remove grains, then sources add some."""
     scene, state, time = present.scene, present.state, present.time
     assert state.inflow is not None
     assert state.outflow is not None
@@ -51,11 +51,11 @@ def exchanged(present: Population) -> Population:
 
 
 def _poured(present: Population, source: Source, count: int) -> Population:
-    """Return the population with those of `count` grains of a source that find room."""
+    """Return the population with up to `count` grains of a source added, as far as there is room for them."""
     if count == 0:
         return present
     own = source.radius, source.density, source.region, source.velocity, source.seed
     try:
         return present.with_poured(count, *own)
-    except InputError:  # walls have moved into the region, or leave less than a grain of it
+    except InputError:  # walls cover so much of the region that no grain fits
         return present

@@ -22,7 +22,7 @@ from warpgrains.drawing.looks import Look, Looks, option
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
-_BRIEF = 1.0  # duration of a film [s] below which it is slowed down
+_BRIEF = 1.0  # films of a shorter simulated time [s] are slowed down
 _SLOWER = [digit * 10.0**k for k in range(9) for digit in (1, 2, 5)]
 FILES = ("record", "series")
 """Options that name the files of a run other than its checkpoint."""
@@ -42,7 +42,7 @@ def _file(field: str, name: Any) -> str:
 
 
 def _output(field: str, name: Any) -> str:
-    """Return the name of an output, whose form is one of `KINDS`."""
+    """Return the name of an output; InputError unless its form (suffix) is one of `KINDS`."""
     name = _file(field, name)
     if form_of(name) not in KINDS:
         raise InputError(f"output '{name}' must end in {', '.join(KINDS)}")
@@ -50,15 +50,15 @@ def _output(field: str, name: Any) -> str:
 
 
 def _region(field: str, text: Any) -> str:
-    """Return the text of a region, which is a table."""
-    from warpgrains.space.region import table_of  # NumPy, which --help does not need
+    """Return the text of a region; InputError unless it describes a table."""
+    from warpgrains.space.region import table_of  # imports NumPy, which --help does not need
 
     table_of(field, text)
     return str(text)
 
 
 class Outputs(Looks, total=False):
-    """Keywords of `Simulation.run` that are fields of `RunOptions`, so that type checkers find wrong ones."""
+    """Fields of `RunOptions` that are keywords of `Simulation.run`: type checkers report wrong keywords."""
 
     record: str | Path | None
     draw_as: str
@@ -135,11 +135,11 @@ class RunOptions(Look):
 
     @property
     def shows(self) -> Kind | None:
-        """Kind of output that `record` is by its suffix; None without it."""
+        """Kind of output, by the suffix of `record`; None without `record`."""
         return None if self.record is None else KINDS[form_of(self.record)]
 
     def times(self, scene: Scene, first_step: int) -> FrameTimes | None:
-        """Return the times of the frames, whose rate is limited by what the file can store."""
+        """Return the times of the frames, whose rate the file can limit; None if the output has no frames."""
         if self.shows is None or not self.shows.has_frames:
             return None
         film = FILMS.get(form_of(self.record or ""))
@@ -148,7 +148,7 @@ class RunOptions(Look):
         return FrameTimes.of(scene.dt, rate, first_step, scene.time, slow)
 
     def _slow_enough(self, duration: float, dt: float) -> float:
-        """Return how slow a film of a duration [s] plays: its frames are at most one per step."""
+        """Return how many times slower a film of `duration` [s] plays; it has at most one frame per step."""
         if not 0.0 < duration < _BRIEF or self.fps != type(self).fps:
             return 1.0
         enough = (slow for slow in _SLOWER if slow * duration >= 2.0 * _BRIEF)
@@ -175,13 +175,13 @@ class RunOptions(Look):
 
     @classmethod
     def restored(cls, stored: dict[str, Any], checkpoint: Path) -> Self:
-        """Return the options that a checkpoint stores; the next checkpoint of the run replaces it."""
+        """Return the options that a checkpoint stores. The next checkpoints of the run replace it."""
         files = {name: _path_relative_to(checkpoint, name, stored[name]) for name in FILES}
         return cls(**{**stored, **files, "checkpoint": str(checkpoint)})
 
 
 def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
-    """Return the steps of a run: `steps`, those of a duration [s], or the scene's."""
+    """Return the number of steps of a run: `steps`, those in `duration` [s], or by default the scene's."""
     if steps is not None and duration is not None:
         raise InputError("give steps or duration, not both")
     if steps is not None:
@@ -190,7 +190,7 @@ def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
 
 
 def require_needed(given: Collection[str], named: Callable[[str], str] = str) -> None:
-    """Raise InputError if an option is given without the one that it needs; `named` returns their names."""
+    """Raise InputError if an option is given without the one it needs. `named` returns names for messages."""
     for name in given:
         needed = OPTIONS[name].metadata["needs"]
         if needed is not None and needed not in given:
@@ -200,7 +200,7 @@ def require_needed(given: Collection[str], named: Callable[[str], str] = str) ->
 def spacing(
     every: int | None, checkpoint: Any, series: Any, named: Callable[[str], str] = str
 ) -> dict[str, int]:
-    """Return the options for the steps between two checkpoints, and between two rows of a series."""
+    """Return `every` [steps] as interval of checkpoints, of rows of a series, or of both, by option."""
     if every is None:
         return {}
     if checkpoint is series is None:
@@ -228,4 +228,4 @@ FLAGS: dict[str, str] = {
     for name, one in OPTIONS.items()
     if (flag := one.metadata.get("flag", f"--{name.replace('_', '-')}")) is not None
 }
-"""Flags of these options on the command line."""
+"""Flags on the command line, by name in `OPTIONS`."""

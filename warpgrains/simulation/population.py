@@ -27,12 +27,12 @@ NOBODY = {name: np.zeros((0, 2) if name in ("position", "velocity") else 0) for 
 
 
 class Population:
-    """The grains of a simulation at its present time, of which some stay and to which others are added.
+    """The grains of a simulation between two steps. Its methods return populations with fewer or more grains.
 
     Attributes
     ----------
     scene : Scene
-        The scene with these grains, as if it started with them where they are now.
+        The scene. After grains were added or removed, it starts with the present positions of all grains.
     state : State
         The state from which the simulation continues. Contacts of grains that are removed are dropped.
     """
@@ -75,9 +75,9 @@ class Population:
         return self._of(np.flatnonzero(~np.isin(self.id, gone)), NOBODY)
 
     def with_more(self, is_separated: bool, **grains: Any) -> Self:
-        """Return the population with more grains, after its own; InputError if they do not fit.
+        """Return the population with `grains` appended, given by field; InputError if they are beyond a wall.
 
-        If they overlap grains or walls, that is an InputError, too, or `is_separated` moves grains apart.
+        If they overlap grains or walls, grains are moved apart if `is_separated`; else InputError.
         """
         more = checked_grains(SceneFields(**grains))
         if more["spin"].any() and not self.scene.has_friction:
@@ -93,14 +93,14 @@ class Population:
     def with_poured(
         self, count: int, radius: Any, density: float, region: Any, velocity: Any, seed: int
     ) -> Self:
-        """Return the population with those of `count` grains that find room, see `Simulation.pour`."""
+        """Return the population with up to `count` grains added at random places, see `Simulation.pour`."""
         grains = poured(self.now, count, radius, density, region, (seed, self.born))
         if (found := len(grains["radius"])) == 0:
             return self
         return self.with_more(is_separated=False, velocity=np.tile(velocity, (found, 1)), **grains)
 
     def _of(self, kept: IndexArray, more: Mapping[str, FloatArray]) -> Self:
-        """Return the population of the grains `kept`, ascending indices, and of more."""
+        """Return the population of the grains with ascending indices `kept`, and of the new grains `more`."""
         before, state, added = self.scene, self.state, len(more["position"])
 
         def grown(array: FloatArray | None, new: FloatArray) -> FloatArray | None:
@@ -138,12 +138,12 @@ class Population:
 
     @property
     def now(self) -> Scene:
-        """The scene with its grains and walls where they are, from this time on."""
+        """The scene that starts at the present time, with grains and walls at their present places."""
         walls = None if self.state.driven is None else self.state.driven[:, 0]
         return self.scene.placed(walls, self.time, position=self.state.position)
 
     def _overlap(self, first: int) -> str | None:
-        """Return the complaint about the deepest overlap of the grains from `first`, if one is too deep.
+        """Return a message about the deepest overlap of grains from index `first` on, if it is too deep.
 
         InputError if one of these grains is beyond a wall.
         """
@@ -155,7 +155,7 @@ class Population:
         deepest, grain, other = allowed_overlap(scene), -1, ""
         for i, j in overlapping_pairs(scene.position, scene.radius, scene.period):
             pair = np.stack([i, j], axis=1)[j >= first]
-            with np.errstate(invalid="ignore"):  # of centers that coincide, only the normal is unknown
+            with np.errstate(invalid="ignore"):  # if two centers coincide, only the normal is NaN
                 depth = -scene.pair_frames(scene.position, pair)[1]
             if depth.max(initial=0.0) > deepest:
                 k = int(depth.argmax())
@@ -174,7 +174,7 @@ class Population:
         )
 
     def _separated(self) -> Self:
-        """Return the population with all grains moved apart."""
+        """Return the population with grains moved apart until none overlap."""
         from warpgrains.packings.separate import separate
 
         place = separate(self.now).scene.position
@@ -185,7 +185,7 @@ class Population:
 
 
 def _with_grains(scene: Scene, grains: dict[str, FloatArray]) -> Scene:
-    """Return the scene with other grains, which walls and settings must fit."""
+    """Return the scene with `grains` instead of its own; InputError if walls or settings do not fit them."""
     spin = grains["spin"] if scene.has_friction else np.zeros(len(grains["spin"]))
     text = scene.text_after(OF_GRAINS)
     own = {name: getattr(scene, name) for name in SceneFields.__dataclass_fields__}
@@ -193,7 +193,7 @@ def _with_grains(scene: Scene, grains: dict[str, FloatArray]) -> Scene:
 
 
 def _of_grains(corrections: Corrections, kept: IndexArray, n: int) -> Corrections:
-    """Return the corrections of contacts between grains that are kept, by their new indices."""
+    """Return the corrections of the contacts of `kept` of n grains, with the new indices of these grains."""
     new = np.full(n, -1, np.int32)
     new[kept] = np.arange(len(kept))
     pair = new[corrections.pair]

@@ -1,4 +1,4 @@
-"""Random places for further grains in a region, clear of grains and walls where they are."""
+"""Random places for new grains in a region, where they overlap neither present grains nor walls."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.space.region import Region
 
-TRIES = 1000  # places of one grain; few of those that fit into less than 1/200 of a region are missed
+TRIES = 1000  # places tried for one grain; enough to find most places in 1/200 of a region
 
 
 def poured(
     now: Scene, count: int, radius: Any, density: float, region: Any, seed: tuple[int, int]
 ) -> dict[str, FloatArray]:
-    """Return position, radius and mass of those of `count` grains that fit, for a scene that starts now.
+    """Return position [m], radius [m] and mass [kg], by name, of up to `count` grains that fit into `now`.
 
-    The largest are placed first. When one finds no place in `TRIES`, neither do those after it.
+    The largest are placed first. If a grain finds no place in `TRIES` tries, no smaller one is tried.
     """
     generator = np.random.default_rng(seed)
     count = checks.whole_number("count", count, most=MOST_GRAINS)
@@ -54,7 +54,7 @@ def poured(
 
 
 def _near(now: Scene, space: Region, radius: float) -> IndexArray:
-    """Return the grains that a grain of a radius [m] in the region may touch."""
+    """Return the indices of the grains that a new grain of radius `radius` [m] in the region may touch."""
     reach = now.radius + radius
     place, grain = now.period.images(now.position, reach + radius)
     low, high = space.box

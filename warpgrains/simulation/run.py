@@ -1,4 +1,4 @@
-"""The run of one scene, with its outputs, its end and its checkpoints, and the loop that advances runs."""
+"""The run of one scene, with its outputs, end criterion and checkpoints; the loop that advances runs."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 
 SPACED = ("checkpoint", "series")
-SEARCHES = 0.05  # largest share of the time of steps that have not converged
-LEAST_TIME = 8e-9  # of an iteration, for a grain [s]
+SEARCHES = 0.05  # largest time of searches, as a share of the time of unconverged steps
+LEAST_TIME = 8e-9  # least time of an iteration per grain [s]
 
 
 class Observer(Protocol):
@@ -56,26 +56,26 @@ def require_observer(observer: Observer) -> None:
 
 
 class SceneRun:
-    """The run of one scene, which alone knows after how many steps an output or its end is due.
+    """The run of one scene, which determines after how many steps an output or the end of the run is due.
 
     Attributes
     ----------
     scene : Scene
     options : RunOptions
     first_scene : Scene
-        Scene at the start of the run, of which outputs and end criteria are, if grains came or went since.
+        Scene at the start of the run, for outputs and end criterion. `scene` may have other grains.
     first_step : int
         Number of time steps before the run.
     state : State or None
         State from which the run continues; None at the start of the scene.
     statistics : Summary
-        Statistics of the steps done. Their number of frames is the number of the next one.
+        Statistics of the steps done. `statistics.frames` is the number of the next frame.
     until : EndCriterion or None
     observer : Observer or None
     error : str or None
         Reason why the run has failed.
     flows : dict
-        Grains that came and went at the end, by "sources" and "sinks".
+        At the end of the run, `Simulation.inflow` by "sources" and `Simulation.outflow` by "sinks".
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class SceneRun:
         statistics: Summary | None = None,
         first_scene: Scene | None = None,
     ) -> None:
-        """Begin the run, or continue it after the steps of its statistics, if they are given."""
+        """Begin the run, or continue it after `statistics.steps` steps, if statistics are given."""
         self.scene, self.options, self.first_step, self.state = scene, options, first_step, state
         self.statistics, self._is_resumed = statistics or Summary(), statistics is not None
         self.first_scene = first_scene or scene
@@ -114,9 +114,9 @@ class SceneRun:
 
     @contextmanager
     def opened(self) -> Iterator[None]:
-        """Lock the checkpoint and open the outputs, which are locked meanwhile and completed at the end.
+        """Lock the checkpoint, and open and lock the outputs. At the end, complete and unlock the outputs.
 
-        The log of a resumed run is truncated to the frames that its statistics count, which is idempotent.
+        The log of a resumed run is truncated to `statistics.frames` frames; this can be repeated.
         InputError if a file cannot be written, or the scene cannot have a measured quantity.
         """
         with ExitStack() as held:
@@ -162,12 +162,12 @@ class SceneRun:
 
     @property
     def missing_frames(self) -> int:
-        """Number of frames up to the present step that are not recorded; 0 if a run can be resumed there."""
+        """Number of frames up to the present step that are not recorded. A run can be resumed if it is 0."""
         return 0 if self.times is None else self.times.count(self.statistics.steps) - self.statistics.frames
 
     @property
     def lowered_rate(self) -> str | None:
-        """The reason why a new run has fewer frames per second than requested; None if it has not fewer."""
+        """The reason why a new run has fewer frames per second than requested; None if there is none."""
         times, fps = self.times, self.options.fps
         if times is None or times.played == fps or self._is_resumed:
             return None
@@ -196,7 +196,7 @@ class SceneRun:
         return self._begun_at is not None and self.options.checkpoint is not None
 
     def count(self, done: Summary, now: LoadedScene) -> None:
-        """Count steps, at most `steps_due`, and end the run if its end criterion is met after them."""
+        """Count the steps `done`, at most `steps_due`; end the run if its end criterion is now met."""
         statistics = self.statistics
         statistics.add(done)
         self.error = statistics.error = done.error
@@ -225,7 +225,7 @@ class SceneRun:
             self.save(now.state(), now.scene)
 
     def save(self, state: State, scene: Scene) -> None:
-        """Write a checkpoint, after flushing the frames and measurements that it counts to the disk."""
+        """Flush frames and measurements to the disk, then write a checkpoint that counts them."""
         assert self.options.checkpoint is not None
         if self.output is not None:
             self.output.flush()
@@ -270,11 +270,11 @@ class SceneRun:
 
 
 class ResumedRun(SceneRun):
-    """A run that continues from a checkpoint to a total number of steps or duration [s], or to its end.
+    """A run that continues from a checkpoint to a total of `steps` or `duration` [s], or as far as planned.
 
-    It keeps its options, except the checkpoint and its interval. If the checkpoint is that of a state, a run
-    with these options begins. `named` returns the names of options in messages. `opened` reads the checkpoint
-    again when it has locked it.
+    The run keeps its options, except checkpoint and intervals in `given`. If `Simulation.save` has written
+    the checkpoint, a new run with the options `given` begins. `named` returns the name of an option for
+    messages. `opened` locks the checkpoint of a run, then reads it again.
     """
 
     def __init__(
@@ -326,10 +326,10 @@ def advance_runs(
     scenes: Sequence[LoadedScene],
     advance: Callable[[list[int]], Iterable[tuple[int, Summary]]],
 ) -> Iterator[None]:
-    """Advance each run from one output to the next, to its end or failure; yield after all have advanced.
+    """Advance every run to its end or failure. Yield whenever all runs have advanced to their next output.
 
-    `advance` advances each scene by its number of steps, and returns the summaries of those that have
-    advanced, by number.
+    `advance` receives the number of steps for each scene; it returns pairs (number of the scene, summary) of
+    the scenes that have advanced.
     """
     for run, now in zip(runs, scenes, strict=True):
         with now.observed():
@@ -343,7 +343,7 @@ def advance_runs(
 
 
 def _search_for_wedged_grains(simulation: Simulation) -> None:
-    """Warn if a search proves that the last step has no solution; set when the next search is due."""
+    """Warn if a search proves the last step to have no solution; set the failed steps to the next search."""
     begun_at, scene = perf_counter(), simulation.scene
     if grains := simulation.infeasible_grains():
         warn(f"step {simulation.steps}: {named(grains)} cannot fit", stacklevel=6)

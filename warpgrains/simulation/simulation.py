@@ -168,7 +168,7 @@ class Simulation(LoadedScene, Shown):
         self.replace_state(state)
 
     def summary(self) -> dict[str, str]:
-        """Return the line that describes the simulation, by name."""
+        """Return the fields of the one-line summary by name."""
         return {
             self.scene.name: f"of {number_of(self.scene.n, 'grain')}",
             "steps": f"{self.steps}",
@@ -284,12 +284,12 @@ class Simulation(LoadedScene, Shown):
     def change(self, **fields: Unpack[SceneChanges]) -> None:
         """Change some fields of the scene, such as drag=0.1, and continue from the present state.
 
-        Contacts and forces remain those of the last step until the next one; but those with walls that are
-        elsewhere afterwards are dropped at once, and tangential forces and spins if friction is turned off.
+        Contacts and forces remain those of the last step until the next step. Only contacts with walls that
+        the change moves are dropped at once; so are tangential forces and spins if friction is turned off.
 
-        Time continues: after a change of `dt`, the `time` of the scene is when such steps would have begun.
-        New walls without `from_time` begin to move now. A driven wall continues if it has the same ends as in
-        `scene`, and the outer one without `radius_out`; else it begins at rest where it is given.
+        Time continues: after a change of `dt`, `scene.time` is the present time less `steps` new steps. New
+        walls without `from_time` begin to move now. A driven wall keeps place and speed if its ends are as in
+        `scene`, the outer wall if `radius_out` is not given; else it begins at rest at its given place.
 
         Raises
         ------
@@ -318,10 +318,10 @@ class Simulation(LoadedScene, Shown):
         spin: ArrayLike | None = None,
         separate: bool = False,
     ) -> IndexArray:
-        """Add grains, after all others in every array, and continue from the present state.
+        """Add grains at the end of every array, and continue from the present state.
 
         The next step starts from the corrections of all contacts so far, as after `change`. In the order
-        "color" it visits contacts in another order. `scene` has the grains as they are now.
+        "color" it visits contacts in another order. `scene` then has all grains as they are now.
 
         Parameters
         ----------
@@ -375,10 +375,10 @@ class Simulation(LoadedScene, Shown):
         velocity: tuple[float, float] = (0.0, 0.0),
         seed: int = 0,
     ) -> IndexArray:
-        """Add grains at random places of a region where there is room for them, as `add` does.
+        """Add grains at random free places of a region, as `add` does.
 
-        Places, and radii that are drawn, depend on the seed and on the number of grains so far, so that
-        repeated calls, also after `load`, need no other seed. They do not depend on threads.
+        Random places and radii depend on the seed and on the number of births so far. So repeated calls,
+        also after `load`, need no other seed. Places and radii do not depend on the number of threads.
 
         Parameters
         ----------
@@ -440,18 +440,18 @@ class Simulation(LoadedScene, Shown):
 
     @property
     def inflow(self) -> list[Inflow]:
-        """Grains of each of `Scene.sources` so far."""
+        """Counts of the grains of each of `Scene.sources` so far; [] without sources."""
         flow = self._records.populations[0]["inflow"]
         return [] if flow is None else [Inflow(*row) for row in flow.tolist()]
 
     @property
     def outflow(self) -> list[Outflow]:
-        """Grains that each of `Scene.sinks` has taken so far."""
+        """Number and mass of the grains that each of `Scene.sinks` has removed so far; [] without sinks."""
         flow = self._records.populations[0]["outflow"]
         return [] if flow is None else [Outflow(int(grains), mass) for grains, mass in flow.tolist()]
 
     def _exchange(self) -> None:
-        """Exchange grains with sources and sinks, if that is due before the next step."""
+        """Exchange grains with sources and sinks, if an exchange is due before the next step."""
         if not self.scene.exchanges_grains or self._records.populations[0]["exchanged"] == self.steps:
             return
         if steps_to_exchange(self.scene, self.steps - 1) > 1:
@@ -484,7 +484,7 @@ class Simulation(LoadedScene, Shown):
             raise SimulationError("no step has been taken from this state: call step() first")
 
     def observed(self) -> AbstractContextManager[None]:
-        """Return the context in which callbacks of a run may read the simulation, but not change it."""
+        """Return a context in which callbacks of a run can read the simulation, but not change it."""
         return self._use.held(READ, allowed=READ)
 
     def state(self) -> State:
@@ -531,12 +531,12 @@ class Simulation(LoadedScene, Shown):
         observer : object, optional
             Object that measures during the run, such as a `warpgrains.analysis.Series`.
             ``observe(simulation)`` is called at multiples of its ``every`` steps, ``flush()`` before a
-            checkpoint and at the end. It may read the simulation, but neither advance nor change it.
-            Checkpoints do not hold it: `resume` continues without it.
+            checkpoint and at the end. The observer may read the simulation, but neither advance nor
+            change it. Checkpoints do not contain the observer: `resume` continues without it.
         progress : bool
             Whether to show a progress bar on standard error.
         style : str or Path, optional
-            TOML table of looks, which are options below and replace its values.
+            TOML file with values for some of the options below; options that are given replace them.
         {fields}
 
         Raises
@@ -555,8 +555,8 @@ class Simulation(LoadedScene, Shown):
 
         Notes
         -----
-        A frame within a step shows positions on the straight path of that step. If an output is a symbolic
-        link, its target is written.
+        In a frame within a step, positions are interpolated linearly between the ends of the step. If an
+        output is a symbolic link, its target is written.
         """
         for name in outputs:
             checks.one_of("option of a run", name, Outputs.__annotations__)
@@ -587,12 +587,12 @@ class Simulation(LoadedScene, Shown):
         checkpoint: str | Path | None = None,
         every: int | None = None,
     ) -> tuple[Self, Summary]:
-        """Continue the run of a checkpoint, with its outputs, to the bits of a run that was not interrupted.
+        """Continue the run of a checkpoint and its outputs, with the bits of a run that was not interrupted.
 
         Parameters
         ----------
         path : str or Path
-            The checkpoint. If `save` has written it, a run begins that ends when the scene does.
+            The checkpoint. If `save` has written it, a new run begins, by default to the end of the scene.
         steps : int, optional
             Total number of steps; or
         duration : float, optional
@@ -699,7 +699,7 @@ class Simulation(LoadedScene, Shown):
         Parameters
         ----------
         style : str or Path, optional
-            TOML table of the following, which replace its values.
+            TOML file with values of the following options; options that are given replace them.
         {fields}
 
         Raises
@@ -729,7 +729,7 @@ class Simulation(LoadedScene, Shown):
 
     @classmethod
     def load(cls, path: str | Path, device: str = "cpu", threads: int | None = None) -> Self:
-        """Continue from a checkpoint of `save` or of a run, with the same bits.
+        """Return a simulation that continues from a checkpoint of `save` or of a run, with the same bits.
 
         Parameters
         ----------

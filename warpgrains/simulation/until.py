@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 TEST_INTERVAL = 10  # steps between two tests
 FROUDE = 1e-3  # largest speed at rest, in sqrt(g d), d the mean diameter
-TOLERANCE = 10.0  # or that in tolerances, if larger, because a converged step leaves speeds of this order
+TOLERANCE = 10.0  # or this many tolerances, if larger: a converged step leaves such speeds
 REST_TIME = 5.0  # duration for which the end criterion must hold, in sqrt(d / g)
 BOUNDS = ("speed", "energy", "time")
 
@@ -46,7 +46,7 @@ def criterion(until: str | Question | EndCriterion | None, scene: Scene) -> EndC
     until : str or callable, optional
         A callable receives the simulation and returns True to end the run. The text "rest" ends it when, for
         a `time` [s], no grain or driven wall was faster than `speed` [m/s] and `kinetic_energy` was at most
-        `energy` [J]: "rest,speed=1e-3,time=0.5". It does not while a wall will still move, or gravity turns.
+        `energy` [J]: "rest,speed=1e-3,time=0.5". The run goes on while a wall will move or gravity turns.
         The default speed is sqrt(g d) / 1000 with the mean diameter d, or ten tolerances if that is larger.
         The default time is 5 sqrt(d / g).
 
@@ -70,7 +70,7 @@ def criterion(until: str | Question | EndCriterion | None, scene: Scene) -> EndC
 
 
 def bounds_of(until: str) -> dict[str, float]:
-    """Return the bounds in a text such as "rest,speed=1e-3,time=0.5"."""
+    """Return the bounds in a text such as "rest,speed=1e-3,time=0.5", by key."""
     name, *rest = (word.strip() for word in until.split(","))
     checks.one_of("until", name, ("rest",))
     given: dict[str, float] = {}
