@@ -1,4 +1,4 @@
-"""`Batch`: many scenes advanced together on one device, with the results of each alone."""
+"""`Batch`: many scenes advanced together on one device, each with the same results as alone."""
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -28,13 +28,13 @@ from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.threads import cores
 
 T = TypeVar("T")
-SHOWN = 10  # results
+SHOWN = 10  # most results that repr shows
 
 
 class Results(Sequence[T]):
-    """Results of the scenes of a batch, each made when it is read: a list that cannot be changed.
+    """Read-only sequence of the results of the scenes of a batch. Each result is made when it is read.
 
-    It is shown with one line for each result, but for those in the middle of more than ten.
+    `repr` gives one line per result. Of more than ten results, it shows the first five and the last five.
     """
 
     def __init__(self, count: int, make: Callable[[int], T]):
@@ -124,7 +124,7 @@ class Batch(Shown):
     def _begin(self, device: str, threads: int | None) -> None:
         self._device, self._threads_wanted = find_device(device), threads
         self._loaded = LoadedScenes(self.scenes, self._device, cores() if threads is None else threads)
-        self._stepped: dict[int, LastSteps] = {}  # in which scenes took their last steps
+        self._stepped: dict[int, LastSteps] = {}  # last steps of each scene, by its number
         self._restored: dict[int, StepReport | None] = {}
         self._turning = [k for k, scene in enumerate(self.scenes) if scene.gravity_rate]
         self._use = ExclusiveUse("batch")
@@ -284,7 +284,7 @@ class Batch(Shown):
         return self._vectors("position", k)
 
     def velocity(self, k: int | None = None) -> FloatArray:
-        """Return the velocities of the grains of scene k, or of all scenes [m/s], as `position` does."""
+        """Return the velocities of the grains of scene k, or of all scenes [m/s]; shapes as of `position`."""
         return self._vectors("velocity", k)
 
     def _vectors(self, name: str, k: int | None) -> FloatArray:

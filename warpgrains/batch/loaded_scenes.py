@@ -23,14 +23,14 @@ from warpgrains.solver.tuning import paying_threads
 
 
 def team_size(scene: Scene, device: wp.Device, threads: int) -> int:
-    """Return the number of threads that share a scene: all, or 1 if it is small or on a GPU."""
+    """Return the number of threads that share a scene: `threads`, or 1 if the scene is small or on a GPU."""
     return 1 if device.is_cuda or paying_threads(scene) == 1 else threads
 
 
 class LoadedScenes:
-    """Scenes in memory, in an engine for each kind and size of team.
+    """Scenes in memory. Those of one kind, shared by the same number of threads, are in one engine.
 
-    Raises OutOfMemoryError if they do not fit.
+    Raises OutOfMemoryError if the scenes do not fit.
 
     Attributes
     ----------
@@ -60,19 +60,19 @@ class LoadedScenes:
         load_state(self._engines[engine][0].records, index, state)
 
     def vectors(self, name: str) -> FloatArray:
-        """Return "position" or "velocity" of all scenes, of n grains each, shape (scenes, n, 2)."""
+        """Return "position" [m] or "velocity" [m/s] of scenes with n grains each, shape (scenes, n, 2)."""
         found = np.empty((len(self.scenes), self.scenes[0].scene.n, 2))
         for engine, numbers in self._engines:
             found[numbers] = engine.records.stacked(f"grains.{name}", np.arange(len(numbers)))
         return found
 
     def set_gravity(self, gravity: FloatArray) -> None:
-        """Use another gravity than that of the scenes from now on [m/s2], shape (scenes, 2)."""
+        """Set the acceleration of gravity of every scene from now on [m/s2], shape (scenes, 2)."""
         for engine, numbers in self._engines:
             engine.records.set_gravity(gravity[numbers])
 
     def advance(self, steps: Sequence[int], on_progress: OnProgress | None = None) -> LastSteps:
-        """Advance each scene by its number of steps, until `cancel`: first small scenes, then large ones."""
+        """Advance scene k by `steps[k]` steps, or until `cancel`: small scenes first, then large scenes."""
         for engine, numbers in self._engines:
             engine.submit([steps[k] for k in numbers])
         engines = [engine for engine, _ in self._engines]
@@ -82,16 +82,16 @@ class LoadedScenes:
         return LastSteps.joined([(engine.last_steps, numbers) for engine, numbers in self._engines])
 
     def cancel(self) -> None:
-        """Stop after the steps under way."""
+        """Stop `advance` after the steps that have begun."""
         for engine, _ in self._engines:
             engine.cancel(abandon=False)
 
     def ends(
         self, numbers: Iterable[int], done: Callable[[list[int]], Sums]
     ) -> Iterator[tuple[list[int], FinalStates]]:
-        """Yield numbers and final states of some scenes, with those together whose arrays have one shape.
+        """Yield numbers and final states of the scenes `numbers`, in groups with arrays of equal shapes.
 
-        `done` returns the sums over the steps of scenes. It is not for a GPU, see `Engine.ends`.
+        `done` returns the sums over all steps of a group, by its numbers. On a CPU only, see `Engine.ends`.
         """
         of_shape: dict[tuple[int, int, int, bool], list[int]] = {}
         for k in numbers:
