@@ -3,9 +3,9 @@
 ========================================== ==========================================================
 value in the sweep file                    its values
 ========================================== ==========================================================
-[0.1, 0.2, 0.5]                            these values, of any kind of the key but files of radii
+[0.1, 0.2, 0.5]                            these values, of any kind except files of radii
 {range = [0.0, 1.0], count = 5}            evenly spaced, both ends included
-{log_range = [1e-8, 1e-4], count = 5}      evenly spaced ratios, both ends included
+{log_range = [1e-8, 1e-4], count = 5}      evenly spaced logarithms, both ends included
 {seeds = 10}                               0, 1, ..., 9
 ========================================== ==========================================================
 

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 FIRST_BUNDLE, MOST_IN_A_BUNDLE = 16, 16_384  # runs
-BUNDLE = 10.0  # intended duration of a bundle [s], or, if that is more:
-SECONDS_PER_THREAD = 0.05  # for every thread, because the scheduler takes about 10 ms per bundle
+BUNDLE = 10.0  # least intended duration of a bundle [s]
+SECONDS_PER_THREAD = 0.05  # the same, per thread: the scheduler takes about 10 ms per bundle
 BUNDLES_PER_THREAD = 2  # submitted bundles per thread
-FEWEST_THREADS = 16  # assumed at least, because workers connect one by one
+FEWEST_THREADS = 16  # least number assumed, because workers connect one by one
 CONNECT_WITHIN = 30.0  # s
 NO_RESULT = "its result cannot be read here: all machines must share DIR"
 
@@ -44,10 +44,10 @@ def finish_on_cluster(
     on_progress: OnFraction,
     client: Client,
 ) -> dict[int, str]:
-    """Finish runs on a cluster as `finish_runs` does; return the reasons why some are unfinished, by number.
+    """Finish runs on a cluster, as `finish_runs` does; return why runs remain unfinished, by number.
 
-    The unfinished runs of a bundle, which dask gives up if too many of its workers died, are tried again one
-    by one.
+    Runs that a bundle leaves unfinished are tried again one by one, because dask gives up a bundle if too
+    many of its workers die.
     """
     reasons: dict[int, str] = {}
     for run in _run_bundles(client, folder, runs, execution, on_progress):
@@ -68,7 +68,7 @@ def _run_bundles(
     execution: ExecutionOptions,
     on_progress: OnFraction,
 ) -> list[Run]:
-    """Execute bundles, each sized by the time of the last; return the unfinished runs."""
+    """Execute runs in bundles, sized by the time that the last bundle took; return the unfinished runs."""
     from distributed import as_completed
 
     waiting, size = deque(runs), FIRST_BUNDLE
@@ -98,7 +98,7 @@ def _run_bundles(
 def finish_bundle(
     folder: SweepFolder, runs: list[Run], execution: ExecutionOptions
 ) -> tuple[dict[int, str], float]:
-    """Finish on a worker the runs that earlier ones have not; return reasons, and the duration [s]."""
+    """Finish, on a worker, the runs without a result; return why runs remain unfinished, and the time [s]."""
     from distributed import get_worker
 
     with _one_at_a_time:

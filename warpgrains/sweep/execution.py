@@ -1,4 +1,4 @@
-"""Settings and execution of the runs of a sweep, and how many runs are executed together."""
+"""Settings of the runs of a sweep, options of their execution, and numbers of runs that run together."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from warpgrains.space.region import table_of
 GROWTH = 8  # largest ratio of the size of a group or bundle to the previous one
 
 OnFraction = Callable[[float], None]
-"""Called with the progress since the last call, as a fraction of a run."""
+"""Called with the progress since the last call, in runs, such as 0.25."""
 
 
 class RunSettings(NamedTuple):
-    """Settings of all runs of a sweep, on which their files depend: a resumed sweep must have the same."""
+    """Settings of all runs of a sweep, which determine their files. A resumed sweep needs equal settings."""
 
     measured: tuple[str, ...] = ()
     """Names of measured quantities."""
     until: str | None = None
     """End criterion of each run, see `criterion`."""
     region: str | None = None
-    """Region of the quantities that have one, as a text for `table_of`."""
+    """Region of the quantities that take one, as a text for `table_of`."""
     fps: float | None = None
     """Frames per second of simulated time [1/s]; None if runs are not recorded."""
     every: int | None = None
@@ -45,12 +45,12 @@ class ExecutionOptions:
     device: str = "cpu"
     """A Warp device, "cpu" or "cuda:0"."""
     threads: int | None = None
-    """OS threads on a CPU; None for as many as there are cores."""
+    """OS threads on a CPU; None for the number of cores."""
     folders: bool = False
-    """Whether every run has a folder; else those that take longer than a group have one."""
+    """Whether every run has a folder. If not, only runs that take longer than a group have one."""
 
 
 def next_size(size: int, seconds: float, wanted: float, most: float, least: int = 1) -> int:
-    """Return the size of the next unit of work, of a wanted duration [s]; `most` outweighs `least`."""
+    """Return the size of a group that takes `wanted` s if `size` took `seconds`; `most` outweighs `least`."""
     paced = size * min(GROWTH, wanted / max(seconds, 1e-3))
     return max(1, int(min(max(least, paced), most)))

@@ -25,9 +25,9 @@ WRITERS = 16
 
 
 class Group:
-    """Runs that are advanced together, after `load`.
+    """Runs that are advanced together, after `load` has loaded them into memory.
 
-    `ended` has the labels and results of those that have ended or failed, by number of the run.
+    `ended` has the labels and results of the runs that have ended or failed, by number of the run.
     """
 
     def __init__(self, members: list[SweepRun]):
@@ -49,7 +49,7 @@ class Group:
                 self._loaded.load(k, one.state)
 
     def advance(self, seconds: float, on_progress: OnFraction) -> None:
-        """Advance the runs, if they are loaded, to their ends or failures, for a limited time."""
+        """Advance loaded runs until all have ended or failed, or until about `seconds` have passed."""
         if self._loaded is None:
             return
         loaded, members = self._loaded, self.members
@@ -82,7 +82,7 @@ class Group:
         self._uncounted = [(np.flatnonzero(last.left == 0).tolist(), last.stacked)]
 
     def save(self, chosen: Collection[int]) -> None:
-        """Save checkpoints of the present states of runs with a folder, unless they are not loaded."""
+        """Save checkpoints of those runs `members[k]`, k in `chosen`, that are loaded and have a folder."""
         if self._loaded is not None:
             for k in chosen:
                 self.members[k].state = self._loaded.scenes[k].state()
@@ -90,7 +90,7 @@ class Group:
                 list(writers.map(SweepRun.save_state, (self.members[k] for k in chosen)))
 
     def finish(self, settings: RunSettings) -> dict[int, str]:
-        """Complete the outputs of the runs that have ended; return why that is impossible, by number."""
+        """Complete outputs and results of ended runs; return why outputs are incomplete, by number."""
         members = self.members
         ended = [k for k, one in enumerate(members) if one.has_ended]
         self.save([k for k in ended if members[k].folder])

@@ -21,7 +21,7 @@ from warpgrains.sweep.shards import writer
 
 _SIZE = (6.0, 3.6)  # inches
 MOST_POINTS = 50_000
-LEAST_RATIO_FOR_LOG = 10.0  # largest over smallest value from which an axis may be logarithmic
+LEAST_RATIO_FOR_LOG = 10.0  # least ratio of largest to smallest value for a logarithmic axis
 
 Columns = Mapping[str, list[str]]
 
@@ -34,7 +34,7 @@ class SweepPlot:
     y: str
     """Columns of the results on the axes."""
     color: str | None = None
-    """Column whose values are distinguished by color, with a line each."""
+    """Column that determines the color. Each value in it has its own line."""
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -57,7 +57,7 @@ class SweepPlot:
                 checks.one_of("column to plot", name, columns)
 
     def draw(self, results: Path) -> Path:
-        """Plot a table, and return the path of the picture next to it; InputError without values to draw."""
+        """Plot the table `results`; return the path of its picture. InputError if no run succeeded."""
         columns = read_columns(results, self._columns)
         good = [k for k, error in enumerate(columns["error"]) if not error]
         if not good:
@@ -74,7 +74,7 @@ class SweepPlot:
         return {self.x, self.y, self.color or "error", "error"}
 
     def draw_on(self, axes: Axes, columns: Columns) -> None:
-        """Draw columns of a table without failed runs; very many points are thinned out evenly."""
+        """Draw columns of a table without failed runs. Of more than `MOST_POINTS` points, draw every k-th."""
         x, y = _numbers(axes.xaxis, columns[self.x]), _numbers(axes.yaxis, columns[self.y])
         names, group = _coded(columns[self.color] if self.color else [""] * len(x))
         every = -(-len(x) // MOST_POINTS)

@@ -1,11 +1,11 @@
 """The result of a run: one row of a table.
 
-The first columns are labels: the number of the run, the scene, and its value on each axis of the sweep. Those
-of `COLUMNS` follow, and before the last of them, `error`, the measured quantities. All these do not depend on
-when, where and with how many interruptions the run is done. The last column is `seconds`, the time for
-the steps of the run and for completing its recording. The table of all results omits it.
+The first columns are labels: the number of the run, the scene, and the value of the run on each axis. The
+columns of `COLUMNS` follow; the measured quantities are inserted before the last one, `error`. The values do
+not depend on when, where and with how many interruptions the run was done. The last column is `seconds`, the
+time for the steps of the run and for completing its recording. The table of all results omits this column.
 
-`results` finds all columns of finished runs, from the arrays of thousands of runs in memory, `FinalStates`.
+`results` computes all columns except labels from `FinalStates`, the arrays of thousands of runs in memory.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,16 +23,16 @@ from warpgrains.sweep.execution import RunSettings
 
 
 class Column(NamedTuple):
-    """A column of the results that every sweep has, or every sweep with an end criterion."""
+    """A column of the results of every sweep; `met` only exists with an end criterion."""
 
     meaning: str
     of_runs: Callable[[FinalStates], NDArray[Any]]
-    """Values of many runs at once, shape (m,)."""
+    """Function that returns the values of m runs, shape (m,)."""
     unit: str = ""
 
 
 def _counted(field: str, meaning: str) -> Column:
-    """Return the column of a count of `Summary`."""
+    """Return the column of a count, which is a field of `Summary`."""
     return Column(meaning, lambda ends: ends.done[field].astype(np.int64))
 
 
@@ -60,11 +60,11 @@ COLUMNS = {
     MET: _counted(MET, "with `--until`: 1 if the run was at rest, else 0"),
     "error": Column("reason of the failure, if the run failed", lambda ends: np.full(len(ends.dt), "")),
 }
-"""Columns in order; `met` is that of sweeps with an end criterion."""
+"""Columns by name, in order. Only sweeps with an end criterion have `met`."""
 
 
 def unit_of(column: str) -> str | None:
-    """Return the unit of one of these columns or of a measured quantity; None of a label."""
+    """Return the unit of a column in `COLUMNS` or of a measured quantity; None for a label."""
     if column in COLUMNS:
         return COLUMNS[column].unit
     try:
@@ -74,11 +74,11 @@ def unit_of(column: str) -> str | None:
 
 
 RunResult = tuple[Any, ...]
-"""A result without labels, in the order of `value_columns`, followed by the seconds."""
+"""The cells of a result after its labels: values of `value_columns`, then the seconds."""
 
 
 def value_columns(settings: RunSettings) -> list[str]:
-    """Return the columns of results after the labels, without the seconds."""
+    """Return the names of the columns between the labels and the seconds."""
     *common, error = (name for name in COLUMNS if name != MET or settings.until is not None)
     means = () if settings.after is None else settings.measured
     averaged = (f"{name}{end}" for name in means for end in (OF_MEAN, OF_ERROR))
@@ -91,16 +91,16 @@ def results(
     means: Sequence[Mapping[str, float]],
     settings: RunSettings,
 ) -> Iterator[RunResult]:
-    """Return the results of finished runs, without labels.
+    """Return the result of each run in `ends`, without labels.
 
-    Snapshots of their ends serve the measured quantities. Means are those over their series, by
-    column, which the settings may ask for.
+    Quantities are measured in `snapshots`. `means` has the columns of means over the series of each run.
     """
     columns, region = value_columns(settings), settings.table
     in_region = [name for name in SWEEP_QUANTITIES if region is not None and takes_region([name])]
     averaged = {*means[0]}
     measured = [name for name in columns if name not in {*COLUMNS, *averaged} or name in in_region]
-    values = {name: COLUMNS[name].of_runs(ends).tolist() for name in columns if name in COLUMNS}
+    known = (name for name in columns if name not in measured and name not in averaged)
+    values = {name: COLUMNS[name].of_runs(ends).tolist() for name in known}
     values |= {name: [one[name] for one in means] for name in averaged}
     if measured:
         found = [quantities(state, measured, region) for state in snapshots]

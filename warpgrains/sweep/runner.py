@@ -1,8 +1,8 @@
 """Runs of a sweep in one process, in groups.
 
-A group of runs is advanced for 20 s at most, while another thread prepares the next group. The results of the
-runs that have ended or failed are one shard. The others get a checkpoint each, in a folder, and continue in
-a later group. So a killed process loses 20 s at most.
+A group of runs is advanced for 20 s at most, while another thread prepares the next group. Then the results
+of the runs that have ended or failed are written to one shard. Each other run gets a folder with a checkpoint
+and continues in a later group. So a killed process loses 20 s at most.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from warpgrains.sweep.sweep_folder import SweepFolder
 from warpgrains.sweep.sweep_run import SweepRun
 
 LIMIT = 20.0  # largest duration of a group [s]
-GROUP = 1.0  # intended duration [s]
+GROUP = 1.0  # intended duration of a group [s]
 LEAST_WIDTH, WIDTH = 16, 4096  # runs in a group
-WIDTH_OF_FOLDERS = 64  # with open outputs
+WIDTH_OF_FOLDERS = 64  # most runs in a group, if runs have open outputs
 MOST_GRAINS = 200_000  # in a group
-CACHED_SCENES = 256  # from which scenes with the same grains are made
+CACHED_SCENES = 256  # scenes kept to derive scenes with the same grains and walls
 
 
 def finish_runs(
     folder: SweepFolder, runs: Iterable[Run], execution: ExecutionOptions, on_progress: OnFraction
 ) -> dict[int, str]:
-    """Execute unfinished runs from their checkpoints; return why some are unfinished, by number.
+    """Execute unfinished runs, from checkpoints if any; return why runs remain unfinished, by number.
 
-    A run that fails has the reason as its result. Runs that another process has, or without usable files, are
-    left.
+    If a run fails, its result is the reason. Runs that another process holds, or whose files cannot be used,
+    remain unfinished.
     """
     runner = Runner(folder, runs, execution, on_progress)
     with runner.held, ThreadPoolExecutor(1) as ahead:
@@ -66,15 +66,15 @@ def finish_runs(
             runner.carry_out(group)
             most = min(runner.widest, MOST_GRAINS * size // max(1, grains))
             width = next_size(size, perf_counter() - start, GROUP, most, runner.narrowest)
-            del group, future  # with their memory
+            del group, future  # frees their memory
             following = following or prepare_next(width)
     return runner.reasons
 
 
 class Runner:
-    """Runs that are done in groups.
+    """Queues of runs, from which groups are chosen, loaded and advanced.
 
-    `held` has their locks and open outputs, and `reasons` says why some are unfinished, by number.
+    `held` has the locks and open outputs of runs. `reasons` has why runs remain unfinished, by number.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Runner:
         self.held.callback(self._locks.close)
 
     def choose(self, width: int) -> Sequence[Run | SweepRun]:
-        """Return the runs of the next group: those that are begun, if they suffice, or new ones."""
+        """Return at most `width` runs for the next group: begun runs if they suffice, else new runs."""
         if self._alone:
             return [self._alone.popleft()]
         is_enough = len(self._begun) >= self.narrowest or not self._waiting
@@ -101,16 +101,16 @@ class Runner:
         return [source.popleft() for _ in range(min(width, len(source)))]
 
     def prepare(self, chosen: Sequence[Run | SweepRun]) -> Group:
-        """Load runs into memory. Another thread calls it while the group before is advanced."""
+        """Return a group of runs, loaded if memory suffices, in a thread while another group advances."""
         group = Group([one for one in chosen if isinstance(one, SweepRun)])
         self._begin([one for one in chosen if isinstance(one, Run)], group)
         if group.members and not group.members[0].is_alone:
-            with suppress(OutOfMemoryError):  # `load` tries again without the group before
+            with suppress(OutOfMemoryError):  # `load` tries again when the previous group is deleted
                 group.load(self._device, self._threads)
         return group
 
     def load(self, group: Group) -> None:
-        """Load runs that are not loaded yet; if they lack memory, each of several gets a group of its own."""
+        """Load the group unless `prepare` did. If memory does not suffice, each run gets its own group."""
         members = group.members
         if group.is_loaded or not members:
             return
@@ -161,7 +161,7 @@ class Runner:
         of_grains = []
         for name, value in run.changes().items():
             section, _, key = name.partition(".")
-            if section in ("domain", "grains", "walls") or name == "time.time":  # where walls are then
+            if section in ("domain", "grains", "walls") or name == "time.time":  # walls move with time
                 of_grains.append(value)
             else:
                 settings[key] = value
@@ -180,7 +180,7 @@ class Runner:
         one.open(self._folder.of(one.run), text, self._folder.settings, self.held)
 
     def carry_out(self, group: Group) -> None:
-        """Advance a group, write the results of the runs that have ended or failed, and keep the others."""
+        """Advance a group, write results of runs that have ended or failed, and queue the other runs."""
         members = group.members
         reported = sum(one.progress for one in members)
 
@@ -202,7 +202,7 @@ class Runner:
         on_progress(len(members) - len(left) + sum(members[k].progress for k in left) - reported)
 
     def _has_folder(self, one: SweepRun) -> bool:
-        """Give a run that takes long a folder, unless it has one; return False if that is impossible."""
+        """Open a folder for a run that has none; if this fails, store the reason and return False."""
         try:
             if one.folder is None:
                 self._open_folder(one)

@@ -5,7 +5,7 @@ its last run and a hash of its content: ``0000512-0001023-a1b2c3d4e5f60718.csv``
 machines may write shards at the same time. If the content does not match the hash, the shard is damaged. It
 is not read, so that its runs are done again.
 
-A run that was done twice is in two shards. A result counts more than a failure, a later failure more than an
+A run that was done twice is in two shards. A result replaces a failure, and a later failure replaces an
 earlier one.
 """
 
@@ -30,8 +30,8 @@ _NAME = re.compile(r"(?P<first>\d+)-(?P<last>\d+)-[0-9a-f]+\.csv")
 class ResultShards:
     """The shards in a folder, which may not exist yet.
 
-    `lines` are the results by number of the run, as far as they are read. Those of `repeated` are failures of
-    earlier processes, until there is another result.
+    `lines` has the results that were read so far, by number of the run. `repeated` has the numbers of runs
+    that failed in earlier processes and have no new result yet.
     """
 
     def __init__(self, path: Path, columns: Iterable[str]):
@@ -42,7 +42,7 @@ class ResultShards:
         self._read: dict[str, int] = {}
 
     def write(self, results: Mapping[int, tuple[Row, RunResult]]) -> None:
-        """Write a shard of the labels and values of runs by number."""
+        """Write a shard of results, given as labels and values by number of the run."""
         if results:
             rows = (results[number] for number in sorted(results))
             content = self._head + b"".join(csv_line([*labels.values(), *values]) for labels, values in rows)
@@ -50,7 +50,7 @@ class ResultShards:
             write_atomically(self.path / name, content, writer())
 
     def refresh(self, numbers: Collection[int]) -> set[int]:
-        """Read new shards that may contain some runs; return whose lines are new, or OutputError."""
+        """Read new shards that may contain runs `numbers`; return the numbers of all runs with new lines."""
         self._damaged.clear()
         first, last = min(numbers, default=0), max(numbers, default=-1)
         new: list[tuple[int, Path]] = []
@@ -64,7 +64,7 @@ class ResultShards:
         return set().union(*(self._take(*shard) for shard in sorted(new)))
 
     def _take(self, written: int, path: Path) -> set[int]:
-        """Read the lines of a shard, unless it is damaged; return the numbers of the new ones."""
+        """Read a shard, unless it is damaged; return the numbers of the runs whose lines are new."""
         content = b""
         with suppress(FileNotFoundError):
             content = path.read_bytes() if path.is_file() else b""
@@ -79,7 +79,7 @@ class ResultShards:
                 del found[number]
         self.lines |= found
         self.repeated -= found.keys()
-        self._read[path.name] = written  # a failure that repeats gives the same name
+        self._read[path.name] = written  # a repeated failure is written to the same name
         return set(found)
 
     def set_damaged_aside(self) -> None:
@@ -90,13 +90,13 @@ class ResultShards:
                 print(f"'{path}' is damaged: its runs are repeated", file=sys.stderr)
 
     def require_this_run(self, number: int, labels: Row) -> None:
-        """Raise OutputError if the result of run `number` has other labels, that is, of another run."""
+        """Raise OutputError if the result of run `number` has other labels, so is of another sweep."""
         if not self.lines[number].startswith(csv_line(labels.values())[:-1] + b","):
             raise OutputError(f"run {number} in '{self.path}' belongs to another sweep: choose another -o")
 
 
 def _records(content: bytes) -> Iterator[bytes]:
-    """Yield the lines of a table, of which one with several lines in a cell is several."""
+    """Yield the rows of a CSV table. A row has several lines if a quoted cell contains line ends."""
     begun = b""
     for line in content.splitlines(keepends=True):
         begun += line
@@ -106,7 +106,7 @@ def _records(content: bytes) -> Iterator[bytes]:
 
 
 def has_failed(line: bytes) -> bool:
-    """Return whether the last cell but one of a result, the reason of a failure, is not empty."""
+    """Return whether a result is a failure, that is, its second-to-last cell (the reason) is not empty."""
     return line.rsplit(b",", 2)[1] != b""
 
 

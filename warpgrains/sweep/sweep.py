@@ -52,7 +52,7 @@ from warpgrains.walls.box import SIDES
 
 KEYS = ("scene", "folder", "combine", "set", "axes")
 COMBINATIONS = ("grid", "zip")
-GRAINS = "grains"  # folder of the copies of files of grains, in that of the sweep
+GRAINS = "grains"  # folder for copies of files of grains, in the folder of the sweep
 
 _INSERTED = re.compile(r"(-?(?:\d+(?:\.\d+)? *)?)\$(\w+)")  # a factor, and the name of an axis
 
@@ -61,7 +61,7 @@ KeyValues = dict[str, Any]
 
 
 class GrainFile(NamedTuple):
-    """A file of grains, of which the folder of the sweep holds a copy that the runs read."""
+    """A file of grains. The folder of the sweep holds a copy of the file, which the runs read."""
 
     source: Path
     copy: str
@@ -76,19 +76,19 @@ class BaseScene:
     sections: Table
     """Sections of the scene file, with the values that the sweep sets for all runs."""
     grain_files: dict[str, GrainFile]
-    """Files of grains by the names that the sweep and the scene use."""
+    """Files of grains, by their names in the sweep file or in the scene file."""
     formulas: KeyValues
-    """Values of `sections`, by key, into which those of named axes are inserted."""
+    """Values of [set] that contain the name of an axis, such as "0.5 $NAME", by key."""
 
     @property
     def text(self) -> str:
-        """Text of a scene file, the common part of the runs, with grain files in its neighbor `GRAINS`."""
+        """Text of a scene file with the common part of the runs; grain files are in folder `../GRAINS`."""
         copies = {name: f"../{GRAINS}/{file.copy}" for name, file in self.grain_files.items()}
         notes = [f"# {toml_value(name)} is {toml_value(copy)}\n" for name, copy in copies.items()]
         return "".join(notes) + toml_text(self.with_values({}, f"../{GRAINS}"))
 
     def with_values(self, values: KeyValues, copies: str) -> Table:
-        """Return the sections with some values replaced; copies of files of grains are in folder `copies`."""
+        """Return the sections with `values`, by key; the grain file becomes its copy in folder `copies`."""
         sections = _with_values(self.sections, values)
         grains = self.grain_files.get(sections.get("grains", {}).get("file"))
         if grains is not None:
@@ -152,7 +152,7 @@ class Sweep:
 
     @classmethod
     def _of(cls, document: Table, folder: Path) -> Self:
-        """Return the sweep of a document, whose files are relative to a folder."""
+        """Return the sweep that `document` describes; names of files in it are relative to `folder`."""
         for key in document:
             checks.one_of("key of a sweep", key, KEYS)
         combine = checks.one_of("combine", document.get("combine", "grid"), COMBINATIONS)
@@ -179,7 +179,7 @@ class Sweep:
 
 
 def have_same_runs(plan: Table, other: Table) -> bool:
-    """Return whether the runs of two sweeps are the same, as far as both go: one may have more."""
+    """Return whether two sweeps begin with the same runs: all runs of the sweep with fewer runs are equal."""
     if plan == other or list(plan["axes"]) != list(other["axes"]):
         return bool(plan == other)
     runs = (product(one["scenes"], _combinations(one["axes"], one["combine"])) for one in (plan, other))
@@ -187,7 +187,7 @@ def have_same_runs(plan: Table, other: Table) -> bool:
 
 
 def _by_key(document: Table, name: str) -> KeyValues:
-    """Return the entries of a section of a sweep by "section.key", each a key of scene files."""
+    """Return the entries of [set] or [axes] by "section.key" (a named axis: by name), after checking keys."""
     found: KeyValues = {}
     for section, table in _table(name, document.get(name, {})).items():
         if "." in section:
@@ -206,7 +206,7 @@ def _by_key(document: Table, name: str) -> KeyValues:
 
 
 def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the keys and values of a table that is no axis, and of those in it."""
+    """Yield the keys and values in nested tables; a table that describes an axis is one value."""
     if not isinstance(value, dict) or not value.keys().isdisjoint(AXIS_KINDS):
         yield key, value
         return
@@ -225,7 +225,7 @@ def _is_named(name: str, axis: Any) -> bool:
 
 
 def _require_uses(fixed: KeyValues, named: list[str]) -> None:
-    """Raise InputError unless [set] uses all named axes, and no others."""
+    """Raise InputError unless [set] uses every named axis, and no names without an axis."""
     used = {name: key for key, value in fixed.items() for name in _names_in(value)}
     for name in used.keys() - named:
         raise InputError(f"{used[name]} in [set] is {fixed[used[name]]!r}: [axes] has no {name}")
@@ -245,7 +245,7 @@ def _names_in(value: Any) -> set[str]:
 
 
 def _inserted(value: Any, values: KeyValues) -> Any:
-    """Return a value of [set] with those of named axes inserted."""
+    """Return a value of [set], in which values of axes replace "$NAME", "-$NAME" and "0.5 $NAME"."""
     match value:
         case str() if found := _INSERTED.fullmatch(value):
             factor, name = found.groups()

@@ -1,4 +1,4 @@
-"""The folder of a sweep: results of runs, and tables of all results, which are made from them alone.
+"""The folder of a sweep: results of runs, and tables that are made only from these results.
 
 ================== ==========================================================================================
 results.csv        the results of all runs that are finished; timing.csv, how long they took
@@ -31,8 +31,9 @@ HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
 class SweepFolder:
     """The output folder of a sweep.
 
-    `results` is the table of all results, which do not depend on when and where a run was done; `timing` that
-    of the times for steps and for completing recordings [s]; `shards` the results of groups of runs.
+    `results` is the path of the table of all results, which does not depend on when and where a run was done.
+    `timing` is the path of the table of times for steps and for completing recordings [s]. `shards` has the
+    results of groups of runs.
     """
 
     def __init__(self, path: Path, axes: tuple[str, ...], settings: RunSettings):
@@ -62,12 +63,12 @@ class SweepFolder:
         return self.path / "scenes" / f"{base.name}.toml"
 
     def _settings_of(self, sweep: Sweep) -> dict[str, Any]:
-        """Return the content of the settings' file, which is no TOML: in a folder, that would be a scene."""
+        """Return the content of the settings file, which is JSON, because TOML files are read as scenes."""
         own = self.settings._asdict()
         return {"measure": list(own.pop("measured")), **own, "runs": sweep.plan}
 
     def create_or_check(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
-        """Create the folder, or check that a share of runs may continue; rename damaged shards."""
+        """Create the folder, or check that the runs `share` may be done in it; rename damaged shards."""
         make_folder(self.path)
         self._require_common_files(sweep)
         finished, with_folders = self.finished(sweep.runs), self.with_folders()
@@ -80,7 +81,7 @@ class SweepFolder:
                     raise InputError(f"'{self.of(run)}' exists: {HOW_TO_CONTINUE}")
 
     def _require_common_files(self, sweep: Sweep) -> None:
-        """Raise OutputError if the folder holds other settings, or other scenes or files of these names."""
+        """Raise OutputError if settings, scenes or files of grains in the folder differ from the sweep's."""
         self._require_settings(sweep)
         for base in sweep.bases:
             scene = self._scene_file(base)
@@ -94,7 +95,8 @@ class SweepFolder:
     def _require_settings(self, sweep: Sweep) -> None:
         """Raise OutputError if the settings in the folder differ, or are missing next to its other files.
 
-        `write_common_files` writes them first; they are searched last, to find those of another process.
+        `write_common_files` writes settings before other files; this method searches other files first. So a
+        folder that another process is creating passes.
         """
         others = [path for path in (self.results, *map(self._scene_file, sweep.bases)) if path.exists()]
         others += self.shards.path.glob("[0-9]*.csv")
@@ -123,14 +125,14 @@ class SweepFolder:
             raise OutputError(f"'{self.path}' holds a sweep {' and '.join(differing)}: {how}")
 
     def unfinished(self, runs: Sequence[Run]) -> list[Run]:
-        """Return those of some runs that have no result, or a failure of an earlier process."""
+        """Return the runs without a result, and the runs that failed in an earlier process."""
         found = self.finished(runs)
         self.shards.repeated |= {number for number in found if has_failed(self.shards.lines[number])}
         found -= self.shards.repeated
         return [run for run in runs if run.number not in found]
 
     def finished(self, runs: Sequence[Run]) -> set[int]:
-        """Return the numbers of those of some runs with a result, or a failure that is not repeated.
+        """Return the numbers of the runs that have a result, or a failure that is not to be repeated.
 
         OutputError if a result is of another sweep.
         """
@@ -154,10 +156,10 @@ class SweepFolder:
             return set()
 
     def write_tables(self, sweep: Sweep) -> dict[str, list[str]]:
-        """Write the tables of all finished runs; return some columns of that of the results.
+        """Write both tables of all finished runs; return columns of the results for a summary, by name.
 
-        They are written again if more have finished meanwhile: of several processes, the last tables are
-        complete.
+        The tables are written again if other processes have finished runs meanwhile, so that the last process
+        writes complete tables.
         """
         wanted = ["run", "error", *COUNTED, *({MET} & set(self.columns))]
         self._has_more(sweep.runs)
@@ -176,13 +178,13 @@ class SweepFolder:
 
 
 def _option(name: str, value: Any) -> str:
-    """Return with which option of the command line a sweep was begun, or that it was without it."""
+    """Return, for a message, with which option a sweep was begun: "with --until rest", "without --until"."""
     text = ",".join(map(str, value)) if isinstance(value, list) else value
     return f"with --{name} {text}" if text else f"without --{name}"
 
 
 def _write_if_missing(path: Path, content: bytes) -> None:
-    """Write a file, unless it exists: of several processes that write it, the first one does."""
+    """Write a file unless it exists. If several processes write it at once, the first file stays."""
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, content, writer(), replace=False)

@@ -1,4 +1,4 @@
-"""A run of a sweep, which may have a folder with its outputs, and a checkpoint from which it continues.
+"""A run of a sweep. It may have a folder with outputs and a checkpoint, from which the run continues.
 
 ================== ==========================================================================================
 scene.toml         the scene, which suffices to repeat the run
@@ -42,13 +42,13 @@ class SweepRun(SceneRun):
     Attributes
     ----------
     run : Run
-        Its number, and its values on the axes.
+        Number of the run, and its values on the axes.
     folder : Path or None
-        Its folder, if it has one. It is locked while it is open, so no other process continues the run.
+        Folder of the run, if any. It is locked until `close`, so that no other process continues the run.
     is_alone : bool
-        Whether it needs a group of its own: several threads share it, or it lacked memory beside others.
+        Whether the run needs its own group: several threads share it, or a group lacked memory for it.
     waits : bool
-        Whether it has lacked memory in its present group.
+        Whether the run has lacked memory in its present group, and waits for its own.
     """
 
     def __init__(self, run: Run, scene: Scene, settings: RunSettings, is_alone: bool) -> None:
@@ -69,14 +69,14 @@ class SweepRun(SceneRun):
         return self.statistics.steps / self.options.steps
 
     def open(self, folder: Path, text: str, settings: RunSettings, held: ExitStack) -> None:
-        """Give the run a folder with a scene of this text; if that has a checkpoint, continue from it.
+        """Open a folder for the run, with a scene file of this text; continue from a checkpoint in it.
 
         The run is open until `close`.
 
         Raises
         ------
         LockedError
-            Another process has the run.
+            Another process holds the run.
         InputError
             The checkpoint is damaged or of another run, or an output would replace a file of another kind.
         """
@@ -91,7 +91,7 @@ class SweepRun(SceneRun):
                 if kept is not None and statistics is not None:
                     raise LockedError("another process has begun it")
                 if kept is None:
-                    # frames of a process that ended before its first checkpoint: they are recorded again
+                    # a process that ended before its first checkpoint left frames: they are recorded again
                     log_of(folder / RECORDING).unlink(missing_ok=True)
                     self._begin(scene, options, 0, self.state, statistics)
                 else:
@@ -104,10 +104,10 @@ class SweepRun(SceneRun):
             self.folder, self._held = folder, held.enter_context(own.pop_all())
 
     def _lock(self, held: ExitStack) -> None:
-        """`open` has locked the checkpoint before it has read it."""
+        """Do nothing, because `open` locks the checkpoint before reading it."""
 
     def write_due(self, now: LoadedScene) -> None:
-        """Measure and record what is due; a run with a frame that cannot be recorded has failed."""
+        """Measure and record what is due. If a frame cannot be recorded, the run fails."""
         try:
             super().write_due(now)
         except InputError as error:
@@ -126,7 +126,7 @@ class SweepRun(SceneRun):
         }
 
     def save_state(self) -> None:
-        """Save a checkpoint of `state`, unless the last frame before it could not be recorded."""
+        """Save a checkpoint of `state` in the folder, if any, unless a frame could not be recorded."""
         if self.folder is None or self.state is None or self.missing_frames:
             return
         if not (self.folder / SCENE).exists():
@@ -134,7 +134,7 @@ class SweepRun(SceneRun):
         self.save(self.state, self.scene)
 
     def close(self) -> str | None:
-        """Complete the outputs, but discard a recording without frames of a run that has failed.
+        """Complete the outputs. If the run has failed before its first frame, discard the recording.
 
         Return the reason why the recording cannot be completed, or None.
         """
@@ -149,7 +149,7 @@ class SweepRun(SceneRun):
 
 @cache
 def _options(steps: int, until: str | None) -> RunOptions:
-    """Return the options of runs without a folder, of which thousands have the same."""
+    """Return the options of runs without a folder. Thousands of runs share one object from the cache."""
     return RunOptions(steps=steps, until=until)
 
 
@@ -170,7 +170,7 @@ def folder_options(folder: Path, steps: int, settings: RunSettings) -> RunOption
 
 
 def _kept(folder: Path, scene: Scene, wanted: RunOptions) -> Checkpoint | None:
-    """Return the checkpoint in a folder; None if its run has failed, and its recording is complete."""
+    """Return the checkpoint in a folder; None if its run has failed and completed the recording."""
     kept = read_checkpoint(folder / CHECKPOINT)
     options, own = kept.options, (scene.text, wanted.until, wanted.steps)
     if options is None or (kept.scene.text, options.until, options.steps) != own:
