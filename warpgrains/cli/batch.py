@@ -54,7 +54,7 @@ def run(arguments: Namespace) -> bool:
         ):
             reasons = _finish(folder, sweep, left, execution, bar.update, arguments)
     except OutputError:
-        raise  # without tables, because those in the folder are of another sweep
+        raise  # writes no tables, because tables in the folder are of another sweep
     except BaseException as error:
         folder.write_tables(sweep)
         if isinstance(error, KeyboardInterrupt):
@@ -91,7 +91,7 @@ def run(arguments: Namespace) -> bool:
 
 
 def _plot(arguments: Namespace) -> SweepPlot | None:
-    """Return the requested plot, if any. An invalid one is refused here, before hours of runs."""
+    """Return the requested plot, if any. An invalid plot raises InputError here, before hours of runs."""
     if arguments.plot is None:
         return None
     with requiring("--plot"):
@@ -131,7 +131,7 @@ def _settings(arguments: Namespace) -> RunSettings:
 
 
 def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
-    """Return the runs of this process: all, or every `--count`-th one from `--index`."""
+    """Return the runs of this process: all runs, or every `--count`-th run from run `--index` on."""
     index, count = arguments.index, arguments.count
     if (index is None) != (count is None):
         raise InputError("--index and --count must be given together")
@@ -149,9 +149,9 @@ def _finish(
     on_progress: OnFraction,
     arguments: Namespace,
 ) -> dict[int, str]:
-    """Finish the remaining runs, here or on a cluster; return why some are unfinished, by their numbers.
+    """Finish the runs `left`, here or on a cluster; return why runs remain unfinished, by number.
 
-    The common files are written once the device or the cluster is known to be there.
+    Common files are written only after the device or the cluster has been found.
     """
     if not left:
         folder.write_common_files(sweep)

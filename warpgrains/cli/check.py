@@ -1,4 +1,4 @@
-"""The command `check`. A damaged file can crash USD, hang or fill the memory, so a child reads it."""
+"""The command `check`. A damaged file can crash USD, hang or fill the memory, so a child process reads it."""
 
 import json
 import resource
@@ -11,11 +11,11 @@ from pathlib import Path
 from warpgrains.base.errors import InputError
 
 SECONDS, BYTES = 120.0, 8 * 2**30
-"""Limits of the child, to which each byte of the file adds 1e-6 s and 32 bytes."""
+"""Limits of time and memory of the child process; each byte of the file adds 1e-6 s and 32 bytes."""
 
 
 def check(arguments: Namespace) -> bool:
-    """Print each problem of recordings on one line, or the size of one that has none."""
+    """Print one line per problem of each recording, or its size; return whether a recording has problems."""
     has_problems = False
     for path in arguments.file:
         try:
@@ -30,7 +30,7 @@ def check(arguments: Namespace) -> bool:
 
 
 def _report_of_child(path: str) -> list[str]:
-    """Return the lines of `report_on_recording`. Raises InputError as it does, or if the child fails."""
+    """Return the lines of `report_on_recording`, run in a child process; InputError if that fails."""
     size = Path(path).stat().st_size if Path(path).is_file() else 0
     command = [sys.executable, "-m", "warpgrains.cli.check", path, str(BYTES + 32 * size)]
     seconds = SECONDS + 1e-6 * size
@@ -51,7 +51,7 @@ def _report_of_child(path: str) -> list[str]:
 
 
 def _report(path: str, most: int) -> list[str] | str:
-    """Return the lines, or the message of an InputError; the process takes at most `most` bytes."""
+    """Return the lines of `report_on_recording`, or its error message, in at most `most` bytes of memory."""
     from warpgrains.usd.check import report_on_recording
 
     _, hard = resource.getrlimit(resource.RLIMIT_AS)

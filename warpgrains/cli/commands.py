@@ -52,7 +52,7 @@ class Command(NamedTuple):
 
 
 def _outputs(names: Collection[str], shown: str | None = None) -> Iterator[Option]:
-    """Yield options of `RunOptions`, grouped by those that they need; `shown` is the default of all."""
+    """Yield options for fields of `RunOptions`, grouped by needed option; help shows `shown` as default."""
     groups = {"record": "looks", "measure": "series", "series": "series", "checkpoint": "checkpoints"}
     types = get_type_hints(RunOptions)
     for name in names:

@@ -35,14 +35,14 @@ from warpgrains.reference.reference import SOURCE
 
 RESULTS = {"right": 0, "wrong": 1}
 NOT_GRADED = 2
-"""Exit codes, by the status of the worst homework."""
+"""Exit codes, by the status of a homework. Of several homeworks, the largest code is returned."""
 INDEX = "index.html"
 
 _BAR = "{percentage:3.0f}%|{bar}| {n}/{total} homeworks [{elapsed}, {remaining} left]"
 
 
 def grade(arguments: Namespace) -> int:
-    """Grade homeworks, or write an empty one; return 0 if all are right, 1 if one is wrong, else 2."""
+    """Grade homeworks, or write an empty one; return 0 if all are right, 2 if any is not graded, else 1."""
     if arguments.template is not None:
         others = ("homework", "output", "json", "strict", "html", "seed", "points")
         if any(getattr(arguments, name) not in (None, False, []) for name in others):
@@ -98,7 +98,7 @@ def grade(arguments: Namespace) -> int:
 
 
 def _write_pages(folder: Path, verdicts: list[Verdict], language: str, is_class: bool) -> None:
-    """Write the page of a homework, or those of the homeworks of a class and an index page."""
+    """Write the page of one homework; for a class, write a page per homework and an index page."""
     pages, links = Pages(language), [INDEX]
     if is_class:
         safe = [re.sub(r"[^A-Za-z0-9.-]", "_", verdict.file)[-100:] for verdict in verdicts]
@@ -110,7 +110,7 @@ def _write_pages(folder: Path, verdicts: list[Verdict], language: str, is_class:
 
 
 def _grade_all(paths: list[Path], strict: bool, seed: int | None, folder: Path | None) -> list[Verdict]:
-    """Grade homeworks in parallel, those of a class without links that leave its folder."""
+    """Grade homeworks in parallel. If `folder` is given, refuse links to files outside of the folder."""
     processes = Processes()
     with (
         stop_on_signals(processes.stop),
@@ -161,7 +161,7 @@ def _lines(verdicts: list[Verdict], table: str | None, pages: str | None, langua
 
 
 def write_template(folder: Path) -> list[Path]:
-    """Write an empty homework to a folder, and return its files; raise OutputError before if one exists."""
+    """Write an empty homework to a folder; return its files. OutputError, and no file, if one exists."""
     sources = [*sorted((Path(__file__).parents[1] / "grade" / "template").iterdir()), SOURCE.parent / "fem.h"]
     make_folder(folder)
     targets = [folder / source.name for source in sources]
@@ -169,7 +169,7 @@ def write_template(folder: Path) -> list[Path]:
         if target.exists():
             raise OutputError(f"refusing to overwrite '{target}': nothing was written")
     for source, target in zip(sources, targets, strict=True):
-        # what only the reference has is none of a student's business
+        # students do not get what only the reference uses
         text = re.sub(r"^#ifdef REFERENCE\n.*?^#endif\n", "", source.read_text(), flags=re.M | re.S)
         write_atomically(target, text.encode())
     return targets

@@ -1,4 +1,4 @@
-"""Entry point of the command line: parse it, execute the command, and print one line if it fails."""
+"""Entry point of the command line: parses arguments, executes the command, prints errors on one line."""
 
 import os
 import re
@@ -18,7 +18,7 @@ _FULL = (ENOSPC, EDQUOT, EFBIG, EIO)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return 0, 1 for failure, 2 for bad input, or 130 where interrupted."""
+    """Run the command line and return 0, 1 for failure, 2 for bad input, or 130 if interrupted."""
     open_standard_streams()
     try:
         code = _do(arguments)
@@ -70,7 +70,7 @@ def _reason(error: OSError) -> str:
 
 
 class _Parser(ArgumentParser):
-    """A parser whose error messages are one line, like all others, and that takes "-1,2" as a value."""
+    """A parser that prints errors on one line, as commands do, and that accepts "-1,2" as a value."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)

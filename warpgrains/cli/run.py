@@ -82,9 +82,9 @@ def _separated(scene: Scene) -> Scene:
 
 
 def _carry_out(run: SceneRun, arguments: Namespace) -> Summary:
-    """Open the outputs of a run, before kernels are compiled, and simulate."""
+    """Open the outputs of a run, then compile kernels and simulate."""
     if run.options.shows is RECORDING:
-        with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
+        with exit_on_interrupt():  # during the import, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
     with stdout_to_stderr(), written_as(FLAGS | {"threads": "--threads"}), run.opened():
         start_warp()
@@ -123,7 +123,7 @@ def _begun(arguments: Namespace) -> SceneRun:
         steps = steps_of(scene, *_length(arguments))
     with written_as(FLAGS):
         run = SceneRun(scene, RunOptions(steps=steps, **given))
-    if arguments.separate:  # which may take long
+    if arguments.separate:  # may take long, so check outputs before
         for name in given.keys() & {"record", "checkpoint", "series"}:
             require_writable_path("output", Path(given[name]))
         run = SceneRun(_separated(scene), run.options)
@@ -202,7 +202,7 @@ def summary_lines(results: dict[str, Any]) -> str:
 
 
 def _of_sources(sources: list[dict[str, int]], sinks: list[dict[str, float]]) -> dict[str, str]:
-    """Return the lines of grains that came and went."""
+    """Return the summary lines of sources and sinks, by name, as far as there are any."""
     rows = {}
     if sources:
         entered, missed, waiting = (

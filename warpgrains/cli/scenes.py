@@ -67,7 +67,7 @@ def _lists() -> str:
 
 
 def _read(name: str) -> tuple[str, Table]:
-    """Return the text of a scene's file and its sections, which scene files may have."""
+    """Return text and sections of a scene file; InputError for an unknown section, key or layout."""
     text = read_text(Path(name), "scene")
     document = parse_toml(text, name)
     with written_as({}, name):
@@ -101,7 +101,7 @@ class Key(NamedTuple):
     """Default value, or None."""
     meaning: str
     mark: str = "absent"
-    """Shown instead of a default: "required"; "inherited", from a key that the meaning names; or "absent"."""
+    """Shown without a default: "required", "inherited" (from a key named in the meaning) or "absent"."""
 
     @classmethod
     def of(cls, section: str, name: str, field: Field[Any]) -> Self:
@@ -121,7 +121,7 @@ class Key(NamedTuple):
 
 
 def keys(layout: str | None, domains: Iterable[str] = DOMAINS) -> Iterator[Key]:
-    """Yield all keys of scene files in order, for one layout or, without one, for other sources of grains."""
+    """Yield all keys of scene files in order. Keys of [grains] are for `layout`, or for listed grains."""
     of_boxes = described_fields(Box)
     kind = Key("domain", "kind", "annulus", f"Kind of the domain, {' or '.join(map(toml_value, DOMAINS))}.")
     for section, names in SECTIONS.items():
@@ -145,7 +145,7 @@ def keys(layout: str | None, domains: Iterable[str] = DOMAINS) -> Iterator[Key]:
 
 
 def wall_keys() -> Iterator[Key]:
-    """Yield the keys of `[[walls]]`: those of some kinds, then those of all."""
+    """Yield the keys of `[[walls]]`: first keys of some kinds of walls, then keys of all kinds."""
     kinds = f"Kind of a wall inside the domain: {', '.join(WRITTEN_KINDS)}."
     yield Key("walls", "kind", None, kinds, "required")
     found = {name: field for wall in WRITTEN_KINDS.values() for name, field in wall.keys().items()}

@@ -47,7 +47,7 @@ def _is_history(path: Path) -> bool:
 
 
 def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[str, Any]]:
-    """Return zeta and residual of every iteration of the steps done."""
+    """Take steps on key presses; with `--history`, return zeta and residual [m/s] of every iteration."""
     start_warp()
     from warpgrains.simulation.simulation import Simulation
 
@@ -65,7 +65,7 @@ def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[s
 
 
 def _pressed(steps: int, spacing: float) -> Iterator[None]:
-    """Yield whenever a step is due, at most `steps` times, `spacing` seconds apart while the scene plays."""
+    """Yield whenever a step is due, at most `steps` times: on N, or, after R, every `spacing` seconds."""
     running, taken, due = False, 0, 0.0
     while taken < steps:
         key = _key(max(0.0, due - monotonic()) if running else None)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from warpgrains.packings.pack import Rest
 
 _PACKED = {name: f"--{name}" for name in ("pressure", "duration", "steps", "threads")}
-"""Options of `compress` and `pack`."""
+"""Options of `compress` and `pack`, by name of the parameter."""
 
 
 def recover(arguments: Namespace) -> bool:
@@ -71,7 +71,7 @@ def export(arguments: Namespace) -> bool:
 
 @written_as(_PACKED)
 def compress(arguments: Namespace) -> bool:
-    """Compress the grains of a scene, and print what the packing is like."""
+    """Compress the grains of a scene, and print the properties of the packing."""
     scene = _scene_to_pack(arguments, "checkpoint", ".npz")
     with stdout_to_stderr(), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # the results say whether the grains are at rest
@@ -86,7 +86,7 @@ def compress(arguments: Namespace) -> bool:
 
 @written_as(_PACKED)
 def pack(arguments: Namespace) -> bool:
-    """Let the grains of a scene settle, and print how well they rest."""
+    """Let the grains of a scene settle, and print the properties of the packing."""
     scene = _scene_to_pack(arguments, "packing", ".npz", ".csv")
     with stdout_to_stderr():
         start_warp()
@@ -120,7 +120,7 @@ def report(arguments: Namespace) -> bool:
             import_module(library)
     scenes = [Scene.load(name) for name in arguments.scenes or shipped_scenes()]
     with stdout_to_stderr(), warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # a trajectory begins where a converged step may overlap
+        warnings.simplefilter("ignore", UserWarning)  # a trajectory may start with small overlaps
         start_warp()
         from warpgrains.report.report import why_not, write_report
 

@@ -44,7 +44,7 @@ def view(arguments: Namespace) -> bool:
 
 
 def _homework(arguments: Namespace, held: ExitStack) -> Homework:
-    """Return the player of a homework, whose processes end with the context `held`."""
+    """Return the player of a homework. Its processes are stopped when `held` is closed."""
     scene = Scene.load(arguments.what, arguments.overrides or [])
     _require_the_texts(scene)
     folder, processes = held.enter_context(TemporaryDirectory()), Processes()
