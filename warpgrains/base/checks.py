@@ -25,7 +25,7 @@ ABSENT = {
     "stiffness": "grains are rigid",
     "damping": "grains are rigid; drag slows their motion",
 }
-"""Names of other programs, and why the model lacks them."""
+"""Parameters of other programs that the model does not have, with the reason."""
 MOST_THREADS = 1024  # more than any machine has cores; each thread costs a stack and a start
 
 
@@ -118,13 +118,13 @@ def function(field: str, value: Any) -> None:
 
 def boolean(field: str, value: Any) -> bool:
     """Return a Python or NumPy bool as a bool."""
-    if type(value).__name__ not in ("bool", "bool_"):  # NumPy's own, too
+    if type(value).__name__ not in ("bool", "bool_"):  # also NumPy's, which is not imported
         raise InputError(f"{field} is {shown(value)}: it must be True or False")
     return bool(value)
 
 
 def one_of(field: str, value: Any, known: Iterable[str]) -> str:
-    """Return `value` if it is one of the known names; the error has the most similar one."""
+    """Return `value` if it is one of the known names; the error proposes the most similar name."""
     known = list(known)
     if isinstance(value, str) and value in known:
         return str(value)
@@ -136,7 +136,7 @@ def one_of(field: str, value: Any, known: Iterable[str]) -> str:
 
 
 def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
-    """Return the known name that is given, if exactly one is."""
+    """Return the only name that is both given and known; InputError if there are none or several."""
     known = list(known)
     found = [name for name in known if name in given]
     if len(found) != 1:
@@ -165,7 +165,7 @@ def interval(field: str, value: Any) -> tuple[float, float]:
 
 
 def vectors(field: str, value: Any, of: str = "grain") -> FloatArray:
-    """Return a read-only copy of one finite vector per grain, or `of`, shape (n, 2) with n >= 1."""
+    """Return a read-only copy of finite vectors, shape (n, 2), n >= 1. Messages call each row `of`."""
     array = _floats(field, value, of, 2)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
         raise InputError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one {of}")
@@ -174,7 +174,7 @@ def vectors(field: str, value: Any, of: str = "grain") -> FloatArray:
 
 
 def require_finite(field: str, array: FloatArray, of: str = "grain") -> None:
-    """Raise InputError unless the numbers of every grain, or `of`, are finite; shape (n,) or (n, 2)."""
+    """Raise InputError unless all numbers are finite, shape (n,) or (n, 2). Messages call each row `of`."""
     import numpy as np
 
     if not np.isfinite(array).all():
@@ -216,7 +216,7 @@ def first_bad(field: str, array: FloatArray, bad: BoolArray, of: str = "grain") 
 
 
 def _floats(field: str, value: Any, of: str, width: int = 1) -> FloatArray:
-    """Return a copy of `value` as an array; `width` is how many numbers each grain, or `of`, must have."""
+    """Return a copy of `value` as float64; messages say that each row, called `of`, needs `width` numbers."""
     import numpy as np
 
     if np.ma.is_masked(value):
@@ -236,7 +236,7 @@ def _floats(field: str, value: Any, of: str, width: int = 1) -> FloatArray:
 
 
 def _require_numbers(field: str, value: Any, width: int) -> None:
-    """Raise InputError unless a value is a number, if `width` is 1, or a list of `width` real numbers."""
+    """Raise InputError unless `value` is a list of `width` real numbers, or one number if `width` is 1."""
     is_list = isinstance(value, Iterable) and not isinstance(value, str)
     parts = list(value) if is_list else [value]
     if len(parts) != width or not all(isinstance(own, Real) and not isinstance(own, bool) for own in parts):

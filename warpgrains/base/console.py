@@ -40,7 +40,7 @@ def _escaped(letter: str) -> str:
 
 
 def open_standard_streams() -> None:
-    """Open closed standard streams, whose places the next files to be opened would take."""
+    """Open standard streams that are closed; else files opened later would get their descriptors."""
     for number, name, mode in ((STDIN, "stdin", "r"), (STDOUT, "stdout", "w"), (STDERR, "stderr", "w")):
         try:
             os.fstat(number)
@@ -102,7 +102,7 @@ def progress_bar(
 
 @contextmanager
 def exit_on_interrupt() -> Iterator[None]:
-    """End the process on Ctrl-C while libraries are imported, because they turn it into other errors."""
+    """End the process on Ctrl-C while libraries are imported, which would turn it into other errors."""
 
     def end(*_: object) -> NoReturn:
         os.write(STDERR, b"warpgrains: error: interrupted\n")
@@ -120,7 +120,7 @@ def exit_on_interrupt() -> Iterator[None]:
 
 @contextmanager
 def stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Call `stop` on Ctrl-C, SIGTERM and SIGHUP, none of which interrupts the block, and end after it."""
+    """Call `stop` on Ctrl-C, SIGTERM or SIGHUP. The block runs to its end; then the process ends."""
     received: list[int] = []
 
     def on_signal(number: int, _frame: object) -> None:
@@ -155,7 +155,7 @@ def stdout_to_stderr() -> AbstractContextManager[None]:
 
 @contextmanager
 def redirected(stream: int, target: int) -> Iterator[None]:
-    """Redirect a standard stream to a file by their descriptors, also the output of C libraries."""
+    """Redirect a standard stream, also for C libraries, to another file; both are file descriptors."""
     _flush()
     kept = os.dup(stream)
     os.dup2(target, stream)

@@ -26,12 +26,12 @@ def described_fields(record: type) -> dict[str, Field[Any]]:
 
 
 def checked(field: str, own: Field[Any], value: Any) -> Any:
-    """Return a value as the check of its field returns it; a field that is None by default may be None."""
+    """Return a value after the check of its field. None needs no check if it is the default of the field."""
     return None if value is None and own.default is None else own.metadata["check"](field, value)
 
 
 FIELDS_IN_HELP = "Fields:"
-"""Line after which a docstring lists fields; the pages, which show fields by themselves, end there."""
+"""Line after which a docstring lists fields. Pages omit this list, because they show fields anyway."""
 
 
 class _WithFields:
@@ -53,7 +53,7 @@ def fields_in_help(kind: type[Kind]) -> type[Kind]:
 
 
 def _field_docs(kind: type) -> dict[str, str]:
-    """Return the docstrings after the fields in the source of a class, if it has fields and a source."""
+    """Return the docstrings after fields of a class, by name; {} if the source is not available."""
     try:
         body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
     except (OSError, TypeError):
@@ -67,7 +67,7 @@ def _field_docs(kind: type) -> dict[str, str]:
 
 
 def documented(parameters: Iterable[Field[Any]]) -> Callable[[Documented], Documented]:
-    """Replace ``{fields}`` in a docstring by parameters in the numpy convention."""
+    """Return a decorator that replaces ``{fields}`` in a docstring by `parameters`, in numpy style."""
     wrap = textwrap.TextWrapper(100, initial_indent="    ", subsequent_indent="    ").fill
     text = "\n".join(f"{one.name}\n{wrap(one.metadata['meaning'])}" for one in parameters)
 

@@ -21,7 +21,7 @@ class InputError(ValueError):
 
 
 class NoAreaError(InputError):
-    """Area that is unknown, of a container that walls leave open or unknown, or of an empty region.
+    """Area of a container whose walls leave it open or of unknown shape, or of a region without points.
 
     Examples
     --------
@@ -71,10 +71,10 @@ class SimulationError(RuntimeError):
 
 @contextmanager
 def written_as(names: Mapping[str, str], where: str = "") -> Iterator[None]:
-    """Let InputErrors name fields as their user has written them.
+    """Let messages of InputErrors name fields as the user has written them.
 
-    The field with which a message begins, such as drag, is replaced by its name in `names`, such as
-    physics.drag. The message is preceded by `where` it is written, such as a file.
+    If a message begins with a field in `names`, such as drag, the field is replaced by its name there, such
+    as physics.drag. `where`, such as the name of a file, is put before the message.
     """
     try:
         yield
@@ -87,7 +87,7 @@ def written_as(names: Mapping[str, str], where: str = "") -> Iterator[None]:
 
 @contextmanager
 def requiring(what: str, extra: str = "report") -> Iterator[None]:
-    """Raise MissingExtraError if a library of an extra, which the block imports, is not installed."""
+    """Raise MissingExtraError if the block imports a library of `extra` that is not installed."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -95,7 +95,7 @@ def requiring(what: str, extra: str = "report") -> Iterator[None]:
 
 
 def _installing(extra: str) -> str:
-    """Return the command that installs an extra. No index has this package, so it names the libraries."""
+    """Return the command that installs an extra by its libraries, because this package is in no index."""
     from importlib.metadata import PackageNotFoundError, requires  # slow to import
 
     try:

@@ -63,7 +63,7 @@ def suffix_of(path: str | os.PathLike[str]) -> str:
 
 
 def resolve_link(path: Path) -> Path:
-    """Return the target of a symbolic link, which is written instead of it, or the path itself."""
+    """Return the target of a symbolic link, so that the target is written; return any other path as it is."""
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
@@ -96,7 +96,7 @@ def read_regular(path: Path, most: int = _LARGEST) -> bytes:
 
 @contextmanager
 def naming(target: Path, draft: Path | None = None) -> Iterator[None]:
-    """Name the target in errors that name no file, such as that of a full disk, or only the draft."""
+    """Name the target in each OSError that names no file, as for a full disk, or that names the draft."""
     try:
         yield
     except OSError as error:
@@ -115,9 +115,9 @@ def sync(path: Path) -> None:
 
 
 def publish(draft: Path, target: Path, replace: bool = True) -> None:
-    """Move the complete file `draft` to `target` on the same file system, and flush both to the disk.
+    """Move the complete file `draft` to `target` on the same file system; flush file and folder to the disk.
 
-    Without `replace`, an existing target stays, unless the file system has no links.
+    Without `replace`, an existing target stays, unless the file system has no hard links.
     """
     with naming(target, draft):
         sync(draft)
@@ -127,7 +127,7 @@ def publish(draft: Path, target: Path, replace: bool = True) -> None:
 
 
 def _link(draft: Path, target: Path) -> bool:
-    """Give a draft the name of the target as well, unless that exists; return False if there are no links."""
+    """Make `target` a hard link to `draft` unless `target` exists; return False without support for links."""
     try:
         os.link(draft, target)
     except FileExistsError:
@@ -140,13 +140,13 @@ def _link(draft: Path, target: Path) -> bool:
 
 
 def draft_path(target: Path, writer: str = "") -> Path:
-    """Return the path of what becomes `target` when it is complete, in the same folder, see `draft_of`."""
+    """Return the path, next to `target`, of the file that becomes `target` when complete, see `draft_of`."""
     return target.with_name(f".draft{writer}.{target.name}")
 
 
 @contextmanager
 def draft_folder(target: Path) -> Iterator[Path]:
-    """Yield an empty folder at `draft_path`, for the files of which libraries make `target`."""
+    """Yield an empty folder at `draft_path` for files from which `target` is made; delete it at the end."""
     folder = draft_path(target)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
@@ -158,7 +158,7 @@ def draft_folder(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def draft_of(target: Path, writer: str = "", replace: bool = True) -> Iterator[Path]:
-    """Yield the path of a draft, one for each `writer`, which replaces `target` after the block."""
+    """Yield the path of a draft, one per `writer`. After the block, the draft becomes `target`."""
     target = resolve_link(target)
     draft = draft_path(target, writer)
     try:
@@ -170,7 +170,7 @@ def draft_of(target: Path, writer: str = "", replace: bool = True) -> Iterator[P
 
 
 def write_atomically(path: Path, content: bytes | memoryview, writer: str = "", replace: bool = True) -> None:
-    """Write a file atomically, see `draft_of`: an earlier one stays until it is complete and on the disk."""
+    """Write a file atomically, see `draft_of`. An earlier file stays until the new file is on the disk."""
     with draft_of(path, writer, replace) as draft:
         draft.write_bytes(content)
 
@@ -201,7 +201,7 @@ def read_columns(path: Path, wanted: Callable[[list[str]], Iterable[str]]) -> di
 
 
 def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
-    """Return the columns of a table that `wanted` chooses from the names of all; csv.Error if it is none."""
+    """Return the columns, by name, that `wanted` chooses from all names; csv.Error if this is no table."""
     rows = csv.reader(lines, strict=True)
     head = next(rows, [])
     columns: dict[str, list[str]] = {name: [] for name in wanted(head)}

@@ -69,7 +69,7 @@ class FrameLog:
             )
 
     def reopen(self, frames: int, identity: Callable[[str], str]) -> None:
-        """Continue a log after its first frames; `identity` of its constants must be the same."""
+        """Continue a log after `frames` frames. InputError for fewer frames, or another `identity`."""
         reader = LogReader(self.path)
         if identity(reader.constants) != identity(self._constants):
             raise InputError(
@@ -148,7 +148,7 @@ class FrameLog:
 
 
 class LogReader:
-    """Reader of a log: iterating yields each frame up to the end of the log. InputError if it is none."""
+    """Reader of a log. Iterating yields all frames up to the end of the log. InputError for other files."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -175,7 +175,7 @@ class LogReader:
                 yield frame
 
     def _frame(self, content: bytes) -> dict[str, NDArray[Any]] | None:
-        """Return the arrays of a record; None unless it has their size, and numbers that are finite."""
+        """Return the arrays of a frame by name; None if `content` has a wrong size or non-finite numbers."""
         start = 4 * len(self.kinds)
         lengths = np.frombuffer(content[:start].ljust(start, b"\0"), "<u4").tolist()
         types = [np.dtype(kind) for kind in self.kinds.values()]
@@ -193,7 +193,7 @@ def _are_kinds(found: Iterable[Any]) -> bool:
 
 
 def kind_of(array: NDArray[Any]) -> str:
-    """Return the type of the elements of an array, little-endian, as NumPy reads it."""
+    """Return the little-endian NumPy type of the rows of an array, such as "<f8" or "(2,)<f8"."""
     columns = f"({array.shape[1]},)" if array.ndim == 2 else ""
     return f"{columns}{array.dtype.newbyteorder('<').str}"
 

@@ -12,13 +12,13 @@ Array = np.ndarray[Any, Any]
 
 
 def shared(array: Array, dtype: Any = None) -> Any:
-    """Return a Warp array that shares the memory of a NumPy array, whose type is the default."""
+    """Return a Warp array of `dtype`, by default that of the NumPy array, whose memory it shares."""
     dtype = dtype or wp.dtype_from_numpy(array.dtype)
     return wp.array(array, dtype=dtype, device="cpu", copy=False)
 
 
 def share(record: Any, arrays: dict[str, Array]) -> None:
-    """Make NumPy arrays the arrays of a Warp struct, by name."""
+    """Set the fields of a Warp struct, by name, to Warp arrays that share the memory of NumPy arrays."""
     for name, array in arrays.items():
         setattr(record, name, shared(array))
 

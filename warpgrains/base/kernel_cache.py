@@ -14,7 +14,7 @@ import warp as wp
 from warpgrains.base.turns import BUILDING
 from warpgrains.base.warp_start import unwritable_cache
 
-ROOM = 4 * 2**20  # bytes; the largest module takes 1.3 MB
+ROOM = 4 * 2**20  # free bytes needed on the disk; the largest module takes 1.3 MB
 
 
 def is_cached(module: wp.Module, block: int) -> bool:
@@ -33,9 +33,9 @@ def load(module: Any, device: wp.Device, block: int) -> None:
                 return
             except OSError:  # kernels for another processor are compiled into the same folder
                 pass
-            except Exception:  # of this class, or what the JSON parser raises
+            except Exception:  # Warp raises Exception itself, or an error of the JSON parser
                 is_damaged = True
-        draft = f"{folder}_p{os.getpid()}_t{threading.get_ident()}"  # which Warp leaves behind if it fails
+        draft = f"{folder}_p{os.getpid()}_t{threading.get_ident()}"  # Warp leaves this folder if it fails
         try:
             if is_damaged:
                 warn(f"the compiled kernels in '{folder}' are damaged: compiling them again", stacklevel=2)
@@ -43,7 +43,7 @@ def load(module: Any, device: wp.Device, block: int) -> None:
                     folder.rename(draft)
                 shutil.rmtree(draft, ignore_errors=True)
             with TemporaryFile(dir=wp.config.kernel_cache_dir) as file:
-                file.write(bytes(ROOM))  # without room LLVM ends the process
+                file.write(bytes(ROOM))  # if the disk is full, LLVM ends the process
             module.load(device, block)
         except OSError as error:
             shutil.rmtree(draft, ignore_errors=True)

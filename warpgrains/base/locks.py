@@ -70,7 +70,7 @@ class Lock:
 
 
 def lock_own(path: Path, is_own: Callable[[Path], bool], kind: str) -> Lock:
-    """Return the lock on a file; raise OutputError if it exists and is not of a kind that may be replaced."""
+    """Return the lock on a file; raise OutputError if the file exists and `is_own` returns False for it."""
     with ExitStack() as held:
         lock = held.enter_context(Lock(path))
         if path.exists() and not (path.is_file() and is_own(path)):
@@ -90,7 +90,7 @@ class RunLocks:
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
 
     def acquire(self, numbers: Iterable[int]) -> list[int]:
-        """Lock runs; return the numbers of those that no other process holds."""
+        """Lock runs, except those that another process holds; return the numbers of the locked runs."""
         lock = partial(lockf, self._descriptor, LOCK_EX | LOCK_NB, 1)
         return [number for number in numbers if _is_locked(partial(lock, number), self._path)]
 
@@ -116,7 +116,7 @@ os.register_at_fork(after_in_child=_forget_all)
 
 
 def _acquire(file: Path, path: Path) -> int:
-    """Return the locked descriptor of the file that stands under its name; releasing takes the name away."""
+    """Return a locked descriptor of `file`. Try again if another process has deleted the file meanwhile."""
     while True:
         descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
         with ExitStack() as closing:
@@ -148,7 +148,7 @@ def _is_locked(lock: Callable[[], None], path: Path) -> bool:
 
 
 def _is_under(file: Path, descriptor: int) -> bool:
-    """Return whether an open file still has its name; stat may not ask the server of a shared disk."""
+    """Return whether an open file still has its name. stat could answer from a cache; opening does not."""
     try:
         again = os.open(file, os.O_RDONLY)
     except FileNotFoundError:

@@ -35,7 +35,7 @@ def dataset(frame: pandas.DataFrame, units: Mapping[str, str]) -> xarray.Dataset
 
 
 class Tabular:
-    """Base class of dataclasses of arrays with one entry per row, or of single values."""
+    """Base class of dataclasses whose fields are arrays with one entry per row, or single values."""
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the record as a DataFrame with one column per number, in the units of its fields.

@@ -11,7 +11,7 @@ BUILDING = RLock()
 """Lock for starting Warp and for creating, compiling and loading kernels, where Warp is not thread-safe."""
 
 NOTHING, READ, CHANGE = range(3)
-"""Uses of an object, each of which includes those before it."""
+"""Uses of an object. Each use includes the uses before it."""
 
 # In a child that is forked while another thread holds the lock, it would never be released.
 os.register_at_fork(
@@ -20,14 +20,14 @@ os.register_at_fork(
 
 
 class ExclusiveUse:
-    """Lock on an object, named in messages, that one thread advances, and its callbacks at most read."""
+    """Lock on an object that one thread with its callbacks uses at a time; messages call it `what`."""
 
     def __init__(self, what: str) -> None:
         self._what, self._lock, self._allowed = what, RLock(), CHANGE
 
     @contextmanager
     def held(self, use: int = CHANGE, allowed: int = CHANGE) -> Iterator[None]:
-        """Exclude other threads from a use, `READ` or `CHANGE`, whose callbacks are allowed another."""
+        """Exclude other threads during a use, `READ` or `CHANGE`. Callbacks may do at most `allowed`."""
         if not self._lock.acquire(blocking=False):
             raise self._refusal()
         before = self._allowed

@@ -43,7 +43,7 @@ def _start_warp() -> None:
 
 
 def unwritable_cache(error: OSError, folder: str = "") -> OSError:
-    """Return the error of a cache of compiled kernels, in a folder, that cannot be written."""
+    """Return an error for users: the cache of compiled kernels, in `folder` if given, cannot be written."""
     return OSError(
         f"the cache of compiled kernels{folder and f' in {folder!r}'} cannot be written ({error}):"
         " set WARP_CACHE_PATH to a writable folder"
@@ -59,7 +59,7 @@ def find_device(name: str) -> warp.Device:
         with (
             TemporaryFile() as remarks,
             redirected(STDERR, remarks.fileno()),
-        ):  # of the driver that is not there
+        ):  # Warp reports that the driver is missing
             return warp.get_device(name)
     except (ValueError, RuntimeError) as error:
         known = [device.alias for device in warp.get_devices()]
