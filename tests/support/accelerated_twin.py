@@ -1,7 +1,7 @@
 """The accelerated method in plain Python, contact by contact over all pairs (kernels/MODEL.md, eqs. 13, 14).
 
-It has no list. Every product and sum of a velocity, a correction or the residual is that of the page, in its
-order; the sums of (14), which only decide, are added in another. Vectors are complex numbers.
+It has no list of contacts. Products and sums of velocities, corrections and the residual are those of the
+page, in the same order. Only the sums of the test (14) are added in another order. Vectors are complex.
 """
 
 from collections.abc import Iterator
@@ -29,18 +29,18 @@ def normal(d: complex) -> tuple[complex, float]:
 
 @dataclass
 class Contact:
-    """Two grains that may touch, or one and the walls, tangent or round."""
+    """Two grains that may touch, or one grain and the circles of the annulus, tangent or round."""
 
     i: int
     j: int | None
     n: complex
-    tangent: float  # gap / dt, and at the walls that of the outer one [m/s]
+    tangent: float  # gap / dt; at the walls, of the outer wall [m/s]
     mu: float
     dv: float
     last: float
     share: tuple[float, float] = (1.0, 0.0)
     inner: float = inf  # gap / dt of the inner wall [m/s]
-    reach: float = inf  # A / dt of (18), where the wall is round [m/s]
+    reach: float = inf  # A / dt of (18), if the wall is round [m/s]
 
     def vn(self, v: Velocities) -> float:
         return dot(v[self.i] if self.j is None else v[self.i] - v[self.j], self.n)
@@ -85,13 +85,13 @@ def projection(pushed: float, outer: float, inner: float) -> float:
 
 
 class AcceleratedTwin:
-    """A scene from its start, in sequential order."""
+    """Simulation of a scene from its start, in sequential order."""
 
     def __init__(self, scene: Scene):
         self.scene = scene
         self.position, self.velocity = scene.position.copy(), scene.velocity.copy()
         self.staggered = False
-        self.corrections = [0.0] * (scene.n * (scene.n + 1) // 2)  # of all pairs, and at the walls
+        self.corrections = [0.0] * (scene.n * (scene.n + 1) // 2)  # of all pairs, then at the walls [m/s]
         self.iterations, self.zeta, self.residual = 0, 0.0, 0.0
 
     def step(self) -> None:
@@ -128,7 +128,7 @@ class AcceleratedTwin:
         return v
 
     def _look(self, zeta: float) -> float:
-        """Choose the working set; return by how much the contacts without corrections are violated."""
+        """Choose the working set; return the largest violation of contacts without corrections [m/s]."""
         near = min(0.25 * zeta, 0.01 * float(self.scene.radius.min()) / self.scene.dt)
         self._working, violation = [], 0.0
         for c in self._contacts:
@@ -165,7 +165,7 @@ class AcceleratedTwin:
                     return
 
     def _sweep(self, k: int) -> bool:
-        """Go on to y and sweep from there, the k-th time; return whether it is kept."""
+        """Extrapolate to y and do the k-th sweep from there; return whether its result is kept."""
         beta, omega, mass = self._beta, 1.0 + self._rho * self._beta, contact_mass(self.scene).tolist()
         before = self._v
         self._v = [v + beta * (v - last) for v, last in zip(before, self._v_last, strict=True)]

@@ -1,4 +1,4 @@
-"""Checkpoints with changes that no run makes."""
+"""Invalid checkpoints for tests."""
 
 import json
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def rewrite_checkpoint(path, header=None, **arrays):
-    """Change entries of a checkpoint: values of tables of its header, and arrays; None takes an array out."""
+    """Change entries of a checkpoint: values in its header, and arrays (part__field); None removes one."""
     with np.load(path, allow_pickle=False) as archive:
         entries = dict(archive)
     text = json.loads(entries["header"].tobytes())

@@ -19,7 +19,7 @@ def exit_code(*arguments: object) -> int:
 
 @contextmanager
 def small_disk(most: int) -> Iterator[None]:
-    """Let no file of this process grow beyond so many bytes, as on a full disk."""
+    """Limit the files of this process to `most` bytes each, as on a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
     try:
@@ -30,7 +30,7 @@ def small_disk(most: int) -> Iterator[None]:
 
 @contextmanager
 def dying_in_writing(error: type[BaseException], publication: int, before: bool) -> Iterator[None]:
-    """Raise an error before or after the file of this number takes its name."""
+    """Raise `error` before or after the n-th file, n = `publication`, is published (moved to its name)."""
     publish, left = files.publish, [publication]
 
     def die(*arguments: object) -> None:
@@ -47,7 +47,7 @@ def dying_in_writing(error: type[BaseException], publication: int, before: bool)
 
 
 def require_refusal(capfd: pytest.CaptureFixture[str], complaint: str = "") -> None:
-    """Check that the command printed one line, of what is wrong."""
+    """Assert that the command printed only one line: an error message that contains `complaint`."""
     printed = capfd.readouterr()
     assert printed.out == ""
     assert printed.err.startswith("warpgrains: error: "), printed.err

@@ -12,13 +12,13 @@ from warpgrains.walls.annulus import Annulus
 RADIUS_OUT = 1.0  # m
 ROUGH: dict[str, Any] = {"method": "exact", "tolerance": 1e-9, "max_iterations": 320}
 ROUGH |= {"friction": 0.5, "exact_time": 1e3}
-"""Friction by the exact method, whose host is asked early."""
+"""Friction by the exact method, which uses the host solver after 320 sweeps at most."""
 SOON: dict[str, Any] = {"method": "exact", "tolerance": 1e-10, "max_iterations": 3}
-"""The host is asked after 3 sweeps."""
+"""The exact method, which uses the host solver after 3 sweeps."""
 
 
 def stack(count: int) -> Scene:
-    """A column of grains that touch, on the axis of symmetry, and one more that lands on it at 1 m/s."""
+    """Return a vertical column of touching grains at x = 0, and a grain that lands on it at 1 m/s."""
     position, radius = column(
         Annulus(0.0, RADIUS_OUT).space, count=count + 1, radius=0.95 / (count + 2), spacing=2.0
     )
@@ -29,7 +29,7 @@ def stack(count: int) -> Scene:
 
 
 def heap(count: int, spacing: float = 2.05, **changes: Any) -> Scene:
-    """Grains of one size over two fifths of the disc, each a little off its place on a lattice."""
+    """Return equal grains that cover 40 % of the disc, each moved a little from its place on a lattice."""
     radius = np.sqrt(0.4 / count)
     position, _ = lattice(Annulus(0.0, RADIUS_OUT).space, radius=radius, count=count, spacing=spacing)
     off = abs(spacing - 2.0) * radius / 4.0
@@ -38,12 +38,12 @@ def heap(count: int, spacing: float = 2.05, **changes: Any) -> Scene:
 
 
 def random_masses(count: int, ratio: float) -> Scene:
-    """A heap whose masses are spread evenly in their logarithm."""
+    """Return a heap with random masses, uniform in the logarithm, from 0.1 kg to 0.1 `ratio` kg."""
     return heap(count, mass=0.1 * ratio ** np.random.default_rng(2).uniform(0.0, 1.0, count))
 
 
 def heavy_top(count: int, ratio: float) -> Scene:
-    """A heap whose highest tenth is heavier than the rest."""
+    """Return a heap whose highest tenth of grains is `ratio` times heavier than the others."""
     scene = heap(count)
     mass = np.full(count, 0.1)
     mass[np.argsort(scene.position[:, 1])[-count // 10 :]] *= ratio
@@ -51,14 +51,14 @@ def heavy_top(count: int, ratio: float) -> Scene:
 
 
 def jam() -> Scene:
-    """Grains that fill four fifths of the disc, and run in all directions."""
+    """Return grains that cover 80 % of the disc and move in random directions."""
     position, radius = lattice(Annulus(0.0, RADIUS_OUT).space, radius=0.04, spacing=2.04)
     velocity = np.random.default_rng(4).normal(0.0, 1.0, position.shape)
     return Scene(position=position, velocity=velocity, radius=radius, mass=0.1, radius_out=RADIUS_OUT)
 
 
 def sizes(radius: FloatArray) -> Scene:
-    """Grains of many sizes at random places, none overlapping; masses go with their areas."""
+    """Return grains of these radii at random places without overlaps, with masses 10 radius^2."""
     rng = np.random.default_rng(3)
     radius, position = np.sort(radius)[::-1], np.empty((0, 2))
     while len(position) < len(radius):
@@ -70,7 +70,7 @@ def sizes(radius: FloatArray) -> Scene:
 
 
 def past_the_origin(radius: float) -> Scene:
-    """A grain passes the origin at 1e-9 m, where a wall's normal turns about within one step."""
+    """Return a grain that passes the origin at 1e-9 m, so that the wall's normal reverses within a step."""
     grain = {"position": [[-0.0155, 1e-9]], "velocity": [[1.0, 0.0]], "radius": radius, "mass": 0.1}
     return Scene(**grain, radius_out=RADIUS_OUT, gravity=(0.0, 0.0))
 

@@ -1,4 +1,4 @@
-"""Scenes of many kinds for batches, and what each of them does alone."""
+"""Scenes of many kinds for batches, and the result of each scene when it runs alone."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ STEPS = 25
 
 
 def mixed_scenes() -> list[Scene]:
-    """Scenes of many kinds and sizes, in both orders, and some by the accelerated method."""
+    """Return scenes of many kinds and sizes, in both orders, some with the accelerated method."""
     drawn = [random_scene(seed) for seed in range(12)] + [make() for make in SUDDEN]
     accelerated = {2, 7, 10, 12}
     return [

@@ -1,6 +1,6 @@
-"""README.md and the pages of scenes/docs, as blocks of code and what they print.
+"""README.md and the pages of scenes/docs, as blocks of code with their output.
 
-A `text` block is what the block before it prints. A comment above a block marks it: `slow`, `not run: WHY`,
+A `text` block is the output of the block before it. A comment above a block marks it: `slow`, `not run: WHY`,
 or `exit code N`. A TOML block names its file in its first line.
 """
 
@@ -30,7 +30,7 @@ class Block(NamedTuple):
 
     @property
     def exit_code(self) -> int:
-        """What its last command ends with."""
+        """Exit code of the last command of the block."""
         found = re.search(r"exit code (\d)", self.marks)
         return int(found[1]) if found else 0
 
@@ -49,7 +49,7 @@ def program(name: str) -> str:
 
 
 def commands_in_words(name: str) -> list[str]:
-    """Return the commands that the sentences and tables of a page name."""
+    """Return the commands that are named in sentences and tables of a page."""
     return _COMMAND.findall(PAGES[name].read_text())
 
 
@@ -62,7 +62,7 @@ _END_OF_SENTENCE = re.compile(r"(?<=[.!?])(?<!\beq\.)(?<!\beqs\.)[)*]*\s+(?=[A-Z
 
 
 def sentences(name: str) -> list[str]:
-    """Return the sentences of a page, in paragraphs and lists; links are replaced by what they show.
+    """Return the sentences of a page, in paragraphs and lists; links are replaced by their text.
 
     The page "model" is kernels/MODEL.md, whose equations are indented.
     """

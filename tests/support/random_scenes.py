@@ -1,4 +1,4 @@
-"""Scenes drawn at random: from dense to spread, of all methods, orders, schemes, walls and laws."""
+"""Random scenes: from dense to sparse, with all methods, orders, schemes, walls and contact laws."""
 
 from dataclasses import replace
 from math import pi
@@ -16,7 +16,7 @@ OFTEN = (0.25, 0.3, 0.005, 0.22, 0.225)
 
 
 def random_scene(rng: np.random.Generator, kind: str | None = None, **fixed: Any) -> Scene:
-    """Draw a scene: its kind says how many grains there are, and how they overlap."""
+    """Draw a scene. `kind`, a key of `GRAINS`, sets the number of grains and how densely they are placed."""
     kind = kind or str(rng.choice(list(GRAINS), p=OFTEN))
     n = int(rng.integers(*GRAINS[kind]))
     inner = float(rng.choice([0.0, 0.3]))
@@ -30,7 +30,7 @@ def random_scene(rng: np.random.Generator, kind: str | None = None, **fixed: Any
     method = fixed.get("method") or str(rng.choice(METHODS[: 2 + (n < 60)]))
     fields = random_contacts(rng, inner, method)
     walls = random_walls(rng, 0.3 * float(radius.min()) / 1e-2) if rng.random() < 0.5 else []
-    if "pressure" not in fields and fields.get("wall") == "tangent":  # a force drives another wall
+    if "pressure" not in fields and fields.get("wall") == "tangent":  # add a wall that a force drives
         walls.append(Segment((-0.8, 0.33), (0.7, 0.41), force=rng.uniform(-2.0, 2.0), mass=0.7))
     free = ~np.any([wall.covers(position) for wall in walls] or [np.zeros(n, bool)], axis=0)
     free[0] |= not free.any()
@@ -65,7 +65,7 @@ def random_gravity(rng: np.random.Generator) -> Any:
 
 
 def random_contacts(rng: np.random.Generator, inner: float, method: str) -> dict[str, Any]:
-    """Draw what a contact does beside keeping grains apart, and whether walls yield."""
+    """Draw friction, restitution and the like, and whether a pressure moves the outer wall."""
     fields: dict[str, Any] = {}
     if method != "exact" and rng.random() < 0.4:
         fields |= {"friction": float(rng.choice([0.0, 0.05, 0.5, 2.0])), "wall_friction": 0.6}
@@ -84,7 +84,7 @@ def random_contacts(rng: np.random.Generator, inner: float, method: str) -> dict
 
 
 def random_motion(rng: np.random.Generator, fastest: float) -> dict[str, Any]:
-    """Draw a motion, or none; it may begin and end within a step."""
+    """Draw the motion of a wall, up to `fastest` [m/s], or {}; it may begin and end within a step."""
     if rng.random() < 0.4:
         return {}
     return {
@@ -98,7 +98,7 @@ def random_motion(rng: np.random.Generator, fastest: float) -> dict[str, Any]:
 
 
 def random_walls(rng: np.random.Generator, fastest: float) -> list[Any]:
-    """Draw walls of every kind, and some with joints that move alike."""
+    """Draw walls of every kind, and some joined walls, which share one motion."""
     one = random_motion(rng, fastest)
     joined = [replace(wall, **one) for wall in CORNERS["chute"]]
     crossing = Segment(*map(tuple, rng.uniform(-1.0, 1.0, (2, 2))))

@@ -32,12 +32,12 @@ def make_scene(radius=RADIUS, **fields):
 
 
 def make_frames(count, grains=5, seed=0):
-    """Positions and velocities, shape (count, 2, grains, 2), that float32 cannot hold exactly."""
+    """Return random positions and velocities as doubles, shape (frames, position or velocity, grains, 2)."""
     return np.random.default_rng(seed).uniform(-1.5, 1.5, (count, 2, grains, 2))
 
 
 def make_contacts(seed=0, friction=0.0):
-    """Contacts of five grains, as fields of a snapshot: three between them, and one at each wall."""
+    """Return random contacts of 5 grains, as fields of a snapshot: 3 pairs, and one at each of 2 walls."""
     random = np.random.default_rng(seed)
     force = random.uniform(1.0, 20.0, 6)
     pair, wall = np.array([(0, 1), (1, 2), (0, 4)], np.int32), np.array([(0, 0), (3, 1)], np.int32)
@@ -53,13 +53,13 @@ def make_contacts(seed=0, friction=0.0):
 
 
 def moment(position, velocity, scene=None, **fields):
-    """A snapshot of a scene with other grains."""
+    """Return a snapshot of a scene with these positions and velocities."""
     scene = make_scene() if scene is None else scene
     return replace(snapshot(scene, first_state(scene)), position=position, velocity=velocity, **fields)
 
 
 def recorder_of(path, scene=None, resume_at=None, first_step=0, fps=50, **options):
-    """A recorder of 50 frames per second, and colors by speed, unless it is told otherwise."""
+    """Return a recorder; by default of 50 frames per second, colored by speed."""
     scene = make_scene() if scene is None else scene
     options = RunOptions(steps=1, record=path, fps=fps, **{"color_by": "speed"} | options)
     return Recorder(
@@ -68,7 +68,7 @@ def recorder_of(path, scene=None, resume_at=None, first_step=0, fps=50, **option
 
 
 def moments(frames, scene=None):
-    """Snapshots of frames, each with contacts of its own, and in a scene with friction with rotation."""
+    """Yield a snapshot per frame, with random contacts, and with spins and angles if there is friction."""
     scene = make_scene() if scene is None else scene
     for seed, frame in enumerate(frames):
         fields = make_contacts(seed, scene.friction) if scene.n == len(RADIUS) else {}
@@ -79,7 +79,7 @@ def moments(frames, scene=None):
 
 
 def record(path, frames, scene=None, **options):
-    """Record the `moments` of frames, and return the path; by default as points."""
+    """Record the `moments` of frames, by default as points, and return the path."""
     with recorder_of(path, scene, **options) as recorder:
         for now in moments(frames, scene):
             recorder.record(now)
@@ -87,12 +87,12 @@ def record(path, frames, scene=None, **options):
 
 
 def opened(path, frames, scene=None, **options):
-    """Record some frames, and open the file."""
+    """Record a number of frames, and return the opened USD stage."""
     return Usd.Stage.Open(str(record(path, make_frames(frames), scene, **options)))
 
 
 def bands_of(path, code):
-    """Return the middles of both ends of each force chain of a file [m], (m, 2, 2), and widths [m], (m,)."""
+    """Return middles of both ends, (m, 2, 2), and widths, (m,), of the m force chains of a file [m]."""
     stage = Usd.Stage.Open(str(path))
     points = np.array(stage.GetAttributeAtPath("/World/Forces.points").Get(code), np.float64)
     a, b, c, d = points.reshape(-1, 4, 3)[:, :, :2].swapaxes(0, 1)

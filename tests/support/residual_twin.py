@@ -9,12 +9,12 @@ from warpgrains.base.arrays import FloatArray
 
 
 def free_velocity(simulation: Simulation) -> FloatArray:
-    """Velocities that the next step begins with [m/s]."""
+    """Return the velocities after the next step without contacts [m/s], shape (n, 2)."""
     return without_contacts(simulation.scene, simulation.velocity, simulation.state().staggered)
 
 
 def twin_residual(simulation: Simulation, free_velocity: FloatArray) -> float:
-    """Eta of the last step, for velocities rebuilt from the corrections [m/s]."""
+    """Return eta of the last step [m/s], for velocities rebuilt from the corrections."""
     scene, position, mass = simulation.scene, simulation.last_start().position, contact_mass(simulation.scene)
     rho, wall = np.hypot(*position.T), at_annulus(simulation).correction
     outward = position / rho[:, None]

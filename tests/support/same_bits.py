@@ -1,4 +1,4 @@
-"""Equality to the last bit: of all that a dataclass holds, and of a simulation with the C reference."""
+"""Bit-identity: of the content of dataclasses, and of a simulation with the C reference."""
 
 from dataclasses import fields
 from typing import Any, NamedTuple
@@ -11,14 +11,14 @@ from warpgrains.reference.reference import Reference, pair_index
 
 
 class AtAnnulus(NamedTuple):
-    """What grains carry at the annulus, by grain, shape (n,): > 0 at its outer circle, < 0 inside."""
+    """Correction [m/s] and force [N] per grain, shape (n,): > 0 at the outer circle, < 0 at the inner one."""
 
     correction: FloatArray
     force: FloatArray
 
 
 def at_annulus(simulation: Simulation) -> AtAnnulus:
-    """Return what the grains of a simulation carried during the last step."""
+    """Return corrections and forces at the annulus in the last step."""
     contacts, n = simulation.wall_contacts(), simulation.scene.n
     grain, wall = contacts.wall.T
     inner = simulation.scene.bodies.circle_walls[0]
@@ -28,7 +28,7 @@ def at_annulus(simulation: Simulation) -> AtAnnulus:
 
 
 def contents(record: Any) -> Any:
-    """Every number and text of nested dataclasses, arrays as bytes, so that equal means the same bits."""
+    """Return the fields of nested dataclasses, with arrays as bytes, so that == compares bits."""
     if isinstance(record, np.ndarray):
         return record.dtype, record.shape, record.tobytes()
     if hasattr(record, "__dataclass_fields__"):
@@ -44,7 +44,7 @@ def run_of(scene: Scene, steps: int, **options: Any) -> Simulation:
 
 
 def dense_pair_correction(simulation: Simulation) -> FloatArray:
-    """Return the corrections of all pairs of a simulation's last step, those not listed as 0."""
+    """Return the corrections of all pairs in the last step [m/s], shape (n (n - 1) / 2,); 0 if not listed."""
     n, contacts = simulation.scene.n, simulation.contacts()
     dense = np.zeros(n * (n - 1) // 2)
     dense[pair_index(contacts.pair, n)] = contacts.correction
@@ -52,7 +52,7 @@ def dense_pair_correction(simulation: Simulation) -> FloatArray:
 
 
 def assert_same_bits(simulation: Simulation, reference: Reference) -> None:
-    """Hold all that a step leaves behind against the reference."""
+    """Assert that grains, driven walls and corrections have the bits of the reference."""
     scene = simulation.scene
     moving = ["velocity", "position"] + ["spin", "angle"] * scene.has_friction
     for name in moving + ["driven"] * scene.has_driven_walls:

@@ -1,4 +1,4 @@
-"""Scenes hard on the solver: random ones, ones that make it solve a step again, ones that cannot fit."""
+"""Hard scenes: random ones, ones in which a step must be solved again, and ones that cannot fit."""
 
 from collections.abc import Callable
 from typing import Any
@@ -32,10 +32,10 @@ velocity = [1.0, 2.0]
 
 
 def random_scene(seed: int) -> Scene:
-    """Draw grains anywhere between the walls, whatever they overlap; eight kinds of scene in turn.
+    """Draw grains anywhere between the walls, with any overlaps; `seed` cycles through eight kinds of scene.
 
-    The kinds are a half of a half of all combinations of gravity, drag, inner wall, distinct radii and
-    distinct masses: every two of these five are met together, apart, and neither.
+    The kinds are a fractional factorial design (2^(5-2)) of gravity, drag, inner wall, distinct radii and
+    distinct masses: for every two of these five, all four combinations occur.
     """
     rng = np.random.default_rng(seed)
     gravity, drag, inner_wall = (bool(seed >> bit & 1) for bit in range(3))
@@ -65,7 +65,7 @@ def _anywhere(rng: np.random.Generator, n: int, radius_in: float) -> FloatArray:
 
 
 def dense_start(seed: int, filled: float, **changes: Any) -> Scene:
-    """Draw 60 to 260 grains of radii 1:4 anywhere in a disc, of which they would fill some part."""
+    """Draw 60 to 260 overlapping grains of radii 1:4 in a unit disc; the sum of areas is `filled` of it."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(60, 260))
     radius = rng.uniform(0.25, 1.0, n)
@@ -83,21 +83,21 @@ def dense_start(seed: int, filled: float, **changes: Any) -> Scene:
 
 
 def bullet() -> Scene:
-    """A grain of 100 m/s crosses the domain in a few steps and hits a heap at the bottom."""
+    """Return a grain of 100 m/s that crosses the domain in a few steps and hits a heap at the bottom."""
     heap = _heap(8, 6, spacing=0.11)
     velocity = np.vstack([[3.0, -100.0], np.zeros_like(heap)])
     return _sudden(np.vstack([[0.05, 1.7], heap]), velocity=velocity)
 
 
 def explosion() -> Scene:
-    """Thirty grains almost at the same place, among others at rest that they will reach in one step."""
+    """Return thirty grains at almost the same place, which reach a resting heap within one step."""
     crowded = np.random.default_rng(5).normal(0.0, 1e-3, (30, 2))
     mass = np.append(np.full(30, 0.3), np.full(32, 0.1))
     return _sudden(np.vstack([crowded, _heap(8, 4, spacing=0.11)]), mass=mass, drag=1.0)
 
 
 def squeezed_light_grains() -> Scene:
-    """Grains of 1 mg between grains of 1 kg that close in on them: they shoot out to the sides."""
+    """Return grains of 1 mg between approaching grains of 1 kg, which squeeze them out to the sides."""
     heavy = np.array([[0.0, 0.3 * k - 1.0] for k in range(6)])
     light = np.array([[0.02 * (-1) ** k, 0.3 * k - 0.85] for k in range(5)])
     return _sudden(
@@ -109,7 +109,7 @@ def squeezed_light_grains() -> Scene:
 
 
 def falling_cloud() -> Scene:
-    """Grains that fall together at 60 m/s, at rest in their own frame, until they meet a wall and others."""
+    """Return grains that fall together at 60 m/s without relative motion, onto a wall and a heap."""
     position = np.vstack([_heap(8, 8, spacing=0.13, y=0.8), _heap(8, 3, spacing=0.11)])
     velocity = np.vstack([np.tile([5.0, -60.0], (64, 1)), np.zeros((24, 2))])
     return _sudden(position, velocity=velocity, radius_in=0.1)
@@ -121,13 +121,13 @@ def _sudden(position: FloatArray, **fields: Any) -> Scene:
 
 
 def _heap(columns: int, rows: int, spacing: float, x: float = 1e-3, y: float = -1.7) -> FloatArray:
-    """A square lattice about x, from y upwards."""
+    """Return a square lattice centered at x, from y upwards [m], shape (columns rows, 2)."""
     column, row = np.meshgrid(np.arange(columns) - (columns - 1) / 2.0, np.arange(rows))
     return np.stack([x + spacing * column.ravel(), y + spacing * row.ravel()], axis=1)
 
 
 def chain(grains: int, overlap: float, **options) -> Scene:
-    """Grains in line from wall to wall, too large by `overlap` in all [m]."""
+    """Return a row of grains between walls, whose diameters add up to `overlap` [m] more than the gap."""
     radius = (0.5 + overlap) / (2 * grains)
     y = 0.5 + (np.arange(grains) + 0.5) * 0.5 / grains
     options = {"mass": 0.1, "max_iterations": 2000} | options
@@ -137,7 +137,7 @@ def chain(grains: int, overlap: float, **options) -> Scene:
 
 
 def ring(grains: int, too_large: float, **options) -> Scene:
-    """Grains in single file all the way round, so large that `too_large` times less would just fit."""
+    """Return a closed ring of grains, whose radius is `too_large` times the radius that just fits."""
     fitting = np.sin(np.pi / grains) / (1.0 + np.sin(np.pi / grains))
     angle = 2.0 * np.pi * (np.arange(grains) + 0.3) / grains
     radius = too_large * fitting
@@ -145,7 +145,7 @@ def ring(grains: int, too_large: float, **options) -> Scene:
 
 
 def crowd(grains: int, area: float, **options) -> Scene:
-    """Grains at random that would take `area` of all the area between the walls."""
+    """Return random grains whose areas sum to `area` times the area between the walls."""
     rng = np.random.default_rng(0)
     radius = np.sqrt(area * (1.0 - 0.3**2) / grains)
     angle = rng.uniform(0.0, 2.0 * np.pi, grains)

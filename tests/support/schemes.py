@@ -1,4 +1,4 @@
-"""The schemes of time and wall that every kind of check is made with."""
+"""Combinations of `scheme` and `wall` for tests, and their free velocities and masses."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ MIXED = [
 
 
 def without_contacts(scene: Scene, v: FloatArray, staggered: bool) -> FloatArray:
-    """Velocities after a step without contacts [m/s]: by Euler, or with drag on the mean of old and new."""
+    """Return velocities after a step without contacts [m/s]: Euler, or leapfrog with midpoint drag."""
     g, rate = np.array(scene.gravity), (scene.drag / scene.mass)[:, None]
     if scene.scheme == "text":
         return v + scene.dt * (g - rate * v)
@@ -25,5 +25,5 @@ def without_contacts(scene: Scene, v: FloatArray, staggered: bool) -> FloatArray
 
 
 def contact_mass(scene: Scene) -> FloatArray:
-    """Impulse that changes a velocity by 1 m/s [kg], shape (n,): midpoint drag acts on half of the change."""
+    """Return impulse per change of velocity [kg], shape (n,): the mass; in leapfrog, plus dt drag / 2."""
     return scene.mass + (0.5 * scene.dt * scene.drag if scene.scheme == "leapfrog" else 0.0)

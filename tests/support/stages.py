@@ -1,4 +1,4 @@
-"""Single stages of a step, run on the record of a scene whose arrays a test has written, or poisoned."""
+"""Single stages of a step, run on the record of a scene whose arrays a test has set or poisoned."""
 
 from functools import partial, reduce
 from operator import getitem
@@ -18,7 +18,7 @@ from warpgrains.solver.sizes import Sizes
 from warpgrains.solver.threads import run_threads
 
 Values = dict[str, Any]
-"""Values of a record by the names of its arrays and numbers."""
+"""Values by name of an array or a number of a record."""
 KERNELS: dict[str, wp.Kernel] = {}
 
 
@@ -38,7 +38,7 @@ def kernel_of(*stages: Stage) -> wp.Kernel:
 
 
 class OneRecord:
-    """The record of one scene, with capacity for this many contacts, and a team of threads for its stages."""
+    """The record of one scene with capacity for `contacts` contacts, and a team of threads for its stages."""
 
     def __init__(self, scene: Scene, contacts: int, threads: int = 1):
         device = wp.get_device("cpu")
@@ -47,7 +47,7 @@ class OneRecord:
         self.team = team_records(threads)
 
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
-        """Return an array of the scene, or a number of its record, such as `step.zeta`, an array of one."""
+        """Return an array of the scene, or a number of the record such as `step.zeta`, as an array of one."""
         try:
             return self.records.array(0, name)
         except KeyError:
@@ -68,18 +68,18 @@ class OneRecord:
 
 
 def grains_apart(n: int) -> Scene:
-    """So many grains that do not touch, for a graph of contacts that has nothing to do with them."""
+    """Return n grains that do not touch, for tests in which a graph sets the contacts."""
     x, y = np.divmod(np.arange(n), 100)
     return Scene(position=np.stack([x, y], axis=1) + 0.5, radius=0.1, mass=1.0, radius_out=200.0 + n)
 
 
 def path(n: int) -> IntArray:
-    """Return the pairs of a graph, each grain with the next."""
+    """Return the pairs (0, 1), (1, 2), ... of n grains, shape (n - 1, 2)."""
     return np.arange(n - 1)[:, np.newaxis] + np.arange(2)
 
 
 def random_graph(n: int, pairs: int, seed: int) -> IntArray:
-    """Return so many pairs among n grains, in lexicographic order."""
+    """Return random distinct pairs of n grains in lexicographic order, shape (pairs, 2)."""
     everything = np.stack(np.triu_indices(n, 1), axis=1)
     chosen = np.random.default_rng(seed).choice(len(everything), pairs, replace=False)
     return everything[np.sort(chosen)]
@@ -91,7 +91,7 @@ def grain_total(pairs: IntArray) -> int:
 
 
 def listed(pairs: IntArray, at_walls: IntArray) -> IntArray:
-    """Return the contacts of grains, each of which is at this many walls, in the order of the list."""
+    """Return pairs and contacts with walls in list order; grain i touches the first `at_walls[i]` walls."""
     n = len(at_walls)
     body = n + np.arange(at_walls.max(initial=0))
     at = np.nonzero(np.arange(len(body)) < at_walls[:, np.newaxis])
@@ -100,9 +100,9 @@ def listed(pairs: IntArray, at_walls: IntArray) -> IntArray:
 
 
 def record_of_graph(pairs: IntArray, at_walls: IntArray) -> OneRecord:
-    """List a graph's pairs, and the walls that each grain is at, with everything to be found poisoned."""
+    """Return a record whose list has these pairs and contacts with walls, and whose outputs are poisoned."""
     contacts, scene = listed(pairs, at_walls), grains_apart(len(at_walls))
-    record = OneRecord(scene.replace(wall="round"), len(contacts) + 1)  # whose walls have limits
+    record = OneRecord(scene.replace(wall="round"), len(contacts) + 1)  # round walls have limits
     record["neighbors.start"][:] = np.searchsorted(contacts[:, 0], np.arange(scene.n + 1))
     record["neighbors.neighbor"][: len(contacts)] = contacts[:, 1]
     record.write({"workspace.set_of": -7, "workspace.sweep_index": -7, "workspace.taken": 2**64 - 1})

@@ -1,4 +1,4 @@
-"""Sweeps that several tests carry out."""
+"""Sweep files of several tests, and readers of their output."""
 
 import csv
 from pathlib import Path
@@ -22,7 +22,7 @@ solver.max_iterations = 30
 physics.drag = [0.1, 100.0, 0.5]
 grains.count = [5, 15]
 """
-"""Six runs of 40 steps, some not converged; the third and the fourth have too much drag to be a scene."""
+"""Six runs of 40 steps, some not converged; runs 2 and 3 fail, because their drag is invalid."""
 
 LONG = """
 scene = "annulus"
@@ -56,22 +56,22 @@ def rows(folder: Path) -> list[dict[str, str]]:
 
 
 def results(folder: Path) -> bytes:
-    """Read the table of results as it lies on disk."""
+    """Return the bytes of the table of results."""
     return (folder / "results.csv").read_bytes()
 
 
 def parts(folder: Path) -> list[list[dict[str, str]]]:
-    """Read the tables of groups of runs."""
+    """Read the shards, one table per group of runs."""
     return [table(part) for part in sorted(folder.glob("parts/[0-9]*.csv"))]
 
 
 def steps_kept(folder: Path) -> int:
-    """Return the number of steps of all checkpoints."""
+    """Return the sum of the steps of all checkpoints."""
     return sum(read_checkpoint(path).statistics.steps for path in folder.glob("runs/*/checkpoint.npz"))
 
 
 def begin(folder: Path, text: str, out: Path | str = "out") -> tuple[SweepFolder, Sweep]:
-    """Write a sweep file and the files of its output that come before the first run."""
+    """Write a sweep file, and in its output the files that are written before the first run."""
     folder.mkdir(exist_ok=True)
     sweep = Sweep.load(write(folder, text))
     output = SweepFolder(folder / out, sweep.axes, RunSettings())
@@ -81,11 +81,11 @@ def begin(folder: Path, text: str, out: Path | str = "out") -> tuple[SweepFolder
 
 
 class Interrupted(KeyboardInterrupt):
-    """What stands for a killed process."""
+    """Exception that replaces the end of a killed process."""
 
 
 class Slices:
-    """Groups of runs with folders, or all, end after four steps; the one after `left` more is killed."""
+    """Patch: groups with folders (`of_all`: all) end after 4 steps; after `left` groups, it interrupts."""
 
     def __init__(self, patch, of_all=False):
         self.left, self.of_all, self.is_slice = 1_000, of_all, False
@@ -102,5 +102,5 @@ class Slices:
             return min(4, steps_due.fget(run)) if self.is_slice else steps_due.fget(run)
 
         patch.setattr(Group, "advance", advance_or_die)
-        patch.setattr(LoadedScenes, "cancel", lambda loaded: None)  # a slice has its four steps
+        patch.setattr(LoadedScenes, "cancel", lambda loaded: None)  # a slice always does its four steps
         patch.setattr(SweepRun, "steps_due", property(four_steps))

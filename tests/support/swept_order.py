@@ -1,4 +1,4 @@
-"""In which order a simulation sweeps its contacts, and the C reference held against it in that order."""
+"""Order in which a simulation sweeps its contacts, and comparison with the C reference in this order."""
 
 import ctypes
 from collections.abc import Callable
@@ -19,11 +19,11 @@ LAWS = {
         ("rollingWalls", "drContacts", "drBoundary", "drWalls"),
     ),
 }
-"""Numbers and arrays of the reference, of which the last three are corrections."""
+"""Names of numbers and of arrays of the reference, by law; the last three arrays are corrections."""
 
 
 def swept_pairs(simulation: Simulation) -> IntArray:
-    """Read in which order the last step swept its pairs, shape (m, 2)."""
+    """Return the listed pairs in the order of the last step, shape (m, 2)."""
     records = simulation._engine.records
     listed = records.host["contacts"]["count"]["pairs"][0]
     pairs = records.array(0, "contacts.contact")[:listed]
@@ -31,7 +31,7 @@ def swept_pairs(simulation: Simulation) -> IntArray:
 
 
 def full_order(simulation: Simulation) -> IntArray:
-    """The pairs as swept, then all pairs that were left out, which must stay silent, then all walls."""
+    """Return pairs as swept, then all other pairs, which must carry nothing, then all (grain, -1 - wall)."""
     n, swept = simulation.scene.n, swept_pairs(simulation)
     is_silent = np.ones(n * (n - 1) // 2, bool)
     is_silent[pair_index(swept, n)] = False
@@ -42,18 +42,18 @@ def full_order(simulation: Simulation) -> IntArray:
 
 
 class Followed(NamedTuple):
-    """What a simulation met while the reference followed it."""
+    """Results of a simulation that was compared with the reference."""
 
     scene: Scene
     reports: list[StepReport]
     touched: set[int]
-    """Walls that carried a grain."""
+    """Walls that grains have touched."""
     position: FloatArray
-    """Of the grains in the end."""
+    """Final positions of the grains [m], shape (n, 2)."""
 
 
 def worst_overlap(simulation: Simulation) -> float:
-    """Measure the overlaps of all pairs and of all grains with the circles [m]."""
+    """Return the largest overlap of all pairs, and of all grains with walls [m]."""
     now, x = simulation.present_scene, simulation.position
     gaps = [now.side(wall, x, now.radius, time=now.time).gap for wall in range(len(now.walls))]
     gaps.append(now.pair_frames(x, np.stack(np.triu_indices(now.n, 1), axis=1))[1])
@@ -61,9 +61,10 @@ def worst_overlap(simulation: Simulation) -> float:
 
 
 def residual_in_c(library: ctypes.CDLL, simulation: Simulation, start: State) -> float:
-    """Return by how much contacts err after the last step, each visited alone (eqs. 12, 25, 30, 38).
+    """Return the largest error of a contact after the last step [m/s] (eqs. 12, 25, 30, 38).
 
-    A visit changes their relative velocity, along the normal or the tangent or in rolling, by their error.
+    Each contact is visited alone. A visit changes the relative velocity, normal, tangential or of rolling, by
+    the error of the contact.
     """
     scene, worst = simulation.scene, 0.0
     after = replace(start, corrections=simulation.state().corrections)
@@ -97,7 +98,7 @@ def follow_reference(
     simulate: Callable[[Scene], Simulation] = Simulation,
     state: State | None = None,
 ) -> Followed:
-    """Hold every step against the reference, in the order of the sweeps; both are restored half-way."""
+    """Assert that every step equals the reference, in the order of sweeps; restore both half-way."""
     reports, touched = [], set[int]()
     for count in (steps // 2, steps - steps // 2):
         simulation, reference = simulate(scene), Reference(library, scene, state)

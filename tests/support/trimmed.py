@@ -1,4 +1,4 @@
-"""How much a long test does, and how many cases it has: all, or what WARPGRAINS_EXAMPLES leaves, as in CI."""
+"""Numbers of examples of long tests, which the variable WARPGRAINS_EXAMPLES limits, as in CI."""
 
 import os
 
@@ -7,12 +7,12 @@ from hypothesis import HealthCheck, settings
 
 
 def trimmed(many: int) -> int:
-    """Return so many examples, or fewer."""
+    """Return `many`, or WARPGRAINS_EXAMPLES if that is less."""
     return min(many, int(os.environ.get("WARPGRAINS_EXAMPLES", many)))
 
 
 def few_or_many(few: int, many: int, **options: int) -> pytest.MarkDecorator:
-    """Give a test the settings `how` of hypothesis: few examples, always the same; many others if slow."""
+    """Parametrize `how`, settings of hypothesis: `few` fixed examples, and, if slow, `many` random ones."""
     common = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None, **options}
     long = settings(max_examples=trimmed(many), **common)
     cases = [

@@ -1,6 +1,6 @@
 """Scenes of grains of many sizes that fall on walls of every kind: at rest, in motion, driven, and joined.
 
-A new kind of wall is an example in `OF_EVERY_KIND`, or in `INFINITE`, and a row of `WALLED` if it needs one.
+A new kind of wall needs an example in `OF_EVERY_KIND` or `INFINITE`; perhaps also an entry in `WALLED`.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,12 +19,12 @@ from warpgrains.walls.wall import Wall
 
 
 def on_circle(angle: Any) -> FloatArray:
-    """Return points of the unit circle."""
+    """Return points of the unit circle at an angle or angles [rad], shape (..., 2)."""
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def chained(points: FloatArray, **motion: Any) -> list[Wall]:
-    """Return the segments from each point to the next."""
+    """Return the segments from each of `points`, shape (m, 2) [m], to the next."""
     return [Segment(a, b, **motion) for a, b in pairwise(map(tuple, points.tolist()))]
 
 
@@ -37,7 +37,7 @@ def scattered(
     spinning: float = 0.0,
     **fields: Any,
 ) -> Scene:
-    """Return grains between two squares of distances, outside of walls, of random velocities and spins."""
+    """Return random grains at squared distances in `areas` [m2] from the origin, not inside of `outside`."""
     rng = np.random.default_rng(seed)
     angle, distance = rng.uniform(0.0, tau, n), np.sqrt(rng.uniform(*areas, n))
     position = distance[:, np.newaxis] * on_circle(angle)
@@ -69,7 +69,7 @@ def alone(
     velocity: tuple[float, float] = (0.0, 0.0),
     **changes: Any,
 ) -> Simulation:
-    """Return the simulation of a grain of radius 0.1 m at walls, of second order, solved to rounding."""
+    """Return a leapfrog simulation of one grain (radius 0.1 m) and walls, with tolerance 1e-12 m/s."""
     fields = {
         "radius": 0.1,
         "mass": 1.0,
@@ -82,13 +82,13 @@ def alone(
 
 
 def force_on(contacts: Any) -> FloatArray:
-    """Return what contacts carry on second grains, or on walls [N], shape (m, 2)."""
+    """Return the forces of contacts on their second grains, or on walls [N], shape (m, 2)."""
     tangent = np.stack([-contacts.normal[:, 1], contacts.normal[:, 0]], axis=1)
     return contacts.force[:, None] * contacts.normal + contacts.tangential_force[:, None] * tangent
 
 
 def around(n: int = 110, walls: Sequence[Wall] = OF_EVERY_KIND, **changes: Any) -> Scene:
-    """Return a scene of grains that fall on walls and between them."""
+    """Return a scene of grains that fall on fixed walls and between them."""
     return scattered(n, 1, (0.1, 0.95), walls, **{"drag": 0.1, "radius_in": 0.2} | changes)
 
 
@@ -122,7 +122,7 @@ TURNING: dict[str, Any] = {**OF_ALL_LAWS, "gravity": {"vector": (3.0, -9.0), "ro
 
 
 def stirred(n: int = 90, seed: int = 1, walls: Sequence[Wall] = MOVING, **changes: Any) -> Scene:
-    """Return a scene of grains that fall on walls that move as given in advance."""
+    """Return a scene of grains that fall on walls with prescribed motions."""
     return scattered(n, seed, (0.0, 0.85), walls, **{"drag": 0.1} | changes)
 
 
@@ -131,7 +131,7 @@ STILL = Disc((0.2, -0.3), 0.1)
 
 
 def pressed(n: int = 70, seed: int = 1, walls: Sequence[Wall] = (), **changes: Any) -> Scene:
-    """Return a scene of grains at random velocities in a circle under a pressure."""
+    """Return a scene of grains with random velocities in a circle on which a pressure acts."""
     squeeze = {"pressure": 50.0, "gravity": (0.0, 0.0)}
     return scattered(n, seed, (0.05, 0.85), walls, thrown=0.3, **squeeze | changes)
 
@@ -153,7 +153,7 @@ CORNERS: dict[str, list[Wall]] = {
 
 
 def cornered(walls: Sequence[Wall], n: int = 50, **changes: Any) -> Scene:
-    """Return a scene of grains that fall from within 0.65 m on walls with joints."""
+    """Return a scene of grains that fall on joined walls; they start within 0.65 m from the origin."""
     areas = (0.65**2 * 0.1, 0.65**2)
     return scattered(n, 5, areas, walls, **{"radius_out": 1.2, "max_iterations": 60} | changes)
 
@@ -209,7 +209,7 @@ BOXES: dict[str, dict[str, Any]] = {
 
 
 def filled(**fields: Any) -> Scene:
-    """Return a scene of grains at random in a box that is periodic in x, with sides and other fields."""
+    """Return a scene of random grains in a box that is periodic in x; `fields` has sides and others."""
     sides = {name: fields.pop(name) for name in ("bottom", "top") if name in fields}
     box = Box((0.2, 0.7), (0.0, 0.6), periodic="x", **sides)
     position, radius = random_layout(box.space, box.among(()), radius=[0.02, 0.028], packing_fraction=0.6)
@@ -219,7 +219,7 @@ def filled(**fields: Any) -> Scene:
 
 
 def boxed(kind: str, n: int = 60, seed: int = 1, **changes: Any) -> Scene:
-    """Return a scene of grains of random velocities in a box, one of `BOXES`."""
+    """Return a scene of grains with random velocities in the box `BOXES[kind]`."""
     fields: dict[str, Any] = {"gravity": (0.0, 0.0), "walls": ()} | BOXES[kind] | changes
     sides = {key: fields.pop(key) for key in ("periodic", "left", "bottom", "top") if key in fields}
     rng = np.random.default_rng(seed)
@@ -253,4 +253,4 @@ WALLED: dict[str, Callable[..., Scene]] = {
     **{f"corners, {kind}": partial(cornered, walls) for kind, walls in CORNERS.items()},
     **{f"box, {kind}": partial(boxed, kind) for kind in BOXES},
 }
-"""The walls of all tests that many grains fall on."""
+"""Scenes for tests of all kinds of walls, by name."""
