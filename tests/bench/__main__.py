@@ -3,8 +3,8 @@
     python -m tests.bench all -o tests/bench/results --box2d3 FOLDER
     python -m tests.bench threads peers -o DIR
 
-They need Linux, gcc, the extra `[bench]`, and two cores with nothing else to do for an hour. A file
-appears when it is complete.
+The benches need Linux, gcc, the extra `[bench]`, and two idle cores for an hour. Each file appears
+when it is complete.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from .rows import publish, say
 
 
 class Bench(NamedTuple):
-    """What it measures, the functions that yield its rows, and options where the command has none."""
+    """A bench: its subject, the functions that yield its rows, and its default options (`long`: --long)."""
 
     measures: str
     functions: str
@@ -66,7 +66,7 @@ BENCHES = {
 
 
 def options_of(bench: Bench, given: argparse.Namespace) -> argparse.Namespace:
-    """Return what is given to the command, and else what the bench has."""
+    """Return the options given to the command, and the defaults of the bench for all others."""
     own = bench.options | (bench.long if given.long else {})
     chosen = {key: value for key, value in vars(given).items() if value is not None}
     return argparse.Namespace(**{**vars(given), **own, **chosen})
@@ -102,7 +102,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure one bench after the other, each in a process of its own."""
+    """Run the chosen benches one after the other, each in a separate process."""
     given, failed = parse(arguments), []
     given.output.mkdir(parents=True, exist_ok=True)
     chosen = given.benches if "all" not in given.benches else [name for name in BENCHES if name != "gpu"]

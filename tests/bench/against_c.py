@@ -1,4 +1,4 @@
-"""The solver against C built for this machine, with the same bits: one sweep, steps, the course's scene."""
+"""Time of one sweep, of steps and of the course's scene, here and in C built for this machine; same bits."""
 
 import argparse
 import ctypes
@@ -25,17 +25,17 @@ from .rows import SPEEDUP, Row, Subject, in_turn, row, seconds
 
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off")
 COMPILER = "gcc -O3"
-SWEPT, SWEEPS = 10_000, 200  # grains, and how often they are swept in one go
+SWEPT, SWEEPS = 10_000, 200  # grains, and sweeps that are timed together
 FASTER_AT_REST = {100: ">= 25", 1_000: ">= 250", 5_000: ">= 1000"}
 FASTER_IN_FLOW = {1_000: ">= 400"}
 COURSE_STEPS = 800
 VEC = ("<f8", (2,))
 CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<u4"), ("j", "<u4")], align=True)
-"""The record that in_c.c sweeps."""
+"""Record of a contact in in_c.c."""
 
 
 def compiled(compiler: str, flags: Sequence[str], sources: Sequence[Path]) -> ctypes.CDLL:
-    """Compile for this machine, and load the library."""
+    """Compile C sources for this machine, and return the loaded library."""
     with tempfile.TemporaryDirectory() as folder:
         built = f"{folder}/built.so"
         subprocess.run(
@@ -81,7 +81,7 @@ class Sweeps:
         return self.dv.copy(), self.velocity.copy()
 
     def reset(self) -> None:
-        """Put everything back to where the sweeps start, with nothing monitored."""
+        """Restore the arrays from which the sweeps start, and turn off monitoring."""
         self.dv[:], self.velocity[:] = self._start
         self._numbers["tuning"]["monitor_threshold"] = np.inf
         self._numbers["control"]["phase"] = Phase.SWEEP
@@ -104,7 +104,7 @@ class Sweeps:
 
 
 def sweeps(options: argparse.Namespace) -> Iterator[Row]:
-    """One sweep in either order, on the same arrays."""
+    """Yield the time of a sweep in each order, here and in C, on the same arrays."""
     for n in options.grains or [SWEPT]:
         kind, *pile = settled_pile(n, options.cache)
         for order, target in (("sequential", "<= 1.1"), ("color", "")):
@@ -122,7 +122,7 @@ def sweeps(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def steps(options: argparse.Namespace) -> Iterator[Row]:
-    """Whole steps against all pairs in C, at rest and flowing."""
+    """Yield the time of whole steps, here and in C (all pairs), for a resting pile and a flow."""
     for n in options.grains or FASTER_AT_REST:
         kind, *pile = settled_pile(n, options.cache)
         count, target = max(2, 4_000 // n), FASTER_AT_REST.get(n, "")
@@ -167,7 +167,7 @@ def course(options: argparse.Namespace) -> Iterator[Row]:
         references.append(CReference(scene))
         return seconds(partial(references[-1].run, COURSE_STEPS)) * 1e3
 
-    ours()  # once, so that the launches are captured
+    ours()  # first call captures the launches
     times = in_turn(options.repeats, ours, in_c)
     assert_same_bits(simulation, references[-1])
     subject = Subject(f"the course's scene, {COURSE_STEPS} steps", scene.n)

@@ -1,4 +1,4 @@
-"""Batches on one core beside the C reference in a loop, on two cores, and on a GPU, to the same bits."""
+"""Times of batches, with the same bits: one core and the C reference in a loop, two cores, a GPU."""
 
 import argparse
 from collections.abc import Iterator, Sequence
@@ -15,18 +15,18 @@ from .against_c import COMPILER, CReference
 from .flow import pile
 from .rows import SPEEDUP, Row, Subject, in_turn, row, seconds
 
-IN_C = 5  # scenes that are run in C, too
+IN_C = 5  # about this many scenes also run in C
 SETTLING_STEPS = 25
 COURSES = (1, 60, 1_000, 10_000)  # scenes of a batch on a GPU
-FALL, COURSE_STEPS = 80, 40  # steps of the course before they are measured, and that each time is of
+FALL, COURSE_STEPS = 80, 40  # steps of the course before the measurement, and per time
 PILES = ((1_000, 100), (10_000, 100), (200, 1_000), (1_000, 1_000), (1, 1_000), (1, 10_000), (1, 100_000))
-"""Scenes of a batch on a GPU, and grains of each."""
-SETTLED, PILE_STEPS = 200, 10  # steps before, and that each time is of
-ALONE = 25_000  # grains of a batch up to which one thread is measured, too
+"""(number of scenes in a batch on a GPU, grains per scene)."""
+SETTLED, PILE_STEPS = 200, 10  # steps of piles before the measurement, and per time
+ALONE = 25_000  # one thread is also measured up to this number of grains
 
 
 def course(count: int, grains: int = 15, columns: int = 5) -> list[Scene]:
-    """The course's scene, its grains moved a little at random, each time by other numbers."""
+    """Return `count` copies of the course's scene, with grains moved at random by up to 1 % of a radius."""
     scene = Scene.load("annulus", [f"grains.count={grains}", f"grains.columns={columns}"])
     return [_moved(scene, seed, 0.01 * scene.radius[0]).replace(duration=8.0) for seed in range(count)]
 
@@ -37,7 +37,7 @@ def _moved(scene: Scene, seed: int, way: float) -> Scene:
 
 
 def piles(options: argparse.Namespace) -> Iterator[Row]:
-    """Piles of 100 grains that settle from a lattice, to the tolerance of the course's scene, against C."""
+    """Yield times of piles of 100 grains that settle from a lattice, solved to 1e-6 m/s, here and in C."""
     scene = pile(100)
     dt = 3.0 * scene.dt
     duration = dt * (options.steps or SETTLING_STEPS)
@@ -50,7 +50,7 @@ def piles(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def courses(options: argparse.Namespace) -> Iterator[Row]:
-    """Scenes of the course against C, on two cores, and what making them adds."""
+    """Yield times of scenes of the course: against C, on two cores, and including making the batch."""
     for count in options.scenes:
         scenes = course(count)
         yield _against_c("scenes of the course", scenes, ">= 6", options.repeats)
@@ -59,7 +59,7 @@ def courses(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def _against_c(name: str, scenes: list[Scene], target: str, repeats: int) -> Row:
-    """A batch on one core against C, where some of its scenes run one after the other, to the same bits."""
+    """Time a step of a batch on one core, and of some of its scenes in C, one after the other; same bits."""
     chosen = range(0, len(scenes), max(1, len(scenes) // IN_C))
     steps_in_c = sum(scenes[k].steps for k in chosen)
     batches: list[Batch] = []
@@ -77,7 +77,7 @@ def _against_c(name: str, scenes: list[Scene], target: str, repeats: int) -> Row
         references[:] = [CReference(scenes[k]) for k in chosen]
         return seconds(run_all) / steps_in_c * 1e6
 
-    Batch(scenes[:1], threads=1).step()  # once, so that the kernels are loaded
+    Batch(scenes[:1], threads=1).step()  # loads the kernels
     times = in_turn(repeats, ours, in_c)
     for k, reference in zip(chosen, references, strict=True):
         assert np.array_equal(batches[-1].position(k), reference.position)
@@ -87,7 +87,7 @@ def _against_c(name: str, scenes: list[Scene], target: str, repeats: int) -> Row
 
 
 def _on_two_cores(scenes: list[Scene], repeats: int) -> Iterator[Row]:
-    """The same batch on two threads, and on one; beside it two that share nothing, at once."""
+    """Time a batch on one thread and on two, and its halves as two separate batches at once."""
 
     def run(threads: int) -> float:
         batch = Batch(scenes, threads=threads)
@@ -106,7 +106,7 @@ def _on_two_cores(scenes: list[Scene], repeats: int) -> Iterator[Row]:
 
 
 def _overhead(scenes: list[Scene], repeats: int) -> Row:
-    """Making a batch and running it, against what the kernels take of it."""
+    """Time making and running a batch, and the part of this time that the kernels take."""
     whole, kernels = [], []
 
     def measure() -> None:
@@ -120,7 +120,7 @@ def _overhead(scenes: list[Scene], repeats: int) -> Row:
 
 
 def on_gpu(options: argparse.Namespace) -> Iterator[Row]:
-    """Batches of the course and of piles that have fallen a while, and single piles."""
+    """Yield times on a GPU: batches of the course and of piles, after some steps, and single piles."""
     for count in options.scenes or COURSES:
         yield from _on_gpu("course", course(count, 24, 6), FALL, COURSE_STEPS, options)
     for count, n in PILES:
@@ -134,7 +134,7 @@ def on_gpu(options: argparse.Namespace) -> Iterator[Row]:
 def _on_gpu(
     what: str, scenes: Sequence[Scene], before: int, steps: int, options: argparse.Namespace
 ) -> Iterator[Row]:
-    """A step of all scenes, on the GPU, by all threads and, if there are few grains, by one thread."""
+    """Time a step of all scenes on the GPU, with all CPU threads and, for few grains, with one thread."""
     n, count = scenes[0].n, len(scenes)
     threads = [cores(), *([1] if count * n <= ALONE or count == 1 else [])]
     own = Batch(scenes, device=options.device)

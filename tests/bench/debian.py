@@ -1,13 +1,13 @@
-"""The common flowing scene, and plane shear, in programs run by the Python that Debian packages them for.
+"""The common flow and plane shear in programs of Debian, run by the Python that Debian packages them for.
 
-It reads one line of JSON, the name of the program, its setting and the scene, and then numbers of frames to
-advance, or of steps in a shear. It answers each with the CPU time so far [s], and the centers [m] or the
-sample of a shear: the mean force [N] of the grains on the lid and on the bottom in these steps, the height of
-the lid [m], the centers of the grains [m] and their velocities along x [m/s].
+The script reads a line of JSON: the name of the program, its setting and the scene. Each further line is a
+number of frames to advance, or of steps in a shear. The answer to each line is the CPU time so far [s], and
+the centers [m] or, in a shear, a sample: the mean force [N] of the grains on the lid and on the bottom in
+these steps, the height of the lid [m], the centers of the grains [m] and their velocities along x [m/s].
 
-Soft spheres, also those of LAMMPS, are kept in the plane, and LIGGGHTS has the inertia of spheres. In the
-flow, their linear springs are damped critically, a contact lasts 20 steps at least, and `overlap` [radii] is
-the one that springs are stiff enough for where grains meet at 5 m/s.
+Soft spheres, also in LAMMPS, are kept in the plane; LIGGGHTS uses the inertia of spheres. In the flow, linear
+springs are critically damped, a contact lasts at least 20 steps, and the stiffness is chosen so that grains
+that meet at 5 m/s overlap by `overlap` [radii].
 """
 
 import ctypes
@@ -23,19 +23,19 @@ FRAME = 0.01  # s
 FASTEST = 5.0  # m/s
 FACETS = 360  # of the outer wall in YADE
 REBOUND = 0.1  # restitution of two mean discs in a shear
-BELOW = 5.0  # m in the cell of YADE below the bottom
-REACH = 0.1  # radii between grains whose contact Siconos gets, in addition to their way in a step
+BELOW = 5.0  # part of the cell of YADE below the bottom [m]
+REACH = 0.1  # gap [radii] up to which Siconos gets contacts, in addition to the path per step
 
 
 def springs(scene, overlap):
-    """Return the stiffness of two grains, and steps of a frame."""
+    """Return the stiffness of a contact [N/m], and the number of steps per frame."""
     m = scene["mass"]
     k = 0.5 * m * (FASTEST / (overlap * scene["radius"])) ** 2
     return k, math.ceil(FRAME / (math.pi * math.sqrt(0.5 * m / k) / 20.0))
 
 
 def contact(stiffness):
-    """Return how long mean discs of a shear touch [s], and their damping over the reduced mass [1/s]."""
+    """Return duration [s] and damping per reduced mass [1/s] of a contact of mean discs in a shear."""
     omega, decay = math.sqrt(2.0 * stiffness), -math.log(REBOUND)
     return math.pi / omega, 2.0 * omega * decay / math.hypot(math.pi, decay)
 
@@ -93,12 +93,12 @@ class Yade:
 
 
 class OfLammps:
-    """What LAMMPS and LIGGGHTS have in common: the script, in the plane between two cylinders."""
+    """Common part of LAMMPS and LIGGGHTS: the script, for grains in a plane between two cylinders."""
 
-    height, units = 1, ""  # half of the box's [radii], and what LIGGGHTS adds to lengths
+    height, units = 1, ""  # half height of the box [radii]; suffix of lengths in LIGGGHTS
 
     def start(self, scene, begin, contacts, grain, moves):
-        """Run the script, which has lines of the program's own before and after those of the scene."""
+        """Run the script: lines of the scene between lines that are specific to the program."""
         x, z = 1.1 * scene["radius_out"], self.height * scene["radius"]
         lines = [
             "units si",
@@ -149,7 +149,7 @@ class InLiggghts:
 
 
 def properties(numbers):
-    """Return the commands that give LIGGGHTS the numbers of its contacts, by name."""
+    """Return the commands that set the contact parameters of LIGGGHTS, given by name."""
     return [f"fix {name} all property/global {name} peratomtypepair 1 {v}" for name, v in numbers.items()]
 
 
@@ -193,12 +193,12 @@ class Liggghts(InLiggghts, OfLammps):
 
 
 class ShearedOfLammps:
-    """What LAMMPS and LIGGGHTS have in common in a shear; a force drives the lid, a row of discs."""
+    """Common part of LAMMPS and LIGGGHTS in a shear: a force presses the lid, which is a row of discs."""
 
-    units = ""  # what LIGGGHTS adds to lengths
+    units = ""  # suffix of lengths in LIGGGHTS
 
     def start(self, scene, dt, every, begin, contacts, moves):
-        """Run the script. Forces are averaged over `every` steps, and not at all if that is 0."""
+        """Run the script. Forces are averaged over `every` steps; if it is 0, they are not measured."""
         length, height, rate, n = (scene[key] for key in ("length", "height", "rate", "n"))
         position, radius = scene["position"], scene["radius"]
         row = (len(radius) - n) // 2
@@ -346,8 +346,8 @@ class ShearedYade:
 class Siconos:
     """Discs by Moreau and Jean's scheme and nonsmooth Gauss-Seidel (NSGS), lengths in radii.
 
-    Its own search only adds contacts, so a k-d tree finds them, in time that is left out. The outer wall is
-    replaced by its tangent at each grain near it, renewed after 0.01 rad.
+    The search of Siconos never removes contacts, so a k-d tree finds them; its time is not counted. At each
+    grain near it, the outer wall is replaced by a tangent, which is renewed after 0.01 rad.
     """
 
     def __init__(self, scene, dt, tolerance):
@@ -439,7 +439,7 @@ PROGRAMS = {
 
 def main():
     answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # whatever they print
+    os.dup2(2, 1)  # output of programs goes to standard error
     name, setting, scene = json.loads(sys.stdin.readline())
     program, taken = PROGRAMS[name](scene, **setting), 0.0
     sample = getattr(program, "sample", None) or program.position

@@ -1,9 +1,9 @@
 """The exact method against accelerated sweeps on single steps, and to the end of every shipped scene.
 
-Times are those of the processor, of one thread, so that the machine may be busy. Piles are the shipped one
-on other scales, of radii 1:1.5, after 4 s with 300 sweeps a step at most; they take minutes and are kept. A
-step is the one after three exact ones, several in a row. Errors are max |v - v_exact| over that of the free
-velocities, where v_exact is what the method leaves with no tolerance.
+Times are CPU times of one thread, so the machine may be busy. Piles are the shipped pile on other scales,
+with radii 1:1.5, after 4 s with at most 300 sweeps per step; they take minutes and are cached. Several steps
+in a row are measured, after three exact steps. Errors are max |v - v_exact|, divided by the same error of the
+free velocities, where v_exact is the result of the exact method with tolerance 1e-14.
 """
 
 import argparse
@@ -24,14 +24,14 @@ from .flow import continued, flowing, kept_state
 from .rows import SPEEDUP, Row, Subject, row
 
 AT_REST = 4.0  # s
-SWEEPS = 300  # of a step until then
+SWEEPS = 300  # most per step until then
 EXACT_ERROR, SWEPT_ERROR = 1e-9, 1e-6
 MOST = 50_000  # sweeps
 EXACT: dict[str, Any] = {"method": "exact", "order": "color", "max_iterations": MOST}
 
 
 class Step(NamedTuple):
-    """A step to be solved: from where, and to what velocities [m/s]."""
+    """A step to be solved: scene, start, exact velocities [m/s], and error of the free velocities [m/s]."""
 
     scene: Scene
     start: State
@@ -43,7 +43,7 @@ class Step(NamedTuple):
 
 
 def pile(n: int) -> Scene:
-    """Return the shipped pile on another scale."""
+    """Return the shipped pile with n grains, scaled so that their total area stays the same."""
     radius = 0.014 * (1000 / n) ** 0.5
     scene = Scene.load("pile", [f"grains.count={n}", f"grains.radius={radius!r}", f"grains.mass={1.0 / n!r}"])
     dt, factor = 0.005 * (radius / 0.014) ** 0.5, np.random.default_rng(n).uniform(0.7, 1.05, n)
@@ -52,7 +52,7 @@ def pile(n: int) -> Scene:
 
 
 def steps_of(n: int, options: argparse.Namespace) -> Iterator[Step]:
-    """Yield steps in a row, after three exact ones."""
+    """Yield successive steps of a pile of n grains, after three exact steps."""
     scene = pile(n)
     start = kept_state(options.cache / f"poly-{n}-resting.npz", scene, ceil(AT_REST / scene.dt))
     simulation = continued(scene, start, **EXACT, tolerance=1e-10)
@@ -68,7 +68,7 @@ def steps_of(n: int, options: argparse.Namespace) -> Iterator[Step]:
 
 
 def exactly(step: Step) -> tuple[float, int]:
-    """Return time [ms] and factorizations of the exact method, with the largest tolerance that will do."""
+    """Return time [ms] and factorizations of the exact method, with the largest sufficient tolerance."""
     for tolerance in 10.0 ** -np.arange(4.0, 14.0):
         simulation = Simulation(step.scene.replace(**EXACT, tolerance=tolerance), threads=1)
         taken, factorizations = _take(simulation, step)
@@ -78,7 +78,7 @@ def exactly(step: Step) -> tuple[float, int]:
 
 
 def by_sweeps(step: Step) -> tuple[float, int]:
-    """Return time [ms] and number of the accelerated sweeps that its error takes, to within a fifth."""
+    """Return time [ms] and number (within 20 %) of accelerated sweeps down to an error of SWEPT_ERROR."""
     sweeps = 20
     while True:
         changes = {"method": "accelerated", "order": "color", "tolerance": 0.0, "max_iterations": sweeps}
@@ -97,7 +97,7 @@ def _take(simulation: Simulation, step: Step) -> tuple[float, int]:
 
 
 def piles(options: argparse.Namespace) -> Iterator[Row]:
-    """Time of a step by both methods, each to its error, and how they solve it."""
+    """Yield the time of a step by both methods, and its factorizations and sweeps."""
     for n in options.grains:
         steps = list(steps_of(n, options))
         times, counts = zip(*(exactly(step) for step in steps), strict=True)
@@ -109,7 +109,7 @@ def piles(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def shipped(options: argparse.Namespace) -> Iterator[Row]:
-    """Steps of every shipped scene without friction that are not solved to 1e-9 m/s."""
+    """Yield the number of steps of each shipped scene without friction that are not solved to 1e-9 m/s."""
     for name in shipped_scenes():
         scene = Scene.load(name)
         if scene.has_friction:
@@ -122,7 +122,7 @@ def shipped(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def with_friction(options: argparse.Namespace) -> Iterator[Row]:
-    """Steps short of their tolerance in runs of scenes with friction, and their times."""
+    """Yield numbers of unconverged steps and times of runs of scenes with friction, by both methods."""
     scenes = [Scene.load(name) for name in ("rotating_drum", "couette", "hopper", "collapse")]
     flow = flowing(1_000, friction=0.5, order="color", max_iterations=10_000)
     for scene, tolerance in (*product(scenes, (1e-4, 1e-6)), (flow, 1e-4)):

@@ -1,8 +1,8 @@
 """What every feature costs a scene that lacks it: ratios of steps with the feature to steps without it.
 
-A feature is switched on so that it does nothing, and it is said how far the grains of both scenes are apart
-at the end: last digits grow where grains collide. Features that cannot do nothing have as many sweeps a step
-as the plain method in the text's scheme.
+A feature is switched on with a value that has no effect, and the distance between the grains of both scenes
+at the end is printed, because collisions amplify rounding errors. Features that always have an effect are
+measured with a fixed number of sweeps per step, as is the plain method in the text's scheme.
 """
 
 import argparse
@@ -20,19 +20,19 @@ from .flow import ACCELERATED, ITERATIONS, SWEPT, flowing, settled_pile
 from .rows import Row, in_turn, say, seconds
 
 COLUMNS = ("scene", "feature", "with_us", "without_us", "ratio_min", "ratio_median", "ratio_max")
-FIRST = 3  # steps before those that are timed
-GRAINS = (1_000,)  # of the larger scenes
-MEASURED = (400, 10_000)  # grains of flows that are measured
-FLOWING = 80  # steps before flows are measured
+FIRST = 3  # steps before the timed steps
+GRAINS = (1_000,)  # numbers of grains of the larger scenes
+MEASURED = (400, 10_000)  # grains of flows, for `measuring`
+FLOWING = 80  # steps of flows before the measurement
 STRIP = {"y": (-1.0, -0.8)}  # m
 NOTHING = 1e-100
-"""A gravity, drag or radius that changes no other number; products of two are still floats of full digits."""
+"""A gravity, drag or radius too small to change other numbers; squares are still normal floats."""
 Changes = dict[str, Any]
 Switch = Changes | Callable[[Scene], Changes]
 
 
 class Case(NamedTuple):
-    """A scene, what its contacts carry at the start, steps of a pass, and passes that a time is of."""
+    """A scene, its corrections at the start, the steps of a pass, and the passes per time."""
 
     name: str
     scene: Scene
@@ -42,33 +42,33 @@ class Case(NamedTuple):
 
 
 def _without_inner_wall(scene: Scene) -> Changes:
-    """No inner wall; the grains start, and stay, below where it has been, and the outer one makes room."""
+    """Remove the inner wall, move the grains below its place, and enlarge the outer wall accordingly."""
     down = max(0.0, (scene.position[:, 1] + 2.0 * scene.radius).max())
     position = scene.position - np.array([0.0, down])
     return {"radius_in": 0.0, "radius_out": scene.radius_out + down, "position": position}
 
 
 def _without_gravity(scene: Scene) -> Changes:
-    """No gravity; the grains fly about, so that a step has something to do."""
+    """Remove gravity and drag, and give grains random velocities, so that they collide."""
     velocity = np.random.default_rng(1).normal(0.0, 1.0, scene.position.shape)
     return {"gravity": (0.0, 0.0), "drag": 0.0, "velocity": velocity}
 
 
 def _in_a_box(scene: Scene, periodic: str = "") -> Changes:
-    """A box whose sides no grain reaches."""
+    """Replace the annulus by a box whose sides no grain reaches."""
     ends = -3.0 * scene.extent.half, 3.0 * scene.extent.half
     return {"domain": Box(ends, ends, periodic)}
 
 
 def _in_a_ring(scene: Scene) -> Changes:
-    """A ring in a box instead of the outer wall."""
+    """Replace the outer wall by a ring in a box."""
     changes = _without_inner_wall(scene)
     ring = Disc((0.0, 0.0), changes.pop("radius_out"), inside=True)
     return {**changes, **_in_a_box(scene), "walls": [ring]}
 
 
 def _of_distinct(field: str, scene: Scene) -> Changes:
-    """Equal numbers of which the first is a last digit larger."""
+    """Enlarge the first of equal numbers by its last bit."""
     values = getattr(scene, field)
     return {field: np.append(np.nextafter(values[0], np.inf), values[1:])}
 
@@ -89,7 +89,7 @@ FEATURES: dict[str, tuple[Switch, Switch]] = {
     f"friction, {ITERATIONS} accelerated iterations": (FASTER, {"friction": 0.5}),
     f"rolling friction beside friction, {ITERATIONS} iterations": (RUBBING, {"rolling_friction": 0.1}),
 }
-"""Changes of a scene after which it lacks a feature, and changes of that one that switch it on."""
+"""By feature: changes of a scene that remove the feature, and then changes that switch it on."""
 
 TOGETHER = ["stress_xy", "force_y:Outer", "coordination_number", "packing_fraction"]
 MEASUREMENTS: dict[str, Callable[[Simulation], object]] = {
@@ -105,7 +105,7 @@ MEASUREMENTS: dict[str, Callable[[Simulation], object]] = {
 
 
 def costs(options: argparse.Namespace) -> Iterator[Row]:
-    """Every feature in the course's scene, a pile, and grains that flow."""
+    """Yield the cost of every feature in the course's scene, in a pile, and in a flow."""
     most = options.steps or 1_000_000
     course = Scene.load("annulus")
     cases = [Case("the course's scene", course, first_state(course).corrections, course.steps - FIRST, 3)]
@@ -121,7 +121,7 @@ def costs(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def measuring(options: argparse.Namespace) -> Iterator[Row]:
-    """Steps of which each is measured, in flows with friction, to steps that are not."""
+    """Yield the cost of measuring after each step of flows with friction."""
     for n in options.grains or MEASURED:
         scene = flowing(n, **ACCELERATED, friction=0.5)
         simulation = Simulation(scene, threads=1)
@@ -137,7 +137,7 @@ def measuring(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def _us_of_steps(simulation: Simulation, steps: int, measure: Callable[[Simulation], object] | None) -> float:
-    """Return the mean time of steps and of what is measured after each [us], from the same state."""
+    """Return the mean time of a step with `measure` after it [us]; restore the state afterwards."""
     state, taken = simulation.state(), 0.0
     for _ in range(steps):
         taken += seconds(partial(simulation.advance, 1))
@@ -148,13 +148,13 @@ def _us_of_steps(simulation: Simulation, steps: int, measure: Callable[[Simulati
 
 
 def cost(case: Case, name: str, repeats: int) -> Row:
-    """Time a scene with a feature and without it in turn."""
+    """Time a scene with and without a feature, alternately."""
     lacking, switched_on = FEATURES[name]
     without = _changed(case.scene, lacking)
     timed = [Simulation(scene, threads=1) for scene in (_changed(without, switched_on), without)]
     ways = [partial(_us_a_step, simulation, case) for simulation in timed]
     for way in ways:
-        way()  # once, so that the kernels are loaded
+        way()  # loads the kernels
     apart = np.abs(timed[0].position - timed[1].position).max()
     say(f"  {case.name}, {name}: {apart:.1g} m apart")
     return _row(case.name, name, *in_turn(repeats, *ways))
@@ -171,7 +171,7 @@ def _changed(scene: Scene, changes: Switch) -> Scene:
 
 
 def _us_a_step(simulation: Simulation, case: Case) -> float:
-    """Return the mean time of the steps after the first ones [us], from where the case starts."""
+    """Return the mean time of a step [us] of a case, without the FIRST steps of each pass."""
     scene, taken = simulation.scene, 0.0
     for _ in range(case.passes):
         simulation.restore(State(0, scene.position, scene.velocity, case.corrections))

@@ -1,12 +1,12 @@
-"""Scenes that are measured: the common flow, which every program gets, and piles.
+"""Scenes of the benches: the common flow, which all programs simulate, and piles.
 
 In the flow, equal discs fill 40 % of an annulus. They are released at rest from a square lattice, lowest rows
-first, each a little off its place, and fall in a thin liquid. The fastest of 1,000 reach 1.7 m/s, 0.4 radii a
-step of 0.01 s, so that every second step needs another list.
+first, each moved a little, and fall with a small drag. The fastest of 1,000 grains reach 1.7 m/s, which is
+0.4 radii per step of 0.01 s, so that every second step needs a new list.
 
-Every pile is the same one on another scale: equal discs fill 40 % of a disc from below, on a hexagonal
-lattice a little too wide, each a little off its place, and sink in a liquid that is thick against dt. All
-lengths of a step are in radii, all times in sqrt(radius / gravity).
+All piles are the same pile on other scales: equal discs fill 40 % of a disc from below, on a slightly widened
+hexagonal lattice, each moved a little, and sink with a large drag. Lengths scale with the radius, times with
+sqrt(radius / gravity).
 """
 
 from math import inf, pi, sqrt
@@ -21,30 +21,30 @@ from warpgrains.base.arrays import FloatArray
 from .rows import say
 
 GRAVITY = 9.81  # m/s2
-FILLING = 0.4  # of the annulus or disc
+FILLING = 0.4  # packing fraction of the annulus or disc
 RADIUS_IN, RADIUS_OUT = 0.5, 2.0  # m
-PITCH = 2.05  # of the lattice, in radii
-SHAKE = 0.01  # how far a grain is off its place, in radii
+PITCH = 2.05  # of the square lattice [radii]
+SHAKE = 0.01  # displacement of each grain from its lattice point [radii]
 GOLDEN = 0.6180339887498949
 DURATION = 2.0  # s
-SPLASHING = 0.6  # s, when all splash
+SPLASHING = 0.6  # time of the flow at which all grains splash [s]
 SOLVED = {"method": "accelerated", "order": "color", "stop": "residual", "tolerance": 1e-2}
-"""How it is solved where steps are measured."""
+"""Solver settings of the flow where single steps are measured."""
 ACCELERATED = {"method": "accelerated", "order": "color", "tolerance": 1e-3}
-"""How it is solved where nothing else is said."""
+"""Solver settings of the flow in other benches."""
 
-ITERATIONS = 50  # of a step that is measured
-STEP = 0.03  # dt in sqrt(radius / gravity)
-THICKNESS = 0.9  # part of a velocity that drag takes in a step
-RESTING = 2e-4  # rms way in a step, in radii, below which a pile is said to rest
+ITERATIONS = 50  # of a measured step
+STEP = 0.03  # dt of piles [sqrt(radius / gravity)]
+THICKNESS = 0.9  # part of a velocity that drag removes per step
+RESTING = 2e-4  # rms displacement per step [radii] below which a pile rests
 SETTLING = {1_000: 4_800, 10_000: 2_400, 100_000: 1_200, inf: 200}
-"""Steps that piles of so many grains are given: fewer than they need where they would take hours."""
+"""Steps of settling, by largest number of grains. Large piles get fewer than they need to rest."""
 SWEPT = {"method": "gauss-seidel", "stop": "zeta", "tolerance": 0.0, "max_iterations": ITERATIONS}
-"""How a step has that many plain sweeps."""
+"""Solver settings for exactly ITERATIONS plain sweeps per step."""
 
 
 def flowing(n: int, **changes: Any) -> Scene:
-    """Return the scene of so many grains, with some of its fields changed."""
+    """Return the common flow with n grains and changed fields."""
     radius = sqrt(FILLING * (RADIUS_OUT**2 - RADIUS_IN**2) / n)
     fields = {
         "position": _shaken_lattice(n, radius),
@@ -62,14 +62,14 @@ def flowing(n: int, **changes: Any) -> Scene:
 
 
 def splashing(n: int, cache: Path) -> tuple[Scene, State]:
-    """Return the scene, in steps as long to its grains as 0.01 s to 1,000, and its state amid the flow."""
+    """Return the flow and its state at SPLASHING; dt is 0.01 s for 1,000 grains and scales as radii."""
     dt = 0.01 * sqrt(1_000 / n)
     scene = flowing(n, **SOLVED, dt=dt)
     return scene, kept_state(cache / f"flow-{n}-{SPLASHING}.npz", scene, round(SPLASHING / dt))
 
 
 def _shaken_lattice(n: int, radius: float) -> FloatArray:
-    """The n lowest places clear of the walls, by height and from the left, each grain a little off it."""
+    """Return the n lowest lattice points without walls, by height, then x, each moved a little [m]."""
     pitch = PITCH * radius
     k = np.arange(-int(RADIUS_OUT / pitch) - 1, int(RADIUS_OUT / pitch) + 2)
     place = np.stack([np.tile(k, len(k)), np.repeat(k, len(k))], axis=1) * pitch
@@ -82,7 +82,7 @@ def _shaken_lattice(n: int, radius: float) -> FloatArray:
 
 
 def settled_pile(n: int, cache: Path) -> tuple[str, Scene, State]:
-    """Return whether plain Gauss-Seidel brought a pile to rest, the pile, and the state it has settled to."""
+    """Return a name that tells whether the pile rests, the pile, and its state after SETTLING steps."""
     scene, steps = pile(n), next(steps for most, steps in SETTLING.items() if n <= most)
     state = kept_state(cache / f"pile-{n}-{steps}-{STEP}-{THICKNESS}.npz", scene, steps)
     way = sqrt(np.mean(state.velocity**2) * 2.0) * scene.dt / scene.radius[0]
@@ -90,7 +90,7 @@ def settled_pile(n: int, cache: Path) -> tuple[str, Scene, State]:
 
 
 def pile(n: int) -> Scene:
-    """Return the pile before it settles; its steps are of so many iterations, converged or not."""
+    """Return the pile of n grains before it settles, with exactly ITERATIONS iterations per step."""
     radius = sqrt(FILLING / n)
     mass, dt = radius**2, STEP * sqrt(radius / GRAVITY)
     return Scene(
@@ -108,7 +108,7 @@ def pile(n: int) -> Scene:
 
 
 def _filled_disc(n: int, radius: float) -> FloatArray:
-    """Rows from the bottom up; the pile will sink by about a quarter of a radius, however high it is."""
+    """Return n places in rows from the bottom up [m]. The pile later sinks by about a quarter of a radius."""
     gap = 0.4 / sqrt(n)
     pitch = (2.0 + gap) * radius
     row = np.arange(int(2.0 / pitch * 2.0 / sqrt(3.0)))[:, np.newaxis]
@@ -121,7 +121,7 @@ def _filled_disc(n: int, radius: float) -> FloatArray:
 
 
 def kept_state(file: Path, scene: Scene, steps: int) -> State:
-    """Return the state after so many steps, from a checkpoint; where there is none, save it."""
+    """Return the state after `steps` steps from the checkpoint `file`, which is made if it is missing."""
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
         say(f"{scene.name}: {steps:,} steps")
@@ -132,7 +132,7 @@ def kept_state(file: Path, scene: Scene, steps: int) -> State:
 
 
 def continued(scene: Scene, state: State, threads: int | None = 1, **changes: Any) -> Simulation:
-    """Continue from a state, with lists that are past their first steps."""
+    """Return a simulation that continues from a state, after 3 steps, in which the first lists are made."""
     simulation = Simulation(scene, threads=threads, **changes)
     simulation.restore(state)
     simulation.advance(3)

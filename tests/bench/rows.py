@@ -1,4 +1,4 @@
-"""Timing, and CSV files with a row for each figure, with the code, the day and the machine that it is of."""
+"""Timing, and CSV files with a row per figure, and with version, commit, date and machine."""
 
 import argparse
 import csv
@@ -20,7 +20,7 @@ from warpgrains.base.warp_start import start_warp
 
 Row = dict[str, str]
 STAMP = ("version", "commit", "date", "processor")
-"""Columns of every CSV file, after its own."""
+"""Last columns of every CSV file."""
 SLOWDOWN, SPEEDUP = "median / its median", "its median / median"
 
 
@@ -31,7 +31,7 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def in_turn(repeats: int, *measure: Callable[[], float]) -> list[list[float]]:
-    """Call each function once a round, so that noise hits all of them; return the values of each."""
+    """Call all functions once per round, so that noise affects all; return the list of values of each."""
     rounds = [[take() for take in measure] for _ in range(repeats)]
     return [list(values) for values in zip(*rounds, strict=True)]
 
@@ -41,7 +41,7 @@ def say(text: str) -> None:
 
 
 class Subject(NamedTuple):
-    """What is measured: a scene's kind, its size, and how it is swept."""
+    """Subject of a measurement: kind of scene, number of grains, order and threads."""
 
     name: str
     n: int
@@ -58,7 +58,7 @@ def row(
     ratio_is: str = SLOWDOWN,
     target: str = "",
 ) -> Row:
-    """Take the medians; the ratio is one of medians, and `target` says what it should be, as in "<= 1.1"."""
+    """Return a row with medians and their ratio. `target` is a bound for readers, such as "<= 1.1"."""
     ours, its = median(values), median(its_values) if its_values else None
     ratio = None if its is None else ours / its if ratio_is == SLOWDOWN else its / ours
     return {
@@ -82,7 +82,7 @@ def _number(value: float | None) -> str:
 
 
 def publish(functions: str, options: argparse.Namespace, file: Path) -> None:
-    """Write the rows that functions of this package yield, one by one as they are measured."""
+    """Write the rows that functions of tests.bench yield to `file`, each as soon as it is measured."""
     start_warp()
     stamp = dict(zip(STAMP, (__version__, _commit(), str(date.today()), _processor()), strict=True))
     part, writer = file.with_suffix(".part"), None
@@ -99,7 +99,7 @@ def publish(functions: str, options: argparse.Namespace, file: Path) -> None:
 
 
 def _commit() -> str:
-    """Return the commit, with a + if the package differs from it."""
+    """Return the commit, followed by + if kernels/ or warpgrains/ have uncommitted changes."""
     git = partial(subprocess.run, cwd=Path(__file__).parents[2], capture_output=True, text=True)
     commit = git(["git", "rev-parse", "--short", "HEAD"]).stdout.strip()
     changed = git(["git", "diff", "--quiet", "HEAD", "--", "kernels", "warpgrains"]).returncode == 1

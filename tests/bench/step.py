@@ -1,4 +1,4 @@
-"""Whole runs, steps of one thread and of two on quiet and busy cores, and what a first run takes."""
+"""Times of whole runs, of steps of one and of two threads on idle and busy cores, and of a first run."""
 
 import argparse
 import os
@@ -18,15 +18,15 @@ from warpgrains import Scene, Simulation
 from .flow import ITERATIONS, SOLVED, SWEPT, continued, flowing, settled_pile, splashing
 from .rows import SPEEDUP, Row, Subject, in_turn, row, seconds
 
-FLOWING = {100: "<= 0.06", 1_000: "<= 0.9", 5_000: "<= 8", 10_000: "<= 20"}  # ms a step
-SHARED = 10_000, 100_000  # grains that two threads step
-IDLE = 5  # steps: an idle core needs a while to come to speed
+FLOWING = {100: "<= 0.06", 1_000: "<= 0.9", 5_000: "<= 8", 10_000: "<= 20"}  # targets by grains [ms per step]
+SHARED = 10_000, 100_000  # grains of the scenes for two threads
+IDLE = 5  # steps before timing, because an idle core starts slowly
 FIRST_RUNS = 3
 LOOP = "import os, sys; os.sched_setaffinity(0, {int(sys.argv[1])})\nwhile True: pass"
 
 
 def moving(options: argparse.Namespace) -> Iterator[Row]:
-    """Whole runs of the common flowing scene, and what their steps have of it."""
+    """Yield time per step, worst overlap, iterations and lists of whole runs of the common flow."""
     for n in options.grains or FLOWING:
         scene = flowing(n, **SOLVED)
         simulations = [Simulation(scene, threads=1) for _ in range(options.repeats)]
@@ -41,7 +41,7 @@ def moving(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def threads(options: argparse.Namespace) -> Iterator[Row]:
-    """Two threads, and two simulations at once, against one thread, on quiet and busy cores; same bits."""
+    """Yield times of two threads, and of two simulations at once, against one thread; idle or busy cores."""
     for n in options.grains or SHARED:
         kind, *pile = settled_pile(n, options.cache)
         flow = splashing(n, options.cache)
@@ -85,7 +85,7 @@ def _against_one_thread(
 
 @contextmanager
 def _endless_loops(count: int) -> Iterator[None]:
-    """Keep every core busy with so many processes."""
+    """Keep every core busy with `count` processes."""
     own = sorted(os.sched_getaffinity(0))
     loops = [subprocess.Popen([sys.executable, "-c", LOOP, str(core)]) for core in own * count]
     try:
@@ -97,7 +97,7 @@ def _endless_loops(count: int) -> Iterator[None]:
 
 
 def first_run(options: argparse.Namespace) -> Iterator[Row]:
-    """The course's scene by command, in a process that finds no kernel compiled before."""
+    """Yield the time of the command for the course's scene, with an empty cache of kernels."""
     taken = [_seconds_of_a_first_run() for _ in range(min(FIRST_RUNS, options.repeats))]
     subject = Subject("first run of a new kind of scene, kernels compiled in it", Scene.load("annulus").n)
     yield row(subject, taken, "s", target="<= 3")

@@ -1,4 +1,4 @@
-"""The benchmarks run, and write what their table reads. No time is asserted."""
+"""The benchmarks run and write the rows that the tables of the pages need. No time is asserted."""
 
 import ast
 import csv
