@@ -51,7 +51,8 @@ def block_average(
     Values of weight 0 may be NaN. InputError if there are fewer values than blocks.
     """
     if len(values) < checks.whole_number("blocks", blocks, least=2):
-        raise InputError(f"blocks is {blocks}: only {number_of(len(values), "measurement")} from this time on")
+        left = number_of(len(values), "measurement")
+        raise InputError(f"blocks is {blocks}: only {left} from this time on")
     weight = np.broadcast_to(weight, values.shape)
     sums = np.where(weight > 0.0, values, 0.0) * weight, weight
     with np.errstate(invalid="ignore", divide="ignore"):
