@@ -206,7 +206,7 @@ class Sink(Exchange):
     --------
     >>> below = wg.Sink(region={"y": (-2.0, -1.0)}, into="top")
     >>> above = wg.Source(region={"y": (1.0, 1.8)}, radius=0.1, density=10.0, name="top")
-    >>> cycle = wg.Simulation(wg.Scene.load("annulus").replace(sources=[above], sinks=[right]))
+    >>> cycle = wg.Simulation(wg.Scene.load("annulus").replace(sources=[above], sinks=[below]))
     >>> summary = cycle.run(duration=4.0)
     >>> cycle.scene.n, cycle.outflow[0].grains == cycle.inflow[0].entered > 0
     (15, True)
