@@ -1,9 +1,9 @@
-"""Contacts by index: pairs, then contacts with walls; chunks over which sums are taken; one contact's law.
+"""Contacts by index (pairs, then contacts with walls), and chunks of contacts over which sums are taken.
 
-A chunk is what CHUNK contacts, from a multiple of CHUNK on, have of one set. Chunk q of set k is in those
-from (q - k) CHUNK on: where a set ends among them, they have one more chunk. Sums are taken over each, and
-then over the chunks in order, so that they are the same for any number of threads. The contacts of a grain
-with walls are never divided among threads, or chunks.
+Contacts are divided into blocks [m CHUNK, (m + 1) CHUNK). A chunk is the intersection of a block and a set:
+chunk q of set k is in block m = q - k. Each set adds 1, because a block in which a set ends has two chunks.
+Sums are taken over each chunk, and then over the chunks in order, so that they are the same for any number of
+threads. The contacts of one grain with walls are never divided between two threads or chunks.
 """
 
 import warp as wp
@@ -17,7 +17,7 @@ from .walls.driven import change_speed
 
 f64 = wp.float64
 CHUNK = wp.constant(128)
-EQUAL_RIMS = wp.constant(wp.vec3d(1.0 / 3.0, 1.0, 1.0))  # `rim_weights` of a pair where all masses are equal
+EQUAL_RIMS = wp.constant(wp.vec3d(1.0 / 3.0, 1.0, 1.0))  # `rim_weights` of a pair if all masses are equal
 
 
 @wp.func
@@ -28,19 +28,19 @@ def contact_count(s: Scene) -> int:
 
 @wp.func
 def set_count(s: Scene) -> int:
-    """Return the number of sets: those of pairs, and that of all contacts with walls."""
+    """Return the number of sets: the sets of pairs, plus one for all contacts with walls."""
     return s.contacts.count.sets + 1
 
 
 @wp.func
 def is_wall_set(s: Scene, k: int) -> bool:
-    """Return whether a set is that of contacts with walls."""
+    """Return whether set k contains the contacts with walls."""
     return k == s.contacts.count.sets
 
 
 @wp.func
 def next_grain(s: Scene, c: int) -> int:
-    """Return c, or the next contact with a wall that is of another grain than the contact before."""
+    """Return c or, within the contacts with walls, the first index >= c at which another grain begins."""
     k = int(c)
     while k > pair_count(s) and k < contact_count(s):
         if contact_at(s.contacts.contact, k).i != contact_at(s.contacts.contact, k - 1).i:
@@ -51,7 +51,7 @@ def next_grain(s: Scene, c: int) -> int:
 
 @wp.func
 def range_of_set(team: Team, s: Scene, k: int, begin: int, end: int):
-    """Return this thread's range of [begin, end) of set k: all or nothing if its contacts share a wall."""
+    """Return this thread's range of [begin, end) in set k. One thread has all contacts with driven walls."""
     first, last = thread_range(team, begin, end)
     if is_driven(s) and is_wall_set(s, k):
         first = wp.where(team.rank == 0, begin, end)
@@ -61,7 +61,7 @@ def range_of_set(team: Team, s: Scene, k: int, begin: int, end: int):
 
 @wp.func
 def contacts_of(team: Team, s: Scene, k: int):
-    """Return first contact and end of this thread's range of a set."""
+    """Return first contact and end of this thread's range of set k."""
     first, last = range_of_set(team, s, k, at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1))
     if is_wall_set(s, k):
         first, last = next_grain(s, first), next_grain(s, last)
@@ -82,7 +82,7 @@ def chunk_count(s: Scene) -> int:
 
 @wp.func
 def chunks_of_set(s: Scene, k: int):
-    """Return first chunk and end of a set."""
+    """Return first chunk and end of set k."""
     return at(s.contacts.set_start, k) // CHUNK + k, chunks_in(at(s.contacts.set_start, k + 1)) + k
 
 
@@ -98,7 +98,7 @@ def contacts_of_chunk(s: Scene, k: int, chunk: int):
 
 @wp.func
 def limits_at(limits: Vectors, w: int) -> wp.vec2d:
-    """Return the limits of contact w with a wall [m/s] (types.Contacts); inf where no wall has any."""
+    """Return the limits of the w-th contact with a wall [m/s] (types.Contacts); inf if the array is empty."""
     if limits.shape[0] > 0:
         return at(limits, w)
     return wp.vec2d(f64(wp.inf), f64(wp.inf))
@@ -106,14 +106,14 @@ def limits_at(limits: Vectors, w: int) -> wp.vec2d:
 
 @wp.func
 def gap_rates_now(contacts: Contacts, c: int, v: wp.vec2d):
-    """Return the gap rates of both sides of a wall, for a grain of velocity v [m/s] (eq. 18)."""
+    """Return gap / dt of contact c on both sides of its wall, for a grain of velocity v [m/s] (eq. 18)."""
     contact, limits = contact_at(contacts.contact, c), limits_at(contacts.limits, c - contacts.count.pairs)
     return law.round_gap_rate(contact.gap_rate, law.speed_along(v, contact.n), limits[1]), limits[0]
 
 
 @wp.func
 def surface_of(s: Scene, c: int) -> wp.vec2d:
-    """Return the friction of the wall of a contact, and its speed along the tangent [m/s] (eq. 23)."""
+    """Return the friction of the wall of contact c, and the wall's speed along the tangent [m/s] (eq. 23)."""
     _, j = bodies_of(contact_at(s.contacts.contact, c))
     surface = at(s.walls.surface, j - grain_count(s))
     if s.contacts.wall_speed.shape[0] > 0:
@@ -123,9 +123,9 @@ def surface_of(s: Scene, c: int) -> wp.vec2d:
 
 @wp.func
 def apply(s: Scene, velocity: Vectors, rim: Floats, contact: Contact, c: int, dv: f64, dvt: f64):
-    """Share the corrections [m/s] of contact c out to its bodies (eqs. 7, 22 and 28).
+    """Add the corrections dv, dvt [m/s] of contact c to velocity and rim of both bodies (eqs. 7, 22, 28).
 
-    They are given, because reading again what START has just written takes a tenth of a step of one sweep.
+    dv and dvt are arguments, because to read again what START has just written takes 10 % of a short step.
     """
     i, j = bodies_of(contact)
     at_wall = c >= pair_count(s)
@@ -150,7 +150,7 @@ def apply(s: Scene, velocity: Vectors, rim: Floats, contact: Contact, c: int, dv
 
 @wp.func
 def value_at(numbers: Floats, c: int) -> f64:
-    """Return a number of a contact; 0 where the scene has none, and the array is empty."""
+    """Return element c, or 0 if the array is empty because the scene has no such number."""
     if numbers.shape[0] > 0:
         return at(numbers, c)
     return f64(0.0)
@@ -158,7 +158,7 @@ def value_at(numbers: Floats, c: int) -> f64:
 
 @wp.func
 def rim_weights(s: Scene, c: int, at_wall: bool) -> wp.vec3d:
-    """Return 1 / K_t of a contact, and how much of a tangential correction its rims take (eq. 22)."""
+    """Return 1 / K_t of contact c, and the shares of a tangential correction for both rims (eq. 22)."""
     if has_weights(s):
         return at(s.contacts.rim_weights, c)
     if at_wall:

@@ -13,7 +13,7 @@ f64 = wp.float64
 
 @wp.func
 def begin_step(s: Scene):
-    """Turn gravity, and place the walls that move."""
+    """Set gravity and place the mobile walls for the start of the step."""
     if s.turning.rate != f64(0.0):
         s.gravity = law.turned_gravity(s.turning.start, s.turning.rate, time_after(s, s.steps))
     place_mobile_walls(s)
@@ -21,7 +21,7 @@ def begin_step(s: Scene):
 
 @wp.func
 def place_mobile_walls(s: Scene):
-    """Place the walls that move where they are at the start of the next step."""
+    """Set the poses of mobile walls, and their velocities, for the step after `s.steps` steps."""
     place_walls(s.walls, time_after(s, s.steps), time_after(s, s.steps + wp.int64(1)), s.dt)
     place_driven_walls(s)
 
@@ -36,7 +36,7 @@ def velocity_after_kick(s: Scene, v: wp.vec2d, acceleration: wp.vec2d, drag: f64
 
 @wp.func
 def free_velocity(s: Scene, i: int):
-    """Compute v* of a grain, and with friction the speed of its rim, or of a driven wall (eq. 27)."""
+    """Compute v* of body i: a grain, with friction also its rim speed, or a driven wall (eq. 27)."""
     v = at(s.grains.velocity, i)
     if i < grain_count(s):
         v = velocity_after_kick(s, v, s.gravity, s.drag, at(s.grains.mass, i))
@@ -52,7 +52,7 @@ def free_velocity(s: Scene, i: int):
 
 @wp.func
 def move(s: Scene, i: int):
-    """Move a grain, or a driven wall, with the velocity that the contacts have corrected (eqs. 3 and 24)."""
+    """Move grain or driven wall i by dt times its corrected velocity (eqs. 3 and 24)."""
     x = at(s.grains.position, i)
     v = at(s.grains.next_velocity, i)
     put(s.grains.last_position, i, x)
@@ -68,7 +68,7 @@ def move(s: Scene, i: int):
 
 @wp.func
 def end_step(s: Scene):
-    """Count the step; after one of the leapfrog, velocities are half a step behind the positions."""
+    """Count the step, place mobile walls, and set `staggered` (record.TimeScheme) after a leapfrog step."""
     s.steps = s.steps + wp.int64(1)
     place_mobile_walls(s)
     s.scheme.last_staggered = s.scheme.staggered

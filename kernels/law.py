@@ -1,4 +1,4 @@
-"""The law of grains as pure functions of numbers, to be compared with MODEL.md line by line."""
+"""The contact law and the laws of motion as pure functions of numbers, each with its equation of MODEL.md."""
 
 import warp as wp
 
@@ -7,7 +7,7 @@ f64 = wp.float64
 
 @wp.func
 def free_velocity(v: wp.vec2d, gravity: wp.vec2d, drag: f64, mass: f64, dt: f64) -> wp.vec2d:
-    """Velocity after Newton's law, without contacts [m/s] (eq. 2)."""
+    """Return the velocity after a step of Newton's law without contacts [m/s] (eq. 2)."""
     return v + dt * (gravity - (drag / mass) * v)
 
 
@@ -15,7 +15,10 @@ def free_velocity(v: wp.vec2d, gravity: wp.vec2d, drag: f64, mass: f64, dt: f64)
 def leapfrog_velocity(
     v: wp.vec2d, gravity: wp.vec2d, drag: f64, mass: f64, dt: f64, staggered: bool
 ) -> wp.vec2d:
-    """The same in the middle of the step (eqs. 16, 17); a `staggered` v is of the middle of the last one."""
+    """Return the velocity in the middle of the step, without contacts [m/s] (eqs. 16, 17).
+
+    v is the velocity in the middle of the last step if `staggered`, and at the start of this step otherwise.
+    """
     a = drag * dt / (f64(2.0) * mass)
     kicked = v + (f64(0.5) * dt) * gravity
     if staggered:
@@ -25,23 +28,23 @@ def leapfrog_velocity(
 
 @wp.func
 def turned_gravity(start: wp.vec2d, rate: f64, time: f64) -> wp.vec2d:
-    """Gravity at a time, of `start` at time 0, that turns at a rate [rad/s] (eq. 31)."""
+    """Return gravity at a time [s] if it is `start` at time 0 and turns at a rate [rad/s] (eq. 31)."""
     c, s = wp.cos(rate * time), wp.sin(rate * time)
     return wp.vec2d(c * start[0] - s * start[1], s * start[0] + c * start[1])
 
 
 @wp.func
 def distance(tail: wp.vec2d, head: wp.vec2d) -> f64:
-    """Distance of two points [m]."""
+    """Return the distance between two points [m]."""
     d = head - tail
     return wp.sqrt(d[0] * d[0] + d[1] * d[1])
 
 
 @wp.func
 def nearest_image(d: wp.vec2d, period: wp.vec2d) -> wp.vec2d:
-    """Return the shortest of a way and its periodic images [m] (eq. 36); a period of 0 has none."""
+    """Return the shortest periodic image of the vector d [m] (eq. 36); period 0: not periodic."""
     x, y = d[0], d[1]
-    if period == wp.vec2d():  # else a processor divides by both before it tests them
+    if period == wp.vec2d():  # without this test, a processor divides by both periods before it tests them
         return d
     if period[0] > f64(0.0):
         x -= period[0] * wp.rint(x / period[0])
@@ -52,7 +55,7 @@ def nearest_image(d: wp.vec2d, period: wp.vec2d) -> wp.vec2d:
 
 @wp.func
 def normal(tail: wp.vec2d, head: wp.vec2d):
-    """Unit normal from tail to head, and their distance [m] (eq. 4)."""
+    """Return the unit normal from tail to head, and the distance between the two points [m] (eq. 4)."""
     d = head - tail
     length = distance(tail, head)
     return wp.vec2d(d[0] / length, d[1] / length), length
@@ -60,54 +63,54 @@ def normal(tail: wp.vec2d, head: wp.vec2d):
 
 @wp.func
 def pair_gap(distance: f64, radius_i: f64, radius_j: f64) -> f64:
-    """Free distance between two grains [m] (eq. 4)."""
+    """Return the gap between two grains whose centers have this distance [m] (eq. 4)."""
     return distance - (radius_i + radius_j)
 
 
 @wp.func
 def normal_change(vn: f64, dvc: f64, gap_rate: f64) -> f64:
-    """Change dv of the correction dv_c of a pair, or of a side of a wall [m/s] (eq. 6).
+    """Return the change of the correction dv_c of a pair, or of one side of a wall [m/s] (eq. 6).
 
-    gap_rate = gap / dt closes the gap in a step.
+    gap_rate = gap / dt is the velocity that closes the gap in one step.
     """
     return wp.max(f64(0.0), vn + dvc - gap_rate) - dvc
 
 
 @wp.func
 def projection(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
-    """dv_c that a contact with a wall needs to keep clear of both sides of it [m/s] (eq. 8).
+    """Return the new dv_c of a contact with a wall, for which the grain passes neither side [m/s] (eq. 8).
 
-    back_rate is gap / dt on the other side, where dv_c < 0 pushes; inf where there is no other side.
+    back_rate is gap / dt on the other side, which pushes with dv_c < 0; it is inf if there is no other side.
     """
     return wp.max(f64(0.0), vn + dv - gap_rate) - wp.max(f64(0.0), -vn - dv - back_rate)
 
 
 @wp.func
 def driven_change(excess: f64, dv: f64, compliance: f64) -> f64:
-    """Change of the correction of a contact with a driven wall [m/s] (eq. 29); the excess is vn - gap / dt.
+    """Return the change of the correction of a contact with a driven wall [m/s] (eq. 29).
 
-    A correction of 1 m/s changes vn, in which the speed of the wall counts, by the compliance.
+    The excess is vn - gap / dt. A correction of 1 m/s reduces vn by the compliance, as the wall moves too.
     """
     return wp.max(f64(0.0), dv + excess / compliance) - dv
 
 
 @wp.func
 def inverse_kt(rim: f64, wall: f64) -> f64:
-    """1 / K_t of a contact with a driven wall (eq. 30b), from what rim and wall add to K_t."""
+    """Return 1 / K_t of a contact with a driven wall (eq. 30b); rim and wall are the terms that they add."""
     return f64(1.0) / (f64(1.0) + rim + wall)
 
 
 @wp.func
 def tangent(n: wp.vec2d) -> wp.vec2d:
-    """Unit tangent of a contact: its normal, turned by a quarter to the left."""
+    """Return the unit tangent of a contact: the normal, turned counterclockwise by 90 degrees."""
     return wp.vec2d(-n[1], n[0])
 
 
 @wp.func
 def tangential_change(vt: f64, dvt: f64, bound: f64) -> f64:
-    """Change of a contact's tangential correction dv_t [m/s] (eq. 23), whose size is at most the bound.
+    """Return the change of the tangential correction, after which |dv_t| <= bound [m/s] (eq. 23).
 
-    vt is the velocity at which the surfaces slip, divided by K_t of eq. 22. So is dv_r changed (eq. 37).
+    vt is the slip velocity of the surfaces, divided by K_t of eq. 22. The same law changes dv_r (eq. 37).
     """
     stuck = dvt + vt
     return wp.where(stuck > bound, bound, wp.where(stuck < -bound, -bound, stuck)) - dvt
@@ -115,43 +118,43 @@ def tangential_change(vt: f64, dvt: f64, bound: f64) -> f64:
 
 @wp.func
 def speed_along(v: wp.vec2d, n: wp.vec2d) -> f64:
-    """Velocity along a wall of normal n [m/s]."""
+    """Return the component of v along the tangent of a contact with normal n [m/s]."""
     return n[0] * v[1] - n[1] * v[0]
 
 
 @wp.func
 def pair_slip(difference: wp.vec2d, n: wp.vec2d, rim_i: f64, rim_j: f64) -> f64:
-    """Velocity vt at which the surfaces of two grains slip [m/s] (eq. 23), from v_i - v_j and their rims."""
+    """Return the slip velocity vt of the surfaces of two grains [m/s] (eq. 23); difference = v_i - v_j."""
     return speed_along(difference, n) + rim_i + rim_j
 
 
 @wp.func
 def wall_slip(v: wp.vec2d, n: wp.vec2d, rim: f64, surface: f64) -> f64:
-    """Velocity vt at which a grain slips along a wall whose surface has a speed [m/s] (eq. 23)."""
+    """Return the slip velocity vt of a grain, with rim speed `rim`, along a wall's surface [m/s] (eq. 23)."""
     return speed_along(v, n) + (rim - surface)
 
 
 @wp.func
 def rolling_part(radius_i: f64, radius_j: f64) -> f64:
-    """Part of its rim speed with which grain i rolls on grain j (eq. 37)."""
+    """Return the part of grain i's rim speed that counts in its rolling on grain j (eq. 37)."""
     return radius_j / (radius_i + radius_j)
 
 
 @wp.func
 def pair_roll(part: f64, rim_i: f64, rim_j: f64) -> f64:
-    """Speed vr at which two grains roll on each other [m/s] (eq. 37), from their rims."""
+    """Return the rolling speed vr of two grains on each other [m/s] (eq. 37), from their rim speeds."""
     return part * rim_i - (f64(1.0) - part) * rim_j
 
 
 @wp.func
 def wall_roll(rim: f64, radius: f64, spin: f64) -> f64:
-    """Speed vr at which a grain rolls on a wall of a spin [m/s] (eq. 37)."""
+    """Return the rolling speed vr of a grain on a wall that turns at `spin` [rad/s] [m/s] (eq. 37)."""
     return rim - radius * spin
 
 
 @wp.func
 def round_gap_rate(gap_rate: f64, along: f64, circle: f64) -> f64:
-    """Gap / dt at a round wall, for a speed along it [m/s] (eq. 18); circle = A / dt, inf at a tangent."""
+    """Return gap / dt at a round wall, for a speed along it [m/s] (eq. 18); circle = A / dt, or inf."""
     if circle == f64(wp.inf):
         return gap_rate
     root = wp.sqrt(wp.max(f64(0.0), circle * circle - along * along))
@@ -160,10 +163,10 @@ def round_gap_rate(gap_rate: f64, along: f64, circle: f64) -> f64:
 
 @wp.func
 def rebound(gap_rate: f64, rate: f64, vn: f64, surface: f64, restitution: f64, least: f64) -> f64:
-    """Gap / dt of a contact that may bounce [m/s] (eq. 35).
+    """Return gap / dt of a contact that may bounce [m/s] (eq. 35).
 
-    vn is its closing speed at the end of the last step, with which it would close a gap of rate dt, and
-    surface the speed of a wall along the normal.
+    vn is the closing speed at the end of the last step, and surface the speed of a wall along the normal.
+    The contact bounces if vn > rate, so that the gap would close, and vn - surface > least.
     """
     if restitution > f64(0.0) and vn > rate and vn - surface > least:
         return wp.min(rate, surface - restitution * (vn - surface)) + (gap_rate - rate)
@@ -172,13 +175,13 @@ def rebound(gap_rate: f64, rate: f64, vn: f64, surface: f64, restitution: f64, l
 
 @wp.func
 def mass_share(mass_i: f64, mass_j: f64) -> f64:
-    """Part of a pair's correction that grain i takes (eq. 7)."""
+    """Return the share of a pair's correction that changes the velocity of grain i (eq. 7)."""
     return mass_j / (mass_i + mass_j)
 
 
 @wp.func
 def wall_residual(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
-    """Return the natural residual (eq. 12) of a contact with a wall, the larger of two sides [m/s]."""
+    """Return the natural residual of a contact with a wall: the larger one of both sides [m/s] (eq. 12)."""
     front = normal_change(vn, wp.max(dv, f64(0.0)), gap_rate)
     back = normal_change(-vn, wp.max(-dv, f64(0.0)), back_rate)
     return wp.max(wp.abs(front), wp.abs(back))
@@ -186,9 +189,9 @@ def wall_residual(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
 
 @wp.func
 def wall_cost(dv: f64, gap_rate: f64, back_rate: f64) -> f64:
-    """The linear part of phi (eq. 14) of a contact with a wall, by unit mass [m2/s2].
+    """Return the term of phi that is linear in dv, of a contact with a wall, per unit mass [m2/s2] (eq. 14).
 
-    Where there is no other side it is linear throughout: momentum may lead to dv < 0 for a moment.
+    For dv < 0 the slope is -back_rate; without another side it is gap_rate (momentum may yield dv < 0).
     """
     back = wp.where(back_rate < f64(wp.inf), back_rate, -gap_rate)
     return wp.where(dv >= f64(0.0), dv * gap_rate, -dv * back)

@@ -1,7 +1,7 @@
 """A scene as a record: its arrays, the numbers of a step, and parameters.
 
-A kernel changes the numbers and the contents of the arrays. It changes neither their lengths nor parameters,
-but for those that follow from the time or from driven walls: `gravity`, the times to which velocities belong
+A kernel changes the numbers and the contents of the arrays, and no length of an array. It changes only those
+parameters that follow from the time or from driven walls: `gravity`, the times to which velocities belong
 (`TimeScheme`), and the speed and the radius of the outer circle (`walls.surface` and `walls.annulus`). This
 radius is also the coordinate of the circle's body (driven.py).
 """
@@ -31,8 +31,8 @@ f64 = wp.float64
 SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, CANCELLED, TOO_FAR, SLOW, PAUSED = (
     wp.constant(k) for k in range(9)
 )
-"""Outcomes of a step. A SOLVED one is taken, converged or, if the scene allows it, not. An EXPIRED one begins
-again with another list, and a SLOW one waits for the host. A scene is PAUSED after a step that is taken."""
+"""Outcomes of a step. A SOLVED step is accepted: it has converged, or the scene allows that it has not. An
+EXPIRED step is repeated with another list. A SLOW step waits for the host. PAUSED follows a SOLVED step."""
 
 
 class Kind(NamedTuple):
@@ -41,29 +41,29 @@ class Kind(NamedTuple):
     method: str
     has_friction: bool
     has_restitution: bool
-    has_rolling: bool  # resistance to it, only with friction
+    has_rolling: bool  # whether contacts resist rolling, which requires friction
 
 
 class Phase(IntEnum):
-    """The next part of a step. Serial stages choose it, by stopping.py and attempt.py; step.py reads it.
+    """The next part of a step. Stages of stopping.py and attempt.py choose the phase, and step.py reads it.
 
-    Besides, the list's own stages choose SEARCH, START and FULL, `contact_list.keep_pair` repeats a search,
-    and the host answers steps that are FULL or SLOW.
+    Stages that build the list also choose SEARCH, START and FULL. `contact_list.keep_pair` repeats a search.
+    The host answers steps that are FULL or SLOW.
     """
 
-    ENDED = 0  # nothing: no step has begun, or the last one has its outcome; the host solves a SLOW one
-    FULL = 1  # nothing: the host reserves memory for the list
+    ENDED = 0  # no step has begun, or the last one has its outcome; the host solves a SLOW step
+    FULL = 1  # wait until the host has reserved memory for the list
     SEARCH = 2  # find the candidate contacts
-    START = 3  # freeze contacts, and apply their corrections; at first also free velocities
-    CORRECTED = 4  # take the velocities that the host's corrections make
-    DECLINED = 5  # go on: the host has found no better corrections
+    START = 3  # compute free velocities, unless that is done; freeze contacts, and apply their corrections
+    CORRECTED = 4  # continue from the velocities that the host's corrections yield
+    DECLINED = 5  # continue the sweeps, because the host has found no better corrections
     SCAN = 6  # check the list, measure, and scan all contacts for the working set, before a bout of sweeps
     SWEEP = 7
-    VERIFY = 8  # verify the list and judge the step: the sweeps have stopped, or the list has not sufficed
+    VERIFY = 8  # verify the list and judge the step, after the sweeps or because the list has expired
 
 
 class Asking(IntEnum):
-    """When the host is still asked to solve a step. Its answers say so, and before them the method."""
+    """When a step still asks the host for a solution. The method sets this first, then the host's answers."""
 
     NEVER = 0
     AT_LAST = 1  # after the last sweep
@@ -72,20 +72,20 @@ class Asking(IntEnum):
 
 @wp.struct
 class StepState:
-    """The progress of a step, and its results."""
+    """Progress of a step, and its results."""
 
     iterations: wp.int32
-    zeta: f64  # of the last iteration [m/s]
+    zeta: f64  # largest change of a correction by the last iteration [m/s]
     residual: f64  # eta [m/s]
     overlap: f64  # worst after the move [m]
     active: wp.int32  # contacts that carry a correction
     rebuilds: wp.int32  # lists built
-    restarts: wp.int32  # attempts that a missing contact made void
+    restarts: wp.int32  # attempts that were repeated because a contact may have been missing
     factorizations: wp.int32  # by the host
     measured: wp.int32  # last iteration after which the residual was measured
     asking: wp.int32  # an `Asking`
-    trend_residual: f64  # eta with which the next one is compared, by which it falls too slowly [m/s]
-    converged: wp.int32  # whether it has met the tolerance
+    trend_residual: f64  # eta with which the next eta is compared, to see whether it falls too slowly [m/s]
+    converged: wp.int32  # whether the step has met the tolerance
     outcome: wp.int32
 
 
@@ -94,68 +94,68 @@ class Control:
     """The phase of the step, and flags that it does not imply."""
 
     phase: wp.int32
-    cancelled: wp.int32  # whether the host wants the step given up
-    unordered: wp.int32  # whether the list is not in sweeping order
-    resuming: wp.int32  # whether accelerated sweeps continue from the velocities and momentum that they have
-    may_stop: wp.int32  # whether sweeps end here, if a measurement or a scan that follows agrees
+    cancelled: wp.int32  # whether the host has cancelled the step
+    unordered: wp.int32  # whether the list has still to be sorted into the order of the sweep
+    resuming: wp.int32  # whether accelerated sweeps continue from the present velocities and momentum
+    may_stop: wp.int32  # whether sweeps end here, if the measurement or scan that follows confirms it
     rejected: wp.int32  # whether the last sweep was rolled back
 
 
 @wp.struct
 class Partial:
-    """Partial maxima and sums, by thread of a CPU; the threads of a GPU's block share a few."""
+    """Partial maxima and sums, one for each CPU thread; the threads of a GPU block share a few."""
 
-    zeta: Floats  # largest change of a correction by a sweep, or violation found by a scan [m/s]
+    zeta: Floats  # largest change of a correction by a sweep, or largest violation found by a scan [m/s]
     residual: Floats  # [m/s]
     overlap: Floats  # [m]
-    active: Ints
-    kept_velocity: Vectors  # velocities of a block of pairs, as the corrections make them [m/s]
+    active: Ints  # contacts that carry a correction
+    kept_velocity: Vectors  # velocities of both grains of each pair of a block, after its correction [m/s]
 
 
 @wp.struct
 class History:
-    """Zeta and residual of every iteration of the last step; of length 0 unless they are asked for."""
+    """Zeta and residual of every iteration of the last step; of length 0 unless requested."""
 
     zeta: Floats  # of every iteration [m/s]
-    residual: Floats  # after it [m/s]
+    residual: Floats  # after every iteration [m/s]
 
 
 @wp.struct
 class StoppingCriterion:
-    """The parameters by which iterations stop (stopping.py)."""
+    """Parameters that decide when iterations stop (stopping.py)."""
 
     on: wp.int32  # the quantity that the tolerance bounds, a `stopping.StopOn`
     tolerance: f64  # [m/s]
     max_iterations: wp.int32
-    patience: wp.int32  # sweeps that the host's factorizations are worth; 0: it does none
-    raise_on_unconverged: wp.int32  # whether a step that has not converged is not taken
+    patience: wp.int32  # sweeps that cost as much as a solution by the host; 0: the host solves no step
+    raise_on_unconverged: wp.int32  # whether a step that has not converged is an error
 
 
 @wp.struct
 class TimeScheme:
-    """The times to which velocities belong."""
+    """The times to which velocities belong, compared with the positions."""
 
     leapfrog: wp.int32  # whether velocities belong to the middle of a step
-    staggered: wp.int32  # whether they are half a step behind the positions now
-    last_staggered: wp.int32  # and whether they were before the last good step
+    staggered: wp.int32  # whether velocities are half a step behind the positions now
+    last_staggered: wp.int32  # `staggered` before the last good step
 
 
 @wp.struct
 class Tuning:
-    """Lengths with which lists are made, and limits within which the proof of `verlet.py` holds."""
+    """Lengths from which lists are built, and limits within which the proof of verlet.py holds."""
 
     smallest_radius: f64  # [m]
-    room: f64  # that a list's lifetime leaves to the grains [m]
+    room: f64  # largest path of a grain, relative to the mean, in the lifetime of a list [m]
     acceleration: f64  # |gravity| [m/s2]
-    rounding: f64  # of a position [m]
-    reserve: f64  # of a base skin, that must be left before the iteration starts
-    monitor_threshold: f64  # change of velocity that need not be monitored, in base skins [1/s]
-    nearest: f64  # how near to a violation contacts are swept, at most [m/s]
+    rounding: f64  # bound on the rounding error of a position [m]
+    reserve: f64  # part of the base skin that must be left before the iteration starts
+    monitor_threshold: f64  # change of a velocity from which it is monitored, over the base skin [1/s]
+    nearest: f64  # largest distance from a violation at which a contact is still swept [m/s]
 
 
 @wp.struct
 class StepSums:
-    """Sums and maxima over the steps of a run, by the names of `warpgrains.solver.statistics`."""
+    """Sums and maxima over the steps of a run, with the names of `warpgrains.solver.statistics`."""
 
     steps: wp.int32
     unconverged: wp.int32
@@ -169,20 +169,20 @@ class StepSums:
 
 @wp.struct
 class Violation:
-    """The first index outside of its array, where they are tested (access.py)."""
+    """The first index outside its array, in checked mode (access.py)."""
 
-    found: wp.int64  # whether there was one
-    array: wp.int64  # address of its first element
+    found: wp.int64  # whether an index was outside its array
+    array: wp.int64  # address of the first element of this array
     length: wp.int64
     index: wp.int64
 
 
 @wp.struct
 class Turning:
-    """Gravity that turns."""
+    """Gravity whose direction turns."""
 
     start: wp.vec2d  # gravity at time 0 [m/s2]
-    rate: f64  # [rad/s]; 0 where gravity is constant
+    rate: f64  # [rad/s]; 0 if gravity is constant
 
 
 @wp.struct
@@ -214,16 +214,16 @@ class SceneRecord:
     drag: f64  # [kg/s]
     spin_drag: f64  # [kg m2/s]
     friction: f64  # coefficient between grains
-    rolling_friction: f64  # the same of rolling
-    restitution: f64  # the same, of contacts that bounce
-    restitution_speed: f64  # at which they must close [m/s]
+    rolling_friction: f64  # coefficient between grains
+    restitution: f64  # coefficient between grains
+    restitution_speed: f64  # closing speed above which contacts bounce [m/s]
     dt: f64  # [s]
-    by_color: wp.int32  # whether pairs are swept by colors, or by levels
-    merge: wp.int32  # whether all independent sets are swept as one
+    by_color: wp.int32  # whether the independent sets of pairs are colors (1) or levels (0)
+    merge: wp.int32  # whether all pairs are swept as one set, in their order
 
 
 Scene = wp.ref[SceneRecord]
-"""The record by reference: what a stage writes, the next one reads."""
+"""The record by reference: a stage reads what the previous stages have written."""
 
 
 @wp.func
@@ -240,13 +240,13 @@ def time_after(s: Scene, steps: wp.int64) -> f64:
 
 @wp.func
 def body_count(s: Scene) -> int:
-    """Return the number of bodies that have a velocity: grains and, if one is driven, walls."""
+    """Return the number of bodies with a velocity: all grains, and all walls if a wall is driven."""
     return s.grains.position.shape[0]
 
 
 @wp.func
 def is_driven(s: Scene) -> bool:
-    """Return whether a force acts on a wall (driven.py)."""
+    """Return whether a force drives at least one wall of the scene (driven.py)."""
     return s.walls.drive.shape[0] > 0
 
 
@@ -282,17 +282,17 @@ def pair_count(s: Scene) -> int:
 
 @wp.func
 def is_cancelled(s: Scene) -> bool:
-    """Return whether the step is given up: the host wants it, or an index was outside of its array."""
+    """Return whether the step is cancelled: by the host, or because an index was outside its array."""
     return s.control.cancelled != 0 or s.violation.found != wp.int64(0)
 
 
 @wp.func
 def has_swept(s: Scene) -> bool:
-    """Return whether the attempt has begun to sweep: its list has not expired before."""
+    """Return whether the attempt has done a sweep, so that its list has not expired before the first one."""
     return s.step.iterations > 0
 
 
 @wp.func
 def is_accelerated(s: Scene) -> bool:
-    """Return whether the method has momentum, and so keeps the state of one sweep before."""
+    """Return whether the method has momentum, and so stores the corrections before the last sweep."""
     return s.contacts.last_dv.shape[0] > 0

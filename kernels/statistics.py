@@ -1,4 +1,4 @@
-"""The numbers that a step reports, and their sums over a run (`warpgrains.solver.statistics`)."""
+"""Numbers that a step reports, and sums of them over a run (`warpgrains.solver.statistics`)."""
 
 import warp as wp
 
@@ -14,7 +14,7 @@ f64 = wp.float64
 
 @wp.func
 def overlap_of(s: Scene, c: int) -> f64:
-    """Return how far grains of a contact overlap, or a grain its wall [m]; negative where they do not."""
+    """Return the overlap of the bodies of contact c, which is minus the gap [m]."""
     i, j = bodies_of(contact_at(s.contacts.contact, c))
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
     if j >= grain_count(s):
@@ -26,7 +26,7 @@ def overlap_of(s: Scene, c: int) -> f64:
 
 @wp.func
 def overlaps(team: Team, s: Scene):
-    """Find the worst overlap [m] of the listed contacts, and count the active ones."""
+    """Find the worst overlap [m] of the listed contacts, and count those with a correction dv != 0."""
     worst = f64(0.0)
     active = int(0)
     c, end = thread_range(team, 0, contact_count(s))
@@ -40,7 +40,7 @@ def overlaps(team: Team, s: Scene):
 
 @wp.func
 def report(s: Scene):
-    """Reduce the partial results of the threads, and add the step to the sums of the run."""
+    """Reduce the partial results of the threads, and add the results of the step to the sums of the run."""
     active = int(0)
     for k in range(s.partial.active.shape[0]):
         active += at(s.partial.active, k)

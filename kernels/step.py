@@ -4,12 +4,12 @@ A step returns to the host in two cases: the list exceeds its capacity (WITHOUT_
 slowly and the host solves the step (SLOW). Conditions read the phase of the step, which attempt.py and
 stopping.py choose.
 
-If the list expires during the sweeps, accelerated ones resume with another list (`Control.resuming`): they
-keep their velocities, corrections and momentum (start). Plain ones may have missed a contact, and begin again
-with wider skins (contact_list.expire, skins.renew_skin).
+If the list expires during accelerated sweeps, these resume with another list (`Control.resuming`) and keep
+velocities, corrections and momentum. Plain sweeps may have missed a contact: they start again from the free
+velocities, with wider skins (contact_list.expire, skins.renew_skin).
 
-A scene without a list begins like one whose list has expired: no skin suffices, so its first attempt iterates
-nothing and asks for a list.
+A scene without a list begins like a scene whose list has expired: no skin suffices, so the first attempt does
+not iterate and asks for a list.
 """
 
 from functools import cache
@@ -27,7 +27,7 @@ from .team.stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 
 def in_phase(*phases: Phase) -> wp.Function:
-    """Return the condition that a step is in one of these phases."""
+    """Return the condition `(scene)` that the step is in one of these phases."""
     bits = sum(1 << phase for phase in phases)
 
     @named("_or_".join(phase.name.lower() for phase in phases))
@@ -48,7 +48,7 @@ sweeping = in_phase(Phase.SWEEP)
 
 @wp.func
 def solved(s: Scene) -> bool:
-    """Return whether the step is taken."""
+    """Return whether the step is accepted."""
     return s.step.outcome == SOLVED
 
 
@@ -60,19 +60,19 @@ def expired(s: Scene) -> bool:
 
 @wp.func
 def unordered(s: Scene) -> bool:
-    """Return whether the list is still to be put in sweeping order."""
+    """Return whether the list has still to be sorted into the order of the sweep."""
     return s.control.unordered != 0
 
 
 @wp.func
 def fresh(s: Scene) -> bool:
-    """Return whether sweeps start anew, and do not continue from velocities and momentum that they have."""
+    """Return whether sweeps start from the free velocities; otherwise they resume with another list."""
     return s.control.resuming == 0
 
 
 @wp.func
 def rejected(s: Scene) -> bool:
-    """Return whether the last sweep is to be rolled back."""
+    """Return whether the last sweep has been rejected and must be rolled back."""
     return s.control.rejected != 0
 
 
@@ -98,14 +98,14 @@ ORDER = [
     Each(grain_count, contact_list.transfer_warm_start),
     Serial(contact_list.find_row_sums),
 ]
-"""Sort the list and its corrections into sweeping order."""
+"""Sort the list and its corrections into the order of the sweep."""
 
 MONITOR_START = [Each(body_count, verlet.monitor_start)]
-"""Take the velocities before the step into the peaks, by which contacts bounce."""
+"""Include the velocities before the step in the peak deviations, because bouncing contacts depend on them."""
 
 
 def start(kind: Kind) -> list[Stage]:
-    """Freeze the contacts and, unless sweeps resume, apply the corrections of the last step."""
+    """Return the stages that freeze the contacts and apply their corrections, unless sweeps resume."""
     return [
         If(fresh, [Each(body_count, warm_start.begin_velocity)]),
         Sets(warm_start.starting(kind)),
@@ -118,7 +118,7 @@ def start(kind: Kind) -> list[Stage]:
 
 
 def recompute(kind: Kind) -> list[Stage]:
-    """Recompute the velocities from the corrections, and measure their residual."""
+    """Return the stages that recompute the velocities from the corrections, and measure the residual."""
     return [
         Each(body_count, residual.begin_recomputing),
         Sets(residual.recompute),
@@ -127,7 +127,7 @@ def recompute(kind: Kind) -> list[Stage]:
 
 
 def plain_sweeps(kind: Kind) -> list[Stage]:
-    """Return the stages that sweep all contacts until the changes, or the residual, are small."""
+    """Return the stages that sweep all contacts until zeta or the residual meets the tolerance."""
     return [
         While(
             sweeping,
@@ -142,7 +142,7 @@ def plain_sweeps(kind: Kind) -> list[Stage]:
 
 
 def sweep_ahead(kind: Kind) -> list[Stage]:
-    """Extrapolate and sweep the working set; without friction, a sweep may be rejected."""
+    """Return the stages that extrapolate and sweep the working set, and roll back rejected sweeps."""
     roll_back = [Each(chunk_count, momentum.roll_back), Each(body_count, momentum.roll_back_velocity)]
     return [
         Shared(momentum.extrapolate_with_friction if kind.has_friction else momentum.extrapolate),
@@ -153,7 +153,7 @@ def sweep_ahead(kind: Kind) -> list[Stage]:
 
 
 def accelerated_sweeps(kind: Kind) -> list[Stage]:
-    """Sweep the working set with momentum, in bouts between which all contacts are scanned."""
+    """Return the stages that sweep the working set with momentum, and scan all contacts between two bouts."""
     scatter = Each(chunk_count, working_set.scatter)
     check_list = [scatter, Each(body_count, working_set.check_peak), Serial(stopping.end_list_check)]
     measure = [
@@ -179,7 +179,7 @@ def accelerated_sweeps(kind: Kind) -> list[Stage]:
 
 
 def exact(kind: Kind) -> list[Stage]:
-    """Return accelerated sweeps, and what follows on an answer of the host."""
+    """Return the stages that process an answer of the host, followed by accelerated sweeps."""
     answer = [
         *recompute(kind),
         Each(body_count, residual.take_corrected_velocity),
@@ -195,11 +195,11 @@ METHODS = {"gauss-seidel": plain_sweeps, "accelerated": accelerated_sweeps, "exa
 KINDS = [Kind(*own) for own in product(METHODS, *[(False, True)] * 3)]
 
 SAVE = [Each(grain_count, contact_list.save_row), Each(contact_list.listed_count, contact_list.save_contact)]
-"""Keep the list and what its contacts carry, for the next list."""
+"""Save the list and the corrections of its contacts, from which the next list starts."""
 
 
 def finish(kind: Kind) -> list[Stage]:
-    """Move the grains, and report."""
+    """Return the stages that move the grains and report the step."""
     return [
         Each(body_count, integrate.move),
         Each(contact_count, warm_start.keeping(kind)),
@@ -212,7 +212,7 @@ def finish(kind: Kind) -> list[Stage]:
 
 
 def expire(has_restitution: bool) -> list[Stage]:
-    """Ask for another list."""
+    """Return the stages that request another list, with new skins."""
     return [
         *SAVE,
         Serial(contact_list.expire),
@@ -224,7 +224,7 @@ def expire(has_restitution: bool) -> list[Stage]:
 
 
 def step(kind: Kind) -> list[Stage]:
-    """Return the stages of one step of a kind."""
+    """Return the stages of one step of a scene of this kind."""
     return [
         Serial(attempt.begin),
         If(starting, [Serial(integrate.begin_step), Each(body_count, integrate.free_velocity)]),
@@ -252,5 +252,5 @@ def step(kind: Kind) -> list[Stage]:
 
 @cache
 def fused_step(kind: Kind) -> wp.Function:
-    """Return the function that takes one step, `(team, scene)`."""
+    """Return the function `(team, scene)` that takes one step of a scene of this kind."""
     return fuse(step(kind))
