@@ -1,6 +1,6 @@
-"""Grains sorted by the cells of a grid, with the numbers that a search for pairs reads.
+"""Grains sorted by the cells of a grid, with the numbers that the search for pairs reads.
 
-The grid repeats itself: cell (cx, cy) shares its bucket with (cx + width, cy), so that it needs no bounds.
+Cells (cx, cy), (cx + width, cy) and (cx, cy + width) share a bucket, so that the grid has no bounds.
 """
 
 import warp as wp
@@ -10,12 +10,12 @@ from ..record import Scene
 from ..types import Ints
 
 f64 = wp.float64
-AT_ONCE = wp.constant(8)  # indices tested at once; a search may read 8 indices beyond the last grain
+AT_ONCE = wp.constant(8)  # indices tested together; a search may read 8 indices beyond the last grain
 
 
 @wp.func
 def cell_of(x: f64, inverse_size: f64) -> int:
-    """Return the cell of a coordinate, at most 1e9 cells from the origin, so that no index overflows."""
+    """Return the cell index of a coordinate [m], clamped to +-1e9 so that no index overflows."""
     return int(wp.clamp(wp.floor(x * inverse_size), f64(-1.0e9), f64(1.0e9)))
 
 
@@ -47,7 +47,7 @@ def prefix_sum(count: Ints, end: Ints):
 
 @wp.func
 def wrapped(s: Scene, x: wp.vec2d) -> wp.vec2d:
-    """Return the image of a point that is between 0 and the period in each periodic direction [m]."""
+    """Return the periodic image of x whose coordinates are between 0 and the period [m]."""
     period, place = s.walls.period, x
     if period == wp.vec2d():
         return x
@@ -59,19 +59,19 @@ def wrapped(s: Scene, x: wp.vec2d) -> wp.vec2d:
 
 @wp.func
 def bucket_count(s: Scene) -> int:
-    """Return the number of buckets plus one."""
+    """Return the length of `cell_start`: the number of buckets plus 1."""
     return s.grid.cell_start.shape[0]
 
 
 @wp.func
 def clear_cell(s: Scene, b: int):
-    """Empty a bucket."""
+    """Set the count of bucket b to 0."""
     put(s.grid.cell_start, b, 0)
 
 
 @wp.func
 def count_in_cell(s: Scene, i: int):
-    """Count a grain in its bucket, in cell_start."""
+    """Write the bucket of grain i, and add 1 to the count of the bucket in cell_start."""
     x, inverse_size = wrapped(s, at(s.grains.position, i)), s.grid.inverse_size
     bucket = bucket_of(cell_of(x[0], inverse_size), cell_of(x[1], inverse_size), s.grid.width)
     put(s.grid.bucket, i, bucket)
@@ -80,14 +80,14 @@ def count_in_cell(s: Scene, i: int):
 
 @wp.func
 def end_cells(s: Scene):
-    """Find the end of every bucket, and reset the slots of contacts."""
+    """Replace the counts in cell_start by the ends of the buckets; reset the number of slots of contacts."""
     prefix_sum(s.grid.cell_start, s.grid.cell_start)
     put(s.neighbors.slots, 0, 0)
 
 
 @wp.func
 def fill_cell(s: Scene, i: int):
-    """Put a grain in its bucket, with its extent; cell_start counts down to where the bucket starts."""
+    """Write grain i to its bucket; cell_start of the bucket counts down from end to start."""
     k = add(s.grid.cell_start, at(s.grid.bucket, i), -1) - 1
     x = wrapped(s, at(s.grains.position, i))
     w = at(s.verlet.reference_velocity, i) - s.verlet.work.mean_velocity

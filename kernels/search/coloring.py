@@ -1,16 +1,16 @@
 """The order in which contacts are swept, and the independent sets that may be swept in parallel.
 
-Every candidate pair (in lexicographic order, as the neighbor list holds them) is given an independent set.
-The sets are swept one after the other; pairs of one set share no grain, so they may be swept in parallel.
+Every candidate pair is assigned to an independent set, in the lexicographic order of the neighbor list. The
+sets are swept one after the other. Pairs of one set share no grain, so they may be swept in parallel.
 Contacts with walls follow, as one set.
 
-- levels: a pair's set is above those of all earlier pairs that share a grain with it. Sweeping by sets gives
-  every pair exactly what it would have read in the sequential loop: the same bits.
-- colors: first-fit, each pair the lowest set that neither of its grains has yet. Another order, in which
-  a few wide sets suffice.
+- levels: the set of a pair is above the sets of all earlier pairs that share a grain with this pair. So each
+  pair reads exactly the velocities that it would read in the sequential loop, and the bits are the same.
+- colors: first fit. Each pair has the lowest set in which neither of its grains has a pair yet. The order
+  differs from that of the sequential loop, and a few large sets suffice.
 
-The loops are sequential by nature (each pair depends on earlier ones) and run on one thread, only when the
-list has changed.
+The loops are sequential by nature, because each pair depends on earlier ones. They run on one thread, and
+only if the list has changed.
 """
 
 import warp as wp
@@ -24,14 +24,14 @@ MASK_COLORS = wp.constant(64)
 
 @wp.func
 def choose_sets(s: Scene):
-    """Give every pair its set, and contacts with walls none, -1."""
+    """Write the set of every pair to `set_of`, and -1 for contacts with walls."""
     rows, n = s.neighbors, grain_count(s)
-    taken = s.workspace.taken  # of every grain: the level after its last pair's, or a mask of its colors
+    taken = s.workspace.taken  # of every grain: 1 + the level of its last pair, or a mask of its colors
     for i in range(n):
         put(taken, i, wp.uint64(0))
-    extra = int(MASK_COLORS)  # a pair without a free color among those of a mask gets one that no other has
+    extra = int(MASK_COLORS)  # a pair for which no color of the mask is free gets a color of no other pair
     for i in range(n):
-        own = at(taken, i)  # no later row reads it
+        own = at(taken, i)  # not written back, because no later row reads it
         k, end = at(rows.start, i), at(rows.start, i + 1)
         while k < end:
             j, chosen = at(rows.neighbor, k), int(-1)
@@ -56,10 +56,10 @@ def choose_sets(s: Scene):
 
 @wp.func
 def order_contacts(s: Scene):
-    """Give every contact its index in sweeping order: pairs by set, then contacts with walls (counting sort).
+    """Write the index of every contact in the order of the sweep: pairs by set, then contacts with walls.
 
-    Contacts of a set stay in lexicographic order. Where sets are merged, all pairs are one set, because a
-    single thread sweeps them in order anyway.
+    This is a counting sort: contacts of a set stay in lexicographic order. If sets are merged, all pairs
+    become one set, but keep this order.
     """
     listed = listed_count(s)
     start, set_of, sweep_index = s.contacts.set_start, s.workspace.set_of, s.workspace.sweep_index

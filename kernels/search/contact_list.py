@@ -1,4 +1,4 @@
-"""A new list of contacts: found ones sorted, the old list saved, its corrections transferred (warm start)."""
+"""Stages that save the old list, sort the new contacts, and transfer the corrections (warm start)."""
 
 import warp as wp
 
@@ -32,7 +32,7 @@ def listed_count(s: Scene) -> int:
 
 @wp.func
 def pair_end(rows: NeighborList, i: int) -> int:
-    """Return the end of the pairs of row i: contacts with walls follow."""
+    """Return the index after the last pair of row i, where the contacts of grain i with walls begin."""
     n = rows.start.shape[0] - 1
     begin, k = at(rows.start, i), at(rows.start, i + 1)
     while k > begin and at(rows.neighbor, wp.max(k - 1, 0)) >= n:
@@ -42,13 +42,13 @@ def pair_end(rows: NeighborList, i: int) -> int:
 
 @wp.func
 def save_row(s: Scene, i: int):
-    """Save where the row of a grain begins."""
+    """Save the index at which row i begins."""
     put(s.workspace.old.start, i, at(s.neighbors.start, i))
 
 
 @wp.func
 def save_contact(s: Scene, k: int):
-    """Save contact k of the list, with its corrections."""
+    """Save the second body and the corrections of contact k of the list."""
     c, contacts = at(s.workspace.sweep_index, k), s.contacts
     dv = wp.vec3d(at(contacts.dv, c), at(contacts.dv_start, c), value_at(contacts.last_dv, c))
     put(s.workspace.old_dv, k, dv)
@@ -63,7 +63,7 @@ def save_contact(s: Scene, k: int):
 
 @wp.func
 def expire(s: Scene):
-    """Ask for a new list in the same step. Accelerated sweeps resume with it, others begin again."""
+    """Count a rebuild of the list. Accelerated sweeps resume with the new list, plain sweeps start again."""
     n = grain_count(s)
     put(s.workspace.old.start, n, at(s.neighbors.start, n))
     s.step.rebuilds = s.step.rebuilds + 1
@@ -112,13 +112,13 @@ def fill_rows(s: Scene):
 
 @wp.func
 def is_active(dv: wp.vec3d) -> bool:
-    """Return whether a contact carries a correction, or did at the step's start or a sweep back."""
+    """Return whether a contact has a correction != 0 now, at the step's start, or before the last sweep."""
     return dv[0] != f64(0.0) or dv[1] != f64(0.0) or dv[2] != f64(0.0)
 
 
 @wp.func
 def keep_pair(s: Scene, i: int, j: int, k_old: int):
-    """Keep a pair of the old list that carries a correction: widen both skins, and search again."""
+    """If pair k_old of the old list carries a correction, widen both skins and repeat the search."""
     if is_active(at(s.workspace.old_dv, k_old)):
         half = f64(0.5) * wp.length(way(at(s.grains.position, i), at(s.grains.position, j), s.walls))
         raise_to(s.verlet.skin, i, half)
@@ -128,7 +128,7 @@ def keep_pair(s: Scene, i: int, j: int, k_old: int):
 
 @wp.func
 def match_rows(s: Scene, i: int):
-    """Find a grain's contacts in the old list, and search again if one that carries a correction is lost."""
+    """Find the contacts of grain i in the old list; repeat the search if a pair with a correction is lost."""
     rows, old = s.neighbors, s.workspace.old
     k_old, end_old = at(old.start, i), at(old.start, i + 1)
     k, end = at(rows.start, i), at(rows.start, i + 1)
@@ -150,7 +150,7 @@ def match_rows(s: Scene, i: int):
 
 @wp.func
 def transfer_warm_start(s: Scene, i: int):
-    """Write a grain's contacts in sweeping order, with the corrections of the old list, or zero."""
+    """Write the contacts of row i in the order of the sweep, with corrections of the old list, or 0."""
     k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
     while k < end:
         j = at(s.neighbors.neighbor, k)
@@ -189,7 +189,7 @@ def transfer_warm_start(s: Scene, i: int):
 
 @wp.func
 def find_weights(s: Scene, c: int, i: int, j: int):
-    """Write how much of the corrections of contact c grain i, and grain or wall j, take (eqs. 7 and 22)."""
+    """Write `weights` and `rim_weights` of contact c between grain i and grain or wall j (eqs. 7 and 22)."""
     mass_i, mass_j = at(s.grains.contact_mass, i), f64(0.0)
     weight = wp.vec2d(f64(1.0), f64(0.0))
     if j < grain_count(s):
@@ -205,14 +205,17 @@ def find_weights(s: Scene, c: int, i: int, j: int):
 
 @wp.func
 def find_row_sums(s: Scene):
-    """Find the largest sum of a grain's shares of its contacts, if it is monitored; that at a wall is 1."""
+    """Find max_row_sum, the largest sum of a grain's mass shares over its contacts, for plain sweeps only.
+
+    The share in a contact with a wall is 1.
+    """
     if is_accelerated(s):
         return
     n, row_sum, largest = grain_count(s), s.workspace.row_sum, f64(0.0)
     for i in range(n):
         put(row_sum, i, f64(0.0))
     for i in range(n):
-        own = at(row_sum, i)  # of pairs with earlier grains
+        own = at(row_sum, i)  # sum over pairs with earlier grains
         k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
         while k < end:
             j = at(s.neighbors.neighbor, k)

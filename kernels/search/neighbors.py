@@ -1,12 +1,13 @@
-"""Candidate contacts: every pair i < j, and grain and wall, within reach (verlet.py), in lexicographic order.
+"""The search for candidate contacts: all pairs of grains, or of grain and wall, within reach (verlet.py).
 
-The search scans the cells around each grain (cells.py). Of two grains the one of larger extent finds the
-pair, so that few large grains among many small ones cost no more than the cells that they cover. Grains are
-tested eight at a time, and only walls whose circle is near: one by one, a step of 1,000 flowing grains takes
-1.1 of the time, and below 20 to 100 segments 1.2.
+The search scans the cells around each grain (cells.py). The grain with the larger extent finds a pair, so
+that few large grains among many small ones cost no more than the cells that they cover. Grains are tested
+eight at a time: with one at a time, a step of 1,000 flowing grains takes 10 % longer. Walls are only tested
+if the circle around them is near: without this, a step with 20 to 100 segments takes 20 % longer.
 
-The threads of a team share the grains. Each takes slots a number at once for the contacts that it finds, and
-one thread sorts them all (contact_list.py), so that the list is the same for any number of threads.
+The grains are divided among the threads of a team. Each thread takes slots in blocks for the contacts that
+it finds, and one thread sorts all contacts (contact_list.py). So the list does not depend on the number of
+threads.
 """
 
 import warp as wp
@@ -30,9 +31,9 @@ from .cells import AT_ONCE, bucket_of, cell_of
 from .contact_list import is_active, pair_end
 
 f64 = wp.float64
-Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has eight tests
-MOST_CONTACTS = wp.constant(2**30)  # of a list, so that their count never passes 2^31
-TAKEN = 64  # slots that a CPU thread takes at once: one by one, two threads would wait for each other
+Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has the results of eight tests
+MOST_CONTACTS = wp.constant(2**30)  # of a list, so that their count never exceeds 2^31
+TAKEN = 64  # slots in a block that a CPU thread takes; with single slots, threads would wait for each other
 NO_CONTACT = wp.constant(wp.vec2i(-1, -1))
 TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact out
 
@@ -53,13 +54,13 @@ def is_too_long(s: Scene) -> bool:
 """)
 )
 def take_slot(slots: Ints, free: int) -> int:
-    """Return the next slot of this thread, which is `free` unless all that it took are full."""
+    """Return the next slot of this thread: `free`, or the first slot of a new block at the end of one."""
     ...
 
 
 @wp.func
 def note_contact(s: Scene, free: int, i: int, j: int) -> int:
-    """Write a contact at this thread's next slot, if it is within the capacity. Returns the one after."""
+    """Write a contact to this thread's next slot, if it is within the capacity; return the slot after it."""
     if is_too_long(s):
         return free
     slot = take_slot(s.neighbors.slots, free)
@@ -96,19 +97,18 @@ NEAR = """
 
 @wp.func_native(checked(NEAR))
 def near_mask(grid: CellGrid, k: int, center: wp.vec2d, begin: int, end: int, wide: f64) -> wp.uint64:
-    """Return a bit for each of the eight indices from `begin` on: whether the grain at k may find its grain.
+    """Return a mask of the indices begin to begin + 7 that are below `end` and may form a pair with index k.
 
-    `center` is that of the grain, or of an image of it [m].
-
-    The index is below `end`, and the grains are near. Of two grains the one of larger extent finds the pair,
-    or, of equals, the one that comes first.
+    `center` is the position of the grain at k, or of an image of it [m]. A pair is possible if its distance
+    is at most `wide` times the sum of both extents. The grain with the larger extent finds the pair, or the
+    grain with the lower index if the extents are equal.
     """
     ...
 
 
 @wp.func
 def note_pairs(s: Scene, free: int, k: int, shift: wp.vec2d, near: wp.uint64, begins: Begins) -> int:
-    """Note those of the possible pairs of the grain at index k that are within reach, if it is shifted."""
+    """Write the possible pairs (`near`) of the grain at index k, shifted [m], that are within reach."""
     x, y, velocity, skin, grain = s.grid.x, s.grid.y, s.grid.velocity, s.grid.skin, s.grid.grain
     left, slot = near, int(free)
     while left != wp.uint64(0):
@@ -128,7 +128,7 @@ def note_pairs(s: Scene, free: int, k: int, shift: wp.vec2d, near: wp.uint64, be
 
 @wp.func
 def is_near_domain(x: wp.vec2d, radius: f64, period: wp.vec2d) -> bool:
-    """Return whether a point is within a radius [m] of where wrapped grains are (cells.wrapped)."""
+    """Return whether x is within a radius [m] of the domain [0, period], in periodic directions."""
     near = bool(True)
     for d in range(2):
         if period[d] > f64(0.0):
@@ -138,7 +138,7 @@ def is_near_domain(x: wp.vec2d, radius: f64, period: wp.vec2d) -> bool:
 
 @wp.func
 def find_pairs(s: Scene, free: int, k: int) -> int:
-    """Find the pairs of the grain at index k, each pair once, around it and around its periodic images."""
+    """Find the pairs of the grain at index k, each pair once, around this grain and its periodic images."""
     own, period = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)), s.walls.period
     radius, slot = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE, int(free)
     for kx in range(wp.where(period[0] > f64(0.0), 3, 1)):
@@ -151,10 +151,10 @@ def find_pairs(s: Scene, free: int, k: int) -> int:
 
 @wp.func
 def find_pairs_around(s: Scene, free: int, k: int, shift: wp.vec2d, radius: f64) -> int:
-    """Find the pairs of the grain at index k, shifted by so much [m], in the cells around it.
+    """Find the pairs of the grain at index k, moved by `shift` [m], in the cells within `radius` [m].
 
-    A row of cells is one range of indices, or two where the grid repeats. Eight indices are tested at
-    once, and the hits of eight such tests are checked together.
+    A row of cells is one range of indices, or two ranges where the grid repeats. Eight indices are tested
+    together, and the hits of eight such tests are checked together.
     """
     own, slot = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)) + shift, int(free)
     x, y = own[0], own[1]
@@ -193,7 +193,7 @@ def find_pairs_around(s: Scene, free: int, k: int, shift: wp.vec2d, radius: f64)
 
 @wp.func
 def find_walls(s: Scene, free: int, i: int) -> int:
-    """Find the walls within reach of a grain, and those whose contact carries a correction."""
+    """Find the walls within reach of grain i, and those whose old contact with i carries a correction."""
     lifetime = s.verlet.numbers.lifetime
     path = lifetime * wp.length(at(s.verlet.reference_velocity, i))
     own = at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path
@@ -226,7 +226,7 @@ def find_walls(s: Scene, free: int, i: int) -> int:
 
 @wp.func
 def find_contacts(team: Team, s: Scene):
-    """Find the contacts of this thread's part of the grains. Slots left of those it took stay empty."""
+    """Find the contacts of this thread's grains; mark the free slots of its last block as empty."""
     begin, end = thread_range(team, 0, grain_count(s))
     k, slot = int(begin), int(0)
     while k < end:
@@ -244,7 +244,7 @@ def find_contacts(team: Team, s: Scene):
 
 @wp.func
 def check_capacity(s: Scene):
-    """List the contacts found, or leave the step until the host has reserved memory for them."""
+    """Count the contacts found; the step waits as FULL if the list has no capacity for them."""
     contacts = at(s.neighbors.slots, 0)
     for rank in range(s.neighbors.empty.shape[0]):
         contacts -= at(s.neighbors.empty, rank)

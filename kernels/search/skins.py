@@ -1,6 +1,7 @@
-"""How far a new list reaches: its skins and its lifetime (MODEL.md, eq. 11).
+"""The reach of a new list: its skins and its lifetime (MODEL.md, eq. 11).
 
-The base skin adapts to how long lists last. To it a grain adds a multiple of what it has needed so far.
+The base skin adapts to how long lists last. The skin of a grain is the base skin plus a multiple of dt p_i,
+which the grain has needed so far.
 """
 
 import warp as wp
@@ -10,17 +11,17 @@ from ..record import Scene, body_count, has_swept, is_accelerated
 from .verlet import peak_of
 
 f64 = wp.float64
-FORESEEN, FOUND_OUT = wp.constant(f64(1.2)), wp.constant(f64(2.0))  # skin over need, before and after a miss
-NARROWEST, WIDEST = wp.constant(f64(0.02)), wp.constant(f64(0.2))  # base skin, in radii
-WIDEST_AFTER_MISS = wp.constant(f64(0.25))  # where plain sweeps begin again
-WIDEST_UNSWEPT = wp.constant(f64(0.4))  # where sweeps touch the working set alone
-STILL_TO_COME = wp.constant(f64(0.6))  # skin over need so far, where a working set is swept
-LONGEST = wp.constant(f64(64.0))  # steps that a list is built for at most
+FORESEEN, FOUND_OUT = wp.constant(f64(1.2)), wp.constant(f64(2.0))  # skin / need before, after a restart
+NARROWEST, WIDEST = wp.constant(f64(0.02)), wp.constant(f64(0.2))  # bounds on the base skin, in radii
+WIDEST_AFTER_MISS = wp.constant(f64(0.25))  # WIDEST after plain sweeps had to start again
+WIDEST_UNSWEPT = wp.constant(f64(0.4))  # WIDEST for accelerated sweeps, which visit only the working set
+STILL_TO_COME = wp.constant(f64(0.6))  # skin / need so far, if accelerated sweeps resume
+LONGEST = wp.constant(f64(64.0))  # longest lifetime of a list, in steps
 
 
 @wp.func
 def adapt_base_skin(s: Scene):
-    """Widen the base skin [m] after a list that did not last, narrow it after one that did."""
+    """Widen the base skin [m] if the list lasted less than 5 steps; narrow it after more than 20."""
     radius = s.tuning.smallest_radius
     skin = s.verlet.numbers.base_skin
     steps = s.verlet.numbers.elapsed / s.dt
@@ -38,10 +39,10 @@ def adapt_base_skin(s: Scene):
 
 @wp.func
 def renew_skin(s: Scene, i: int):
-    """Choose v0_i, and skin_i: the base skin plus a multiple of the need of this step or of the last.
+    """Choose v0_i, and skin_i: the base skin plus a multiple of dt p_i of this step or of the last one.
 
-    v0_i is the grain's velocity now; where plain sweeps begin again, it becomes v0_i + v_f. Where accelerated
-    sweeps resume, the list is for those that are left, and the multiple is smaller.
+    v0_i is the velocity now; if plain sweeps start again, it becomes v0_i + v_f. If accelerated sweeps
+    resume, the multiple is smaller, because the list must only last for the remaining sweeps.
     """
     w = at(s.grains.next_velocity, i)
     needed = at(s.verlet.recent_deviation, i)
@@ -63,17 +64,17 @@ def renew_skin(s: Scene, i: int):
 
 @wp.func
 def widen_for_start(s: Scene, i: int):
-    """Let skin_i cover the velocity at the end of the last step, too (`verlet.monitor_start`)."""
+    """Widen skin_i to cover the velocity at the end of the last step, too (`verlet.monitor_start`)."""
     away = wp.length(at(s.grains.velocity, i) - at(s.verlet.reference_velocity, i))
     put(s.verlet.skin, i, larger(at(s.verlet.skin, i), s.verlet.numbers.base_skin + FORESEEN * s.dt * away))
 
 
 @wp.func
 def renew_numbers(s: Scene):
-    """Renew the numbers of the list, so that its paths and its time begin now.
+    """Reset path and time of the list; choose its lifetime and the skin of the frame.
 
-    The lifetime is that of the steps in which no grain moves further than `Tuning.room` from the mean. The
-    frame's skin allows for a free fall of that duration.
+    In the lifetime, no grain moves more than `Tuning.room` relative to the mean motion at its v0_i. The skin
+    of the frame allows for a free fall during the lifetime.
     """
     n = body_count(s)
     mean = wp.vec2d(f64(0.0), f64(0.0))

@@ -30,20 +30,20 @@ from ..access import at, larger, put
 from ..record import EXPIRED, NOT_FINITE, SOLVED, Scene, body_count, grain_count, is_driven
 
 f64 = wp.float64
-IN_MEAN = wp.constant(1024)  # grains, at most, of the mean velocity of the frame
-MOST_RADII = wp.constant(f64(1e12))  # longest way in a step, as walls/annulus.py has it of the domain
-ROUNDED = wp.constant(f64(1.0 + 1e-13))  # above the rounding of `elapsed`, a sum of at most 64 steps
+IN_MEAN = wp.constant(1024)  # largest number of grains in the mean for v_f
+MOST_RADII = wp.constant(f64(1e12))  # longest path in a step, in radii; walls/annulus.py bounds the domain so
+ROUNDED = wp.constant(f64(1.0 + 1e-13))  # factor above the rounding of `elapsed`, a sum of at most 64 steps
 
 
 @wp.func
 def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
-    """Return v_i - v0_i - v_f [m/s]."""
+    """Return v_i - v0_i - v_f for a velocity v_i [m/s]."""
     return velocity - at(s.verlet.reference_velocity, i) - s.verlet.work.frame_velocity
 
 
 @wp.func
 def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
-    """Return s_i [m]."""
+    """Return s_i, the distance of a position from the straight path of body i [m]."""
     verlet = s.verlet.numbers
     w = at(s.verlet.reference_velocity, i)
     straight = at(s.verlet.reference_position, i) + verlet.elapsed * w
@@ -59,19 +59,19 @@ def is_finite(x: wp.vec2d) -> bool:
 
 @wp.func
 def least_monitored(s: Scene) -> f64:
-    """Return the change of a grain's velocity from which it is monitored [m/s]."""
+    """Return the change of a velocity from which the grain is monitored [m/s]."""
     return s.tuning.monitor_threshold * s.verlet.numbers.base_skin
 
 
 @wp.func
 def least_monitored_correction(s: Scene) -> f64:
-    """Return the correction from which both grains are monitored [m/s]."""
+    """Return the change of a correction from which both grains are monitored [m/s]."""
     return least_monitored(s) / s.verlet.work.max_row_sum
 
 
 @wp.func
 def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
-    """Update the peak deviation of grain i, which has this velocity now. Returns its square."""
+    """Update p_i^2 for this velocity of grain i [m/s]; return p_i^2 [m2/s2]."""
     peak = larger(at(s.verlet.peak_square, i), wp.length_sq(deviation(s, velocity, i)))
     put(s.verlet.peak_square, i, peak)
     return peak
@@ -79,7 +79,7 @@ def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
 
 @wp.func
 def monitor(s: Scene, i: int, velocity: wp.vec2d):
-    """Update the peak deviation of grain i; the list expires if the skin does not allow it."""
+    """Update p_i for this velocity of grain i [m/s]; the list expires if p_i exceeds its limit."""
     limit = at(s.verlet.peak_limit, i)
     if keep_peak(s, i, velocity) > limit * limit:
         s.verlet.flags.list_expired = 1
@@ -87,13 +87,13 @@ def monitor(s: Scene, i: int, velocity: wp.vec2d):
 
 @wp.func
 def peak_of(s: Scene, i: int) -> f64:
-    """Return p_i [m/s], with the changes that were not monitored since."""
+    """Return p_i plus the bound on unmonitored changes [m/s]."""
     return wp.sqrt(at(s.verlet.peak_square, i)) + s.verlet.work.unmonitored_change
 
 
 @wp.func
 def sample(s: Scene, i: int):
-    """Raise the peak of grain i to the most that it may have reached unmonitored."""
+    """Raise p_i to the present deviation of grain i plus the bound on unmonitored changes."""
     v = at(s.grains.next_velocity, i)
     peak = wp.length(deviation(s, v, i)) + s.verlet.work.unmonitored_change
     put(s.verlet.peak_square, i, larger(at(s.verlet.peak_square, i), peak * peak))
@@ -101,7 +101,7 @@ def sample(s: Scene, i: int):
 
 @wp.func
 def clear_check(s: Scene):
-    """Reset the findings of the check."""
+    """Reset the results of the check."""
     s.verlet.work.unmonitored_change = f64(0.0)
     s.verlet.flags.list_expired = 0
     s.verlet.flags.bad_body = -1
@@ -111,8 +111,8 @@ def clear_check(s: Scene):
 def find_frame(s: Scene):
     """Find v_f, the mean of v_i - v0_i: a motion common to all grains, such as a fall, changes no gap.
 
-    Any v_f will do, so that it is the mean of some grains. In an attempt that resumes with a new list, the
-    v0_i include it already. Driven walls do not move with it.
+    The proof holds for any v_f, so the mean over at most IN_MEAN grains suffices. v_f = 0 if an attempt
+    resumes with a new list, because the v0_i then include it, or if a force drives a wall (driven.py).
     """
     n = grain_count(s)
     u = wp.vec2d(f64(0.0), f64(0.0))
@@ -129,7 +129,7 @@ def find_frame(s: Scene):
 
 @wp.func
 def is_resolved(s: Scene, i: int) -> bool:
-    """Return whether a body's place after the step is finite, and rounded by less than its radius."""
+    """Return whether the position of body i after the step is finite, and its path within MOST_RADII."""
     way = s.dt * at(s.grains.next_velocity, i)
     most = MOST_RADII * s.tuning.smallest_radius
     return is_finite(at(s.grains.position, i) + way) and wp.length_sq(way) <= most * most
@@ -137,25 +137,25 @@ def is_resolved(s: Scene, i: int) -> bool:
 
 @wp.func
 def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
-    """Check that a skin leaves `least` [m], also for `foreseen` times the last step's deviation."""
+    """Check s_i + dt p_i + least <= skin_i [m], with p_i >= `foreseen` times the p_i of the last step."""
     x = at(s.grains.position, i)
     peak = wp.max(peak_of(s, i), foreseen * at(s.verlet.recent_deviation, i))
     used = displacement(s, x, i) + s.dt * peak
     if not is_resolved(s, i):
-        s.verlet.flags.bad_body = i  # check_all finds the last one
+        s.verlet.flags.bad_body = i  # of any thread; check_all replaces it by the last such body
     elif not (used + least <= at(s.verlet.skin, i)):
         s.verlet.flags.list_expired = 1
 
 
 @wp.func
 def spare_skin(s: Scene) -> f64:
-    """Return the part of a skin that must be left before the iteration [m]."""
+    """Return the length of each skin that must be left before the iteration [m]."""
     return s.tuning.rounding + s.tuning.reserve * s.verlet.numbers.base_skin
 
 
 @wp.func
 def begin_peak(s: Scene, i: int):
-    """Begin with a grain's deviation now, or its peak so far; find the peak that its skin allows."""
+    """Set p_i to the present deviation of body i, or keep a larger p_i if sweeps resume; find its limit."""
     peak = wp.length_sq(deviation(s, at(s.grains.next_velocity, i), i))
     if s.control.resuming != 0:
         peak = wp.max(peak, at(s.verlet.peak_square, i))
@@ -167,26 +167,26 @@ def begin_peak(s: Scene, i: int):
 
 @wp.func
 def begin_check(s: Scene, i: int):
-    """Begin with the peak deviation, and check that the skin is likely to suffice."""
+    """Start the peak deviation of body i, and check that its skin is likely to suffice for the step."""
     begin_peak(s, i)
     check_skin(s, i, spare_skin(s), wp.where(s.control.resuming != 0, f64(0.0), f64(1.0)))
 
 
 @wp.func
 def monitor_start(s: Scene, i: int):
-    """Take the velocity at the end of the last step into the peak: contacts bounce by it (eq. 35)."""
+    """Update p_i for the velocity at the end of the last step, on which bounces depend (eq. 35)."""
     monitor(s, i, at(s.grains.velocity, i))
 
 
 @wp.func
 def verify(s: Scene, i: int):
-    """Check, after the iteration, that the skin has sufficed."""
+    """Check after the iteration that the skin of body i has sufficed."""
     check_skin(s, i, s.tuning.rounding, f64(0.0))
 
 
 @wp.func
 def check_all(s: Scene, least: f64):
-    """Check the frame's skin and the list's lifetime; find the last body that is not finite."""
+    """Check the frame's skin, of which `least` [m] must be left, and the lifetime; find the last bad body."""
     numbers = s.verlet.numbers
     path = wp.length(numbers.frame_shift) + s.dt * wp.length(s.verlet.work.frame_velocity)
     if not (path + least <= numbers.frame_skin):
@@ -201,7 +201,7 @@ def check_all(s: Scene, least: f64):
 
 @wp.func
 def outcome_of_check(s: Scene) -> int:
-    """Return SOLVED if no contact was missing and every number is finite, or what was found."""
+    """Return NOT_FINITE if there is a bad body, EXPIRED if a contact may be missing, or else SOLVED."""
     if s.verlet.flags.bad_body >= 0:
         return NOT_FINITE
     if s.verlet.flags.list_expired != 0:
@@ -211,7 +211,7 @@ def outcome_of_check(s: Scene) -> int:
 
 @wp.func
 def add_unmonitored(s: Scene):
-    """Add the largest change of a velocity by a sweep that may not have been monitored."""
+    """Add the bound on the change of a velocity by the last sweep that was not monitored."""
     work = s.verlet.work
     most = least_monitored(s)
     change = work.unmonitored_change + wp.min(work.max_row_sum * s.step.zeta, most)
@@ -220,25 +220,25 @@ def add_unmonitored(s: Scene):
 
 @wp.func
 def is_sampling_due(s: Scene) -> bool:
-    """Return whether the changes that were not monitored have added up to one that is."""
+    """Return whether the sum of unmonitored changes exceeds the threshold of monitoring."""
     return s.verlet.work.unmonitored_change > least_monitored(s)
 
 
 @wp.func
 def end_sampling(s: Scene):
-    """Reset the sum of changes that were not monitored."""
+    """Reset the sum of unmonitored changes."""
     s.verlet.work.unmonitored_change = f64(0.0)
 
 
 @wp.func
 def remember(s: Scene, i: int):
-    """Save the peak of the step, for the skins of the next list."""
+    """Save p_i of the step, from which the skins of the next list are chosen."""
     put(s.verlet.recent_deviation, i, peak_of(s, i))
 
 
 @wp.func
 def shift_frame(s: Scene):
-    """Move the frame by v_f dt."""
+    """Move the frame by v_f dt, and add dt to the age of the list."""
     numbers = s.verlet.numbers
     s.verlet.numbers.frame_shift = numbers.frame_shift + s.dt * s.verlet.work.frame_velocity
     s.verlet.numbers.elapsed = numbers.elapsed + s.dt
