@@ -1,1 +1,1 @@
-"""Sweeps of the Gauss-Seidel loop, and when they end."""
+"""Sweeps of the Gauss-Seidel loop, and the rules by which they end."""

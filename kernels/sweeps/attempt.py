@@ -1,4 +1,4 @@
-"""How an attempt to solve a step begins, and whether the step is taken."""
+"""Stages that begin an attempt to solve a step, and that decide whether the step is accepted."""
 
 import warp as wp
 
@@ -31,9 +31,9 @@ f64 = wp.float64
 
 @wp.func
 def begin(s: Scene):
-    """Begin a step, or continue one that waited for the host.
+    """Begin a step, or continue a step that waited for the host.
 
-    Sweeps resume where they were if the host has declined to solve the step.
+    If the host has declined to solve the step, the sweeps resume.
     """
     if s.control.phase == Phase.FULL:
         s.control.phase = Phase.SEARCH
@@ -52,7 +52,7 @@ def begin(s: Scene):
 
 @wp.func
 def start(s: Scene):
-    """Start an attempt to solve the step, with a list that is sorted now, unless the list does not fit."""
+    """Mark the list as sorted and, if an attempt to solve the step starts, reset `without_normal`."""
     s.control.unordered = 0
     if s.control.phase == Phase.START:
         s.verlet.flags.without_normal = 0
@@ -60,9 +60,9 @@ def start(s: Scene):
 
 @wp.func
 def begin_iterating(s: Scene):
-    """Iterate if the list is likely to hold for the velocities before the first iteration.
+    """Choose to iterate if the list is likely to be valid for the velocities before the first iteration.
 
-    An accelerated attempt that may stop is measured again, with the list that it has now.
+    `may_stop` is kept if sweeps resume: then the residual is measured again, with the new list.
     """
     check_all(s, spare_skin(s))
     if s.control.resuming == 0:
@@ -78,10 +78,10 @@ def begin_iterating(s: Scene):
 
 @wp.func
 def grain_beyond_wall(s: Scene) -> int:
-    """Return the first grain that moves beyond a wall, or -1.
+    """Return the first grain that may move beyond a wall, or -1.
 
-    It moves along a round wall by more than its circle is wide, or at all by more than its gap to a wall that
-    has no normal where it is.
+    That is a grain with |v along a round wall| > A / dt (eq. 18), or, where a wall has no normal, a grain
+    that moves relative to the wall by more than the gap.
     """
     found, velocity = int(-1), s.grains.next_velocity
     for w in range(s.contacts.count.walls):
@@ -101,7 +101,10 @@ def grain_beyond_wall(s: Scene) -> int:
 
 @wp.func
 def meets_other_image(s: Scene, i: int, j: int, d: wp.vec2d, move: wp.vec2d) -> bool:
-    """Return whether grains meet that are d and some periods apart, and approach by a move (eq. 36b)."""
+    """Return whether grain i meets another image of grain j than the one at d from i (eq. 36b).
+
+    In the step, grain i moves by `move` [m] relative to grain j.
+    """
     period, reach = s.walls.period, at(s.grains.radius, i) + at(s.grains.radius, j)
     k = int(0)
     while k < 9:
@@ -116,9 +119,9 @@ def meets_other_image(s: Scene, i: int, j: int, d: wp.vec2d, move: wp.vec2d) -> 
 
 @wp.func
 def grain_at_other_image(s: Scene) -> int:
-    """Return the first grain that meets a later one by an image that is not the nearest, or -1.
+    """Return the first grain that meets an image, other than the nearest, of a later grain, or -1.
 
-    None does unless velocities differ by half a period, less two radii, over dt.
+    Such images are out of reach unless dt times the range of velocities exceeds half a period minus 2 radii.
     """
     velocity, largest = s.grains.next_velocity, f64(0.0)
     low, high = at(velocity, 0), at(velocity, 0)
@@ -141,7 +144,7 @@ def grain_at_other_image(s: Scene) -> int:
 
 @wp.func
 def judge(s: Scene):
-    """Accept the step, repeat it with a new list, or refuse it."""
+    """Choose the outcome: accept the step, repeat it with a new list, ask the host, or fail."""
     check_all(s, s.tuning.rounding)
     converged = meets_tolerance(s)
     outcome = outcome_of_check(s)
@@ -165,7 +168,7 @@ def judge(s: Scene):
             s.verlet.flags.bad_body = outer
             outcome = TOO_FAR
     if is_cancelled(s) and not (converged and is_measured(s)):
-        outcome = CANCELLED  # perhaps during a scan, with the residual of another iteration
+        outcome = CANCELLED  # the residual may be that of an earlier iteration, for example during a scan
     s.step.converged = 1 if converged else 0
     s.step.outcome = outcome
     s.control.phase = Phase.SEARCH if outcome == EXPIRED else Phase.ENDED

@@ -1,8 +1,8 @@
-"""Several pairs of one set at a time: they share no grain, so a processor computes them side by side. (One by
-one, an accelerated step of 1,000 flowing grains takes 1.3 of the time.)
+"""Functions of several pairs of one set, which share no grain, so that a processor computes them in parallel.
+(With one pair at a time, an accelerated step of 1,000 flowing grains takes 30 % longer.)
 
-What is a number of one pair is a vector here, with a lane for each; every lane has the bits that its pair has
-alone.
+A number of a pair becomes a vector with one lane for each pair. Each lane has the same bits as if its pair
+were computed alone.
 """
 
 from functools import cache
@@ -55,7 +55,7 @@ VELOCITIES = """
     #endif
         const auto velocity_at = [&](unsigned place) { return (couple *)((double *)velocity.data + PLACE); };
 """.replace("PLACE", PLACE)
-"""C++ by which both numbers of a velocity, and of a normal, are computed at once."""
+"""C++ that defines `couple`: both components of a velocity or normal, on which one instruction operates."""
 
 
 KEEP = """
@@ -64,7 +64,7 @@ KEEP = """
         *(couple *)&kept.data[slot + 2 * k + 1] = after_j;
     #endif
 """
-"""C++ that keeps the velocities of a pair after its correction, because a later pair may change them."""
+"""C++ that saves both velocities of a pair after its correction, because a later pair may change them."""
 
 
 TURN = """
@@ -75,24 +75,24 @@ TURN = """
     rim.data[i / 2] = slid_i;
     rim.data[j / 2] = slid_j;
 """
-"""C++ that adds a tangential correction, and turns both grains by it."""
+"""C++ that adds a tangential correction to the impulse and to both rim speeds."""
 ROLL = """
     rim.data[i / 2] = slid_i - dvr.c[k] * part.c[k] * rim_i.c[k];
     rim.data[j / 2] = slid_j + dvr.c[k] * (1.0 - part.c[k]) * rim_j.c[k];
 """
-"""C++ that turns them by a rolling correction besides."""
+"""C++ that also adds a rolling correction to both rim speeds, after TURN."""
 
 
 @cache
 def lanes(
     count: int, weighted: bool = False, friction: bool = False, rolling: bool = False, keep: bool = False
 ) -> SimpleNamespace:
-    """Return the functions of `count` pairs at once, from index c on, and `vector`, one number of each.
+    """Return functions of the pairs c to c + count - 1, and the type `vector`, with a number for each pair.
 
-    `push` shares changes of corrections out to grains and, with friction, to their rims (eqs. 7, 23 and 37).
-    Equal grains take a half each: their normal is halved, which is exact. A pair waits for the pair before
-    with its grain, and so for one product less. (Otherwise a plain step takes 1.04 to 1.07 of the time.)
-    `roll` is the speed of rolling after a tangential correction.
+    `push` adds changes of corrections to velocities and, with friction, to rim speeds (eqs. 7, 23 and 37).
+    Grains of equal mass get one half each. Halving the normal is exact, and saves a product on the path from
+    one pair to the next with the same grain. (Otherwise a plain step takes 4 to 7 % longer.) `roll` returns
+    the rolling speed after a tangential correction.
     """
     vector = wp.types.vector(length=count, dtype=f64)
     half, of_i, of_j = ("", " * share_i.c[k]", " * share_j.c[k]") if weighted else (" * 0.5", "", "")

@@ -1,27 +1,27 @@
-"""The accelerated method: momentum around a sweep that goes a little too far, and what judges it.
+"""The accelerated method: over-relaxed sweeps with momentum, and rules that reject sweeps or stop momentum.
 
 A sweep is coordinate descent on the dual objective of the step (MODEL.md, eq. 14),
 
     phi = 1/2 sum_i M_i |v_i|^2 + sum_c mu_c dv_c gap_c / dt,    mu_c = M_i M_j / (M_i + M_j), M_i at a wall.
 
-Between two sweeps, corrections x and velocities are extrapolated along the line from the last ones,
+Between two sweeps, corrections x and velocities are extrapolated from those before the last sweep,
 y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983; eq. 13).
-With beta grows the over-relaxation of the sweep (Young 1954). A sweep from y sums its cost in phi less its
-gain, and the slope of phi along the momentum, by chunks of the working set (working_set.py).
+The over-relaxation of the sweep grows with beta (Young 1954). A sweep from y sums the change of phi, and the
+slope of phi along the momentum, by chunks of the working set (working_set.py).
 
-A sweep that does not make good what going on to y has cost in phi is rejected, which stops momentum as well;
-so phi falls from sweep to sweep. Momentum also stops when it points up the gradient (O'Donoghue and Candes
-2015). t is only halved then, so that the next run is soon as fast (Liang, Luo and Schoenlieb 2022). Near the
-end it is held back, because momentum would keep the waves of impacts alive for long.
+The extrapolation to y may raise phi. If the sweep does not lower phi by more, it is rejected, and momentum
+stops; so phi falls from sweep to sweep. Momentum also stops when it points up the gradient (O'Donoghue and
+Candes 2015). A stop only halves t, so that momentum is soon as large as before (Liang, Luo and Schoenlieb
+2022). t is limited near the end, because momentum would keep the waves of impacts alive for long.
 
-With friction a step is no minimization, so that no objective can judge a sweep, and none is rejected.
-Without that safeguard, momentum with beta near 1 diverges, and over-relaxation does at any beta. So sweeps
-do not go too far here, beta is capped, and momentum stops where the change of a sweep, squared and summed
-in the mass metric, has grown. Steps that momentum keeps from converging get on by plain sweeps, so that the
-cap falls after 500 sweeps.
+With friction, a step is not the minimization of an objective. So no sweep is rejected. Without this
+safeguard, momentum with beta near 1 diverges, and over-relaxation diverges at any beta. So there is no
+over-relaxation with friction, beta is capped, and momentum stops if the change by a sweep, squared and summed
+in the mass metric, has grown. Some steps converge by plain sweeps only, so the cap falls after 500 sweeps.
 
-Velocities that are corrected in place gather rounding errors, and momentum carries these on. Now and then
-they are recomputed from the corrections, and the last ones moved by as much.
+Velocities that are corrected in place accumulate rounding errors, which momentum amplifies. At intervals,
+they are recomputed from the corrections, and the velocities before the last sweep are shifted by the same
+amount.
 """
 
 import warp as wp
@@ -33,30 +33,30 @@ from ..team.threads import Team, thread_range
 from ..types import Floats
 
 f64 = wp.float64
-RELAXATION = wp.constant(f64(0.25))  # by how much a sweep goes too far at beta = 1, at first
-ENOUGH = wp.constant(f64(0.99))  # part of its own decrease of phi that a sweep must keep
+RELAXATION = wp.constant(f64(0.25))  # initial over-relaxation omega - 1 at beta = 1
+ENOUGH = wp.constant(f64(0.99))  # part of the decrease of phi by a sweep that may balance the rise before it
 ROUNDING = wp.constant(f64(2.0e-15))
-RELAXATION_BACKOFF = wp.constant(f64(0.8))  # what a rejected sweep leaves of the over-relaxation
-MOMENTUM_BACKOFF = wp.constant(f64(0.5))  # what a stop leaves of t
-NEAR_END = wp.constant(f64(6.0))  # times the tolerance: below that zeta, t is held back to the largest of
+RELAXATION_BACKOFF = wp.constant(f64(0.8))  # factor of the over-relaxation after a rejected sweep
+MOMENTUM_BACKOFF = wp.constant(f64(0.5))  # factor of t after a stop
+NEAR_END = wp.constant(f64(6.0))  # if zeta < NEAR_END * tolerance, t is at most the largest of:
 T_ANYWAY = wp.constant(f64(24.0))
 T_PER_FALL = wp.constant(f64(1.5))  # times sqrt(zeta of the first sweep / tolerance)
-T_PER_SWEEP = wp.constant(f64(0.2))  # times the sweeps so far
+T_PER_SWEEP = wp.constant(f64(0.2))  # times the number of sweeps so far
 # With friction:
-GROWTH = wp.constant(f64(1.2))  # of the change of a sweep, above which momentum stops
+GROWTH = wp.constant(f64(1.2))  # ratio of the changes of two sweeps above which momentum stops
 CAP = wp.constant(f64(0.85))  # of beta
-FADE = wp.constant(f64(500.0))  # sweeps after which the cap falls, as one over their number
+FADE = wp.constant(f64(500.0))  # number of sweeps after which the cap falls, as FADE / number of sweeps
 
 
 @wp.func
 def relaxation_factor(s: Scene) -> f64:
-    """Return omega: the multiple of its own correction that a contact is given (eq. 13)."""
+    """Return omega, the factor by which a sweep multiplies the excess of a contact (eq. 13)."""
     return f64(1.0) + s.momentum.state.relaxation * s.momentum.state.beta
 
 
 @wp.func
 def mass_in_phi(s: Scene, i: int) -> f64:
-    """Return the contact mass of a body; where all masses are equal, phi is by unit mass."""
+    """Return the contact mass of body i [kg], or 1 if all masses are equal: then phi is per unit mass."""
     if has_weights(s):
         return at(s.grains.contact_mass, i)
     return f64(1.0)
@@ -64,7 +64,7 @@ def mass_in_phi(s: Scene, i: int) -> f64:
 
 @wp.func
 def take_t_on(s: Scene, zeta: f64):
-    """Choose t and beta of the next sweep (eq. 13), near the end with more damping."""
+    """Choose t and beta of the next sweep (eq. 13); if zeta is near the tolerance, limit t."""
     sweeps = s.step.iterations + 1
     tolerance = s.stopping.tolerance
     if sweeps == 1:
@@ -87,7 +87,7 @@ def back_off(s: Scene):
 
 @wp.func
 def sum_of_chunks(s: Scene) -> wp.vec2d:
-    """Return the sums over all contacts that a sweep has taken by chunks."""
+    """Return the sums of `contact_sums` over all chunks."""
     total = wp.vec2d()
     for k in range(chunk_count(s)):
         total = total + at(s.momentum.contact_sums, k)
@@ -96,7 +96,7 @@ def sum_of_chunks(s: Scene) -> wp.vec2d:
 
 @wp.func
 def accept_or_reject(s: Scene, zeta: f64):
-    """Reject a sweep after which phi has risen; otherwise choose t and beta of the next one."""
+    """Reject the sweep if phi has risen. Then, or if the slope is > 0, back off; else choose t and beta."""
     total = sum_of_chunks(s)
     energy = f64(0.0)
     size = f64(0.0)
@@ -117,7 +117,7 @@ def accept_or_reject(s: Scene, zeta: f64):
 
 @wp.func
 def limit_momentum(s: Scene, zeta: f64):
-    """Choose t and beta of the next sweep with friction, below the cap."""
+    """Choose t and beta of the next sweep with friction. Back off if changes grow or the slope is > 0."""
     total = sum_of_chunks(s)
     grown = s.momentum.state.beta > f64(0.0) and total[0] > GROWTH * s.momentum.state.change
     s.momentum.state.change = total[0]
@@ -131,7 +131,7 @@ def limit_momentum(s: Scene, zeta: f64):
 
 @wp.func
 def roll_back(s: Scene, chunk: int):
-    """Restore the corrections that a chunk of the working set had before a rejected sweep."""
+    """Restore the corrections of a chunk of the working set from before the rejected sweep."""
     bounds = at(s.working.range, chunk)
     c = int(bounds[0])
     while c < bounds[1]:
@@ -141,13 +141,13 @@ def roll_back(s: Scene, chunk: int):
 
 @wp.func
 def roll_back_velocity(s: Scene, i: int):
-    """Restore the velocity that a body had before a rejected sweep."""
+    """Restore the velocity of body i from before the rejected sweep."""
     put(s.grains.next_velocity, i, at(s.momentum.last_velocity, i))
 
 
 @wp.func
 def take_recomputed_velocity(s: Scene, i: int):
-    """Set the velocity of a body, and its rim's, to the recomputed one, and shift the last one as much."""
+    """Replace velocity and rim speed of body i by the recomputed ones; shift the last ones by the change."""
     recomputed = at(s.grains.recomputed_velocity, i)
     last = at(s.momentum.last_velocity, i)
     put(s.momentum.last_velocity, i, last + (recomputed - at(s.grains.next_velocity, i)))
@@ -160,7 +160,7 @@ def take_recomputed_velocity(s: Scene, i: int):
 
 @wp.func
 def copy_numbers(team: Team, target: Floats, source: Floats, count: int):
-    """Copy the first numbers of an array."""
+    """Copy the first `count` numbers of an array, divided among the threads."""
     k, last = thread_range(team, 0, count)
     while k < last:
         put(target, k, at(source, k))
@@ -169,7 +169,7 @@ def copy_numbers(team: Team, target: Floats, source: Floats, count: int):
 
 @wp.func
 def begin_momentum(team: Team, s: Scene):
-    """Start without momentum."""
+    """Set t = 1 and beta = 0, and save the present velocities and corrections as the last ones."""
     i, last = thread_range(team, 0, body_count(s))
     while i < last:
         put(s.momentum.last_velocity, i, at(s.grains.next_velocity, i))
@@ -187,7 +187,7 @@ def begin_momentum(team: Team, s: Scene):
 
 
 def extrapolating(friction: bool) -> wp.Function:
-    """Return the stage that extrapolates to y and, without friction, sums the kinetic part of phi."""
+    """Return the stage that extrapolates velocities to y and, without friction, sums kinetic terms of phi."""
 
     @named(f"extrapolate{'_with_friction' * friction}")
     def extrapolate(team: Team, s: Scene):

@@ -1,15 +1,14 @@
 """The sweep over pairs: corrections contact by contact, in place (MODEL.md, eqs. 5 to 7, 13 and 23).
 
-One loop serves all methods, by static flags. A plain sweep visits all pairs, one at a time, from the
-corrections that they have. A sweep `ahead` visits the working set from y, further along, four at a time,
-goes a little too far, and sums what it does to phi (momentum.py). With friction, a visit corrects the
-normal velocity and then the velocity at which the surfaces slip. Neither changes the other in a contact of
-discs, but for Coulomb's bound, so one visit solves the contact exactly. Where rolling is resisted, a visit at
-last corrects the velocity at which grains roll.
+One loop serves all methods, by static flags. A plain sweep visits all pairs, one at a time, and starts from
+their corrections. A sweep `ahead` visits the working set, four pairs at a time. It starts from the
+extrapolated corrections y, over-relaxes without friction, and sums the change of phi (momentum.py). With
+friction, a visit corrects the normal velocity and then the slip velocity. These velocities are independent in
+a contact of discs, except for Coulomb's bound, so one visit solves the contact exactly. With rolling
+friction, a visit finally corrects the rolling speed.
 
-Plain sweeps monitor grains where a correction is large (verlet.py), a block of pairs at a time: whether a
-correction is large cannot be foreseen, and to find it out pair by pair costs a processor as much as the
-correction.
+Plain sweeps monitor the grains of large corrections (verlet.py) after each block of pairs. A processor cannot
+predict whether a correction is large, so a test after each pair would cost as much as the correction.
 """
 
 import warp as wp
@@ -25,7 +24,7 @@ from .momentum import ENOUGH, relaxation_factor
 
 f64 = wp.float64
 BLOCK = wp.constant(64)  # pairs that a thread corrects before it monitors the grains of large corrections
-KEPT = wp.constant(2 * BLOCK + 8)  # velocities of a thread: two a pair, and a gap that no cache line bridges
+KEPT = wp.constant(2 * BLOCK + 8)  # velocities per thread: two per pair, and a gap wider than a cache line
 NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
 
 
@@ -39,17 +38,18 @@ NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
 """)
 )
 def kept_velocity(kept: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
-    """Return a kept velocity. A GPU, which sweeps one independent set at a time, reads that of grain i."""
+    """Return kept velocity k; on a GPU that of grain i, which no other pair of its set changes."""
     ...
 
 
 def sweeping_pairs(
     count: int, weighted: bool, friction: bool, resists_rolling: bool, ahead: bool
 ) -> wp.Function:
-    """Return the function that corrects pairs, `count` at a time: `(scene, contacts, begin, end, kept)`.
+    """Return the function `(scene, contacts, begin, end, kept)` that corrects pairs, `count` at a time.
 
-    It returns the largest change of a correction, the sums of momentum.py, and bits of the pairs of large
-    changes, whose velocities are kept from index `kept` on. A plain sweep has no sums, one ahead no bits.
+    It returns (largest change of a correction, both sums of momentum.py) and a mask of the pairs with a large
+    change. Sums are 0 in a plain sweep. Only a plain sweep has a mask, and writes velocities to `kept` and
+    on.
     """
     several = lanes(count, weighted, friction, resists_rolling, keep=not ahead)
     vector, numbers_at, set_numbers = several.vector, several.numbers_at, several.set_numbers
@@ -59,7 +59,7 @@ def sweeping_pairs(
 
     @wp.func
     def bounded(dv: Floats, last: Floats, c: int, beta: f64, speed: vector, inverse_k: vector, bound: vector):
-        """Correct dv_t or dv_r within a bound; return the change, and the step ahead before it."""
+        """Correct dv_t or dv_r, clamped to +-bound; return the change, and the extrapolation before it."""
         x = numbers_at(dv, c)
         y, step, change = x, vector(), vector()
         if wp.static(ahead):
@@ -140,7 +140,7 @@ def sweeping_pairs(
                 cost = sum_of(cost, product_of(mass, product_of(gap_rate, step) - ENOUGH * gain))
             if wp.static(resists_rolling):
                 bound, step_r, inverse_kr = mu_r * (y + dv), vector(), vector()
-                if wp.static(ahead) or bound[0] > f64(0.0) or at(dvrs, c) != f64(0.0):  # else it does nothing
+                if wp.static(ahead) or bound[0] > f64(0.0) or at(dvrs, c) != f64(0.0):  # otherwise dvr = 0
                     for k in range(wp.static(count)):
                         own = at(roll_weights, c + k)
                         part[k] = own[0]
@@ -173,7 +173,7 @@ def sweeping_pairs(
 
 @wp.func
 def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
-    """Monitor both grains of the pairs of a block that have a bit."""
+    """Monitor both grains of each pair of [begin, end) whose bit is set; velocities are kept from k on."""
     velocity, contact, kept = s.grains.next_velocity, s.contacts.contact, s.partial.kept_velocity
     left = bits
     while left != NONE:
@@ -186,7 +186,7 @@ def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
 
 
 def sweeping_any_pairs(count: int, friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
-    """Return what `sweeping_pairs` does, for scenes with and without weights."""
+    """Return the function of `sweeping_pairs` for scenes with and without weights."""
     equal, weighted = (
         sweeping_pairs(count, flag, friction, resists_rolling, ahead) for flag in (False, True)
     )
@@ -201,7 +201,7 @@ def sweeping_any_pairs(count: int, friction: bool, resists_rolling: bool, ahead:
 
 
 def sweeping_in_fours(friction: bool, resists_rolling: bool) -> wp.Function:
-    """Return the function that corrects pairs of [begin, end) ahead: `(scene, contacts, begin, end, kept)`.
+    """Return the function `(scene, contacts, begin, end, kept)` that corrects pairs of a sweep `ahead`.
 
     It returns the largest change of a correction, and the sums of momentum.py.
     """
@@ -218,7 +218,7 @@ def sweeping_in_fours(friction: bool, resists_rolling: bool) -> wp.Function:
 
 
 def sweeping_in_blocks(friction: bool, resists_rolling: bool) -> wp.Function:
-    """Return the function that corrects pairs of [begin, end) and monitors them, with the same arguments."""
+    """Return the function `(scene, contacts, begin, end, kept)` that corrects and monitors pairs plainly."""
     sweep_block = sweeping_any_pairs(1, friction, resists_rolling, ahead=False)
 
     @wp.func

@@ -1,18 +1,18 @@
-"""The error of a solve, defined once and the same for every method and order: the natural residual.
+"""The natural residual: the error of a solution, with one definition for all methods and orders.
 
-    eta = max over contacts of | max(0, dv_c + vn - gap/dt) - dv_c |    (MODEL.md, eq. 12),
+    eta = max over contacts of | max(0, dv_c + vn - gap/dt) - dv_c |    (MODEL.md, eq. 12).
 
-both walls apart, for the velocities that the corrections make of the free ones, and the gaps that a round
-wall leaves to these. No contact closes faster than gap/dt + eta. The velocities are the exact solution of a
-step whose gaps are changed by at most dt * eta, and whose free velocities by what letting go contacts still
-carry, at most eta each.
+The two sides of a wall count separately. Velocities are the free velocities plus all corrections, and at a
+round wall the gap depends on them. No contact closes faster than gap/dt + eta. The velocities are the exact
+solution of a step with slightly different data: gaps that differ by at most dt * eta, and free velocities
+that differ by the corrections of contacts that should carry none, at most eta each.
 
-Steps on which sweeps converge too slowly are solved by the host (warpgrains/solver/exact): such a step
-ends as SLOW (stopping.py). Velocities are then recomputed from the host's corrections, and sweeps continue
-until they meet the tolerance, mostly none. If the host finds no better ones, the sweeps continue from
-where they were. The way in which corrections were found does not matter: a contact that is not listed and
-that the final velocities do not violate is satisfied without a correction (eq. 10). So the check of the
-list starts again from these.
+If sweeps converge too slowly, the step ends as SLOW (stopping.py), and the host solves it
+(warpgrains/solver/exact). Velocities are then recomputed from the host's corrections, and sweeps continue
+until they meet the tolerance; mostly no sweep is needed. If the host finds no better corrections, the sweeps
+resume. The way in which corrections were found does not matter: a contact that is not listed and that the
+final velocities do not violate is satisfied without a correction (eq. 10). So the check of the list starts
+again from the final velocities.
 """
 
 from functools import cache
@@ -32,7 +32,7 @@ f64 = wp.float64
 
 @wp.func
 def begin_recomputing(s: Scene, i: int):
-    """Begin with the free velocity of a body, and the free speed of its rim."""
+    """Set the recomputed velocity and rim speed of body i to the free ones."""
     put(s.grains.recomputed_velocity, i, at(s.grains.free_velocity, i))
     if rotates(s, i):
         put(s.grains.recomputed_rim, i, at(s.grains.free_rim, i))
@@ -40,7 +40,7 @@ def begin_recomputing(s: Scene, i: int):
 
 @wp.func
 def recompute(team: Team, s: Scene, k: int):
-    """Apply the corrections of the contacts of a set."""
+    """Add the corrections of the contacts of set k to the recomputed velocities and rim speeds."""
     velocity, rim = s.grains.recomputed_velocity, s.grains.recomputed_rim
     c, end = contacts_of(team, s, k)
     while c < end:
@@ -54,9 +54,10 @@ def recompute(team: Team, s: Scene, k: int):
 
 @cache
 def measuring(friction: bool, resists_rolling: bool) -> wp.Function:
-    """Return the stage that finds the largest residual of a thread's share of the contacts.
+    """Return the stage that finds the largest residual of the contacts of each thread [m/s].
 
-    With friction, the residual of a contact is the largest of its parts (eqs. 25 and 38).
+    With friction, the residual of a contact is the largest of its normal, tangential and rolling parts
+    (eqs. 25 and 38).
     """
 
     @wp.func
@@ -67,7 +68,7 @@ def measuring(friction: bool, resists_rolling: bool) -> wp.Function:
         n, gap, v, dv = contact.n, f64(contact.gap_rate), at(velocity, i), at(s.contacts.dv, c)
         at_wall = c >= pair_count(s)
         change, compliance = f64(0.0), f64(1.0)
-        along, tangential = f64(0.0), f64(0.0)  # of a driven wall: its speed along the tangent, and g_t h_t
+        along, tangential = f64(0.0), f64(0.0)  # of a driven wall: speed along the tangent, and g_t h_t
         if at_wall and is_driven(s):
             lever, speed = levers(s, j, n), at(velocity, leader_of(s, j))[0]
             share = shares_of_wall(s, i, j, lever)
@@ -115,7 +116,7 @@ def measuring(friction: bool, resists_rolling: bool) -> wp.Function:
 
 @wp.func
 def take_corrected_velocity(s: Scene, i: int):
-    """Start from the velocity that the host's corrections make, if they are better than those before."""
+    """If the host has found corrections, set velocity and rim speed of body i to the recomputed ones."""
     if s.control.phase == Phase.CORRECTED:
         put(s.grains.next_velocity, i, at(s.grains.recomputed_velocity, i))
         if rotates(s, i):

@@ -14,7 +14,7 @@ f64 = wp.float64
 
 @wp.func
 def find_roll_weights(s: Scene, c: int, i: int, j: int):
-    """Write the part of its rim speed with which grain i rolls in contact c, 1 at walls, and 1 / K_r."""
+    """Write the part of grain i's rim speed that counts in vr of contact c (1 at walls), and 1 / K_r."""
     part, at_wall = f64(1.0), j >= grain_count(s)
     if not at_wall:
         part = law.rolling_part(at(s.grains.radius, i), at(s.grains.radius, j))
@@ -25,7 +25,7 @@ def find_roll_weights(s: Scene, c: int, i: int, j: int):
 
 @wp.func
 def rolling_at_wall(s: Scene, j: int) -> wp.vec2d:
-    """Return the coefficient of rolling friction at wall j, and its angular velocity [rad/s]."""
+    """Return the coefficient of rolling friction at wall j, and the wall's angular velocity [rad/s]."""
     b = j - grain_count(s)
     rolling = at(s.walls.rolling, b)
     if b > 0 and are_mobile(s.walls):
@@ -35,7 +35,7 @@ def rolling_at_wall(s: Scene, j: int) -> wp.vec2d:
 
 @wp.func
 def apply_rolling(s: Scene, rim: Floats, contact: Contact, c: int, dvr: f64):
-    """Share the rolling correction [m/s] of contact c out to the rims of its grains."""
+    """Add the rolling correction [m/s] of contact c to the rim speeds of both bodies."""
     i, j = bodies_of(contact)
     at_wall = j >= grain_count(s)
     rims, part = rim_weights(s, c, at_wall), at(s.contacts.roll_weights, c)[0]
@@ -46,7 +46,7 @@ def apply_rolling(s: Scene, rim: Floats, contact: Contact, c: int, dvr: f64):
 
 @wp.func
 def rolling_residual(s: Scene, contact: Contact, c: int, dv: f64) -> f64:
-    """Return the rolling part of the residual of contact c [m/s] (eq. 38), with a normal correction dv."""
+    """Return the rolling part of the residual of contact c [m/s] (eq. 38), for a normal correction dv."""
     i, j = bodies_of(contact)
     rim, weights = s.grains.recomputed_rim, at(s.contacts.roll_weights, c)
     vr, mu = f64(0.0), f64(s.rolling_friction)

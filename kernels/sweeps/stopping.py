@@ -1,12 +1,12 @@
-"""When the sweeps of a step stop, and when the residual is measured.
+"""Rules that decide when the sweeps of a step stop, and when the residual is measured.
 
-First come the rules, which read numbers and change nothing, then the stages that choose the phase by them.
-Sweeps and scans end in other files, by `end_iteration` and `stop_or_sweep`.
+First come the rules, which change nothing, then the stages that choose the phase by these rules. Stages of
+other files call `end_iteration` after a sweep and `stop_or_sweep` after a scan.
 
-Plain sweeps follow one another until they stop. Accelerated ones come in bouts, between which the list is
-checked, the residual measured if that is due, and all contacts scanned for the working set. They stop only
-between two bouts: zeta is of the working set, and says nothing of the other contacts. A measurement is only
-due where a bout ends.
+Plain sweeps follow one another until they stop. Accelerated sweeps are grouped in bouts. Between two bouts
+the list is checked, the residual is measured if necessary, and all contacts are scanned for the working set.
+Accelerated sweeps stop only between two bouts, because zeta covers the working set, but no other contacts. So
+a residual that decides is measured only at the end of a bout.
 """
 
 from enum import IntEnum
@@ -19,12 +19,12 @@ from ..team.threads import take_max
 
 f64 = wp.float64
 CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
-NEARLY = wp.constant(f64(2.0))  # times the tolerance: a zeta from which the residual is worth a check
-RECOMPUTE_EVERY = wp.constant(100)  # accelerated iterations between two times that velocities are recomputed
+NEARLY = wp.constant(f64(2.0))  # the residual is checked only if zeta <= NEARLY * tolerance
+RECOMPUTE_EVERY = wp.constant(100)  # accelerated iterations between two recomputations of the velocities
 HALF_WAY = wp.constant(50)  # iteration after which the trend of the residual begins
-FRICTION_FROM = wp.constant(300)  # sweeps with friction before the host is asked, whose path is then short
-SCAN_EVERY = wp.constant(10)  # accelerated sweeps between two scans, and
-FIRST_SCANS = wp.constant(8)  # sweeps within which powers of two are followed by one
+FRICTION_FROM = wp.constant(300)  # sweeps with friction before the host is asked: its path is short then
+SCAN_EVERY = wp.constant(10)  # accelerated sweeps between two scans
+FIRST_SCANS = wp.constant(8)  # up to this sweep, scans follow sweeps 1, 2, 4, 8 as well
 
 
 class StopOn(IntEnum):
@@ -42,19 +42,19 @@ def is_power_of_two(number: int) -> bool:
 
 @wp.func
 def has_iterations_left(s: Scene) -> bool:
-    """Return whether max_iterations allows another iteration, and nobody has cancelled the step."""
+    """Return whether max_iterations allows another iteration, and the step is not cancelled."""
     return s.step.iterations < s.stopping.max_iterations and not is_cancelled(s)
 
 
 @wp.func
 def stops_on_zeta(s: Scene) -> bool:
-    """Return whether the tolerance is on zeta, which every sweep finds, or on what is measured at times."""
+    """Return whether the tolerance bounds zeta, which each sweep yields, rather than the residual."""
     return s.stopping.on == StopOn.ZETA
 
 
 @wp.func
 def meets_tolerance(s: Scene) -> bool:
-    """Return whether the last residual, or zeta of a sweep over all contacts, meets the tolerance."""
+    """Return whether the last residual, or the zeta of a last sweep not rejected, meets the tolerance."""
     if stops_on_zeta(s):
         return s.step.zeta <= s.stopping.tolerance and s.control.rejected == 0
     return s.step.residual <= s.stopping.tolerance
@@ -62,22 +62,22 @@ def meets_tolerance(s: Scene) -> bool:
 
 @wp.func
 def is_last_iteration(s: Scene) -> bool:
-    """Return whether the sweeps end here; a residual decides that later, where it is measured."""
+    """Return whether the sweeps end now, because of zeta, max_iterations or cancellation."""
     return not has_iterations_left(s) or (stops_on_zeta(s) and meets_tolerance(s))
 
 
 @wp.func
 def is_measured(s: Scene) -> bool:
-    """Return whether the residual of the last iteration has been measured, with the list before."""
+    """Return whether the residual of the last iteration has been measured, perhaps with an earlier list."""
     return s.step.measured == s.step.iterations
 
 
 @wp.func
 def is_measurement_due(s: Scene) -> bool:
-    """Return whether the residual is measured: always after the last iteration, also with another list.
+    """Return whether the residual must be measured now, to decide whether the sweeps stop.
 
-    Otherwise it is where it may meet the tolerance, which zeta tells. Accelerated sweeps also need the
-    velocities that are recomputed for it.
+    It is measured after the last iteration, even if it was with another list, and if a small zeta shows that
+    it may meet the tolerance. Accelerated sweeps also need the velocities that are recomputed for it.
     """
     k = s.step.iterations
     if s.control.may_stop != 0 or is_measured(s):
@@ -89,17 +89,17 @@ def is_measurement_due(s: Scene) -> bool:
 
 @wp.func
 def is_scan_due(iterations: int) -> bool:
-    """Return whether all contacts are scanned after this many sweeps: impacts spread fast at first."""
+    """Return whether a scan of all contacts follows sweep number `iterations`. First scans are frequent."""
     early = iterations <= FIRST_SCANS and is_power_of_two(iterations)
     return early or iterations % SCAN_EVERY == 0
 
 
 @wp.func
 def is_too_slow(s: Scene) -> bool:
-    """Extrapolate the decay of the residual; return whether the sweeps left cost more than the host.
+    """Extrapolate the decay of the residual; return whether more than `patience` sweeps would be needed.
 
-    The decay counts as that of RECOMPUTE_EVERY sweeps at most. It is that of more where the residual was not
-    measured in between, because a sweep was rejected; then the host is asked later.
+    The decay is taken as that of at most RECOMPUTE_EVERY sweeps. If a measurement was left out, because a
+    sweep was rejected, it is the decay of more sweeps, and the host is asked later.
     """
     if has_friction(s) and s.step.iterations < FRICTION_FROM:
         return False
@@ -111,36 +111,36 @@ def is_too_slow(s: Scene) -> bool:
 
 @wp.func
 def is_recorded(s: Scene) -> bool:
-    """Return whether the history has a residual of the last iteration."""
+    """Return whether the history records the residual of the last iteration."""
     return s.step.iterations <= s.history.zeta.shape[0]
 
 
 @wp.func
 def is_residual_needed(s: Scene) -> bool:
-    """Return whether the residual is measured now: where it is due, recorded, or begins the trend."""
+    """Return whether the residual is measured now: to decide, for the history, or to begin the trend."""
     begins_trend = s.step.asking == Asking.EARLY and s.step.iterations == HALF_WAY
     return is_measurement_due(s) or (not is_measured(s) and (is_recorded(s) or begins_trend))
 
 
 @wp.func
 def is_recorded_during_bout(s: Scene) -> bool:
-    """Return whether the history has a residual after which the bout goes on."""
+    """Return whether the history records the residual of an iteration after which the bout continues."""
     return s.control.phase == Phase.SWEEP and is_recorded(s)
 
 
 @wp.func
 def stop_or_sweep(s: Scene):
-    """Stop after the last sweep; a scan has found what zeta is of all contacts."""
+    """Stop after the last sweep, or else sweep. The scan before has extended zeta to all contacts."""
     s.control.may_stop = 1 if has_swept(s) and is_last_iteration(s) else 0
     s.control.phase = Phase.VERIFY if s.control.may_stop != 0 else Phase.SWEEP
 
 
 @wp.func
 def end_iteration(s: Scene, zeta: f64):
-    """Count an iteration of this zeta [m/s], which may be the last or end a bout.
+    """Count an iteration with this zeta [m/s]; choose the phase that follows.
 
-    Plain sweeps go on with a list that has expired to iteration 1, 2, 4, 8, ...: how far grains deviate until
-    then tells how wide the skins of the next list must be.
+    If the list has expired, plain sweeps continue to the next of the iterations 1, 2, 4, 8, ... From the
+    deviations of the grains until then, the skins of the next list are chosen.
     """
     iterations = s.step.iterations + 1
     s.step.iterations = iterations
@@ -158,14 +158,14 @@ def end_iteration(s: Scene, zeta: f64):
 
 @wp.func
 def end_list_check(s: Scene):
-    """Pause if the list does not hold: all contacts are scanned with the next one."""
+    """Interrupt the sweeps if the list has expired; they resume with a scan of the next list."""
     if s.verlet.flags.list_expired != 0:
         s.control.phase = Phase.VERIFY
 
 
 @wp.func
 def take_residual(s: Scene):
-    """Take the residual that threads have measured as that of the last iteration."""
+    """Reduce the residual over the threads, and store it as that of the last iteration."""
     s.step.residual = take_max(s.partial.residual)
     s.step.measured = s.step.iterations
     if s.step.iterations <= s.history.residual.shape[0]:
@@ -174,7 +174,7 @@ def take_residual(s: Scene):
 
 @wp.func
 def end_measurement(s: Scene):
-    """Stop if the residual meets the tolerance or falls too slowly, unless it is for a record alone."""
+    """Stop if a residual that decides (is_measurement_due) meets the tolerance or falls too slowly."""
     decides = is_measurement_due(s)
     take_residual(s)
     stopping = decides and not stops_on_zeta(s) and meets_tolerance(s)
@@ -190,7 +190,7 @@ def end_measurement(s: Scene):
 
 @wp.func
 def end_correction(s: Scene):
-    """Continue with sweeps unless the solution of the step by the host (CPU) meets the tolerance."""
+    """Continue with sweeps unless the host's solution meets the tolerance or no iterations are left."""
     take_residual(s)
     s.step.trend_residual = s.step.residual
     s.control.rejected = 0

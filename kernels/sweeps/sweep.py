@@ -1,4 +1,4 @@
-"""One sweep over a set of contacts: pairs by pair_sweep.py, contacts with walls by wall_sweep.py."""
+"""A sweep over a set of contacts, by pair_sweep.py for pairs and wall_sweep.py for contacts with walls."""
 
 from functools import cache
 
@@ -20,7 +20,7 @@ f64 = wp.float64
 
 @cache
 def sweeping(friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
-    """Return the stage that corrects the contacts of a set, those of the working set in a sweep ahead."""
+    """Return the stage that corrects the contacts of a set; a sweep `ahead` corrects the working set only."""
     sweeping_pairs = sweeping_in_fours if ahead else sweeping_in_blocks
     sweep_pairs = sweeping_pairs(friction, resists_rolling)
     sweep_walls, sweep_driven = (
@@ -29,7 +29,7 @@ def sweeping(friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
 
     @wp.func
     def sweep_range(s: Scene, contacts: ContactsByRef, k: int, begin: int, end: int, kept: int) -> wp.vec3d:
-        """Correct contacts of set k; return the largest change and the sums of momentum.py."""
+        """Correct contacts of set k; return (largest change [m/s], both sums of momentum.py)."""
         if not is_wall_set(s, k):
             return sweep_pairs(s, contacts, begin, end, kept)
         if is_driven(s):
@@ -59,7 +59,7 @@ def sweeping(friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
 
 @wp.func
 def end_sweep(s: Scene):
-    """Count a sweep, and choose what follows; one ahead may be rejected."""
+    """Count a sweep, choose the momentum of the next accelerated one, and choose the phase that follows."""
     zeta = take_max(s.partial.zeta)
     if is_accelerated(s):
         if has_friction(s):

@@ -1,6 +1,6 @@
 """The sweep over contacts with walls: corrections in place (MODEL.md, eqs. 8, 13, 18, 23, 29 and 37).
 
-One loop serves all methods, by the static flags of pair_sweep.py; `driven`: a force drives one of the walls.
+One loop serves all methods, by the static flags of pair_sweep.py and by `driven`: a force drives a wall.
 """
 
 import warp as wp
@@ -19,14 +19,14 @@ f64 = wp.float64
 
 
 def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
-    """Return the function that corrects contacts with walls: `(scene, contacts, begin, end)`.
+    """Return the function `(scene, contacts, begin, end)` that corrects contacts with walls.
 
-    It returns the largest change of a correction and, of a sweep ahead, the sums of momentum.py.
+    It returns (largest change of a correction, both sums of momentum.py). A plain sweep ignores the sums.
     """
 
     @wp.func
     def bounded(dv: Floats, last: Floats, c: int, beta: f64, v: f64, inverse_k: f64, bound: f64) -> wp.vec3d:
-        """Correct dv_t or dv_r by a speed v, within a bound; return the change, and its parts of the sums."""
+        """Correct dv_t or dv_r by inverse_k v, clamped to +-bound; return (change, terms of both sums)."""
         x = at(dv, c)
         y, size, slope = x, f64(0.0), f64(0.0)
         if wp.static(ahead):
@@ -129,7 +129,7 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
 
 @wp.func
 def rise_of_phi(x: f64, y: f64, dv: f64, excess: f64, gap_rate: f64, back_rate: f64, compliance: f64) -> f64:
-    """Return what the way from x to y adds to phi, less the gain of the correction, by unit mass (eq. 14)."""
+    """Return the rise of phi from x to y minus the fall by the correction dv, per unit mass (eq. 14)."""
     cost_y = law.wall_cost(y, gap_rate, back_rate)
     linear = law.wall_cost(y + dv, gap_rate, back_rate) - cost_y
     gain = dv * (excess + gap_rate - f64(0.5) * compliance * dv) - linear

@@ -1,4 +1,4 @@
-"""Iteration 0: normals and gaps are frozen, and the corrections kept from the previous step applied."""
+"""Iteration 0: stages that freeze normals and gaps, and apply the corrections of the previous step."""
 
 from functools import cache
 
@@ -19,7 +19,7 @@ f64 = wp.float64
 
 @wp.func
 def begin_velocity(s: Scene, i: int):
-    """Begin with the free velocity of a body, and the free speed of its rim."""
+    """Set velocity and rim speed of body i to the free ones."""
     put(s.grains.next_velocity, i, at(s.grains.free_velocity, i))
     if rotates(s, i):
         put(s.grains.next_rim, i, at(s.grains.free_rim, i))
@@ -27,9 +27,9 @@ def begin_velocity(s: Scene, i: int):
 
 @wp.func
 def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, surface: f64, rates: wp.vec3d) -> wp.vec3d:
-    """Return gap rates on both sides of wall j for a grain that may bounce, and A / dt [m/s].
+    """Return the gap rates of grain i on both sides of wall j, where it may bounce, and A / dt [m/s].
 
-    They are given for one that may not, with the normal, and the speed of the surface along it.
+    `rates` has these three numbers without a bounce; `surface` is the speed of the wall along the normal n.
     """
     v, b, least = at(s.grains.velocity, i), j - grain_count(s), s.restitution_speed
     vn, e = wp.dot(v, n), at(s.walls.restitution, b)
@@ -42,14 +42,14 @@ def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, surface: f64, rates: 
 
 @cache
 def starting(kind: Kind) -> wp.Function:
-    """Return the stage that freezes the contacts of a set, and applies their corrections.
+    """Return the stage that computes normals and gaps of the contacts of a set, and applies the corrections.
 
-    It applies none if sweeps resume.
+    If sweeps resume, it applies no corrections.
     """
 
     @wp.func
     def frozen(s: Scene, c: int, at_wall: bool) -> Contact:
-        """Return a contact with the normal and gap (eq. 4) that it has as grains are placed now."""
+        """Return contact c with normal and gap rate (eq. 4) for the present positions."""
         contact = contact_at(s.contacts.contact, c)
         i, j = bodies_of(contact)
         x, radius = at(s.grains.position, i), at(s.grains.radius, i)
@@ -57,7 +57,7 @@ def starting(kind: Kind) -> wp.Function:
             b = j - grain_count(s)
             normal, gap, back, circle = wall_contact(b, x, radius, s.walls)
             if wp.isnan(normal[0]) and wp.min(gap, back) > f64(0.0):
-                normal = wp.vec2d()  # no force: `grain_beyond_wall` checks that none is due
+                normal = wp.vec2d()  # no force; `grain_beyond_wall` checks that the grain does not reach it
                 s.verlet.flags.without_normal = 1
             rates, surface = wp.vec3d(gap / s.dt, back / s.dt, circle / s.dt), wp.vec2d()
             if are_mobile(s.walls):
@@ -83,7 +83,7 @@ def starting(kind: Kind) -> wp.Function:
 
     @wp.func
     def start(team: Team, s: Scene, k: int):
-        # Other threads may read the grain of a contact meanwhile (`next_grain`), which is written as it is.
+        # Other threads may read contact.i meanwhile (`next_grain`); its value does not change.
         c, end = contacts_of(team, s, k)
         at_wall = is_wall_set(s, k)
         while c < end:
@@ -107,7 +107,7 @@ def starting(kind: Kind) -> wp.Function:
 
 @cache
 def keeping(kind: Kind) -> wp.Function:
-    """Return the stage that lets the next step start with the corrections of a contact."""
+    """Return the stage that saves the corrections of contact c, with which the next step starts."""
 
     @wp.func
     def keep(s: Scene, c: int):

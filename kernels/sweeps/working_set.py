@@ -1,11 +1,12 @@
-"""The working set of the accelerated method: the contacts that are swept between two scans of all contacts.
+"""The working set of the accelerated method: the contacts swept between two scans of all contacts.
 
-A scan finds the contacts that carry a correction, or did one sweep before, and those that the velocities
-violate or nearly do, and copies them to contiguous arrays. Without friction, sweeps touch no other array of
-contacts, so that they stay in the cache. All other contacts have no correction and get none, so velocities
-between two scans do not matter to the list's proof (verlet.py).
+A scan selects the contacts that have a correction now or had one before the last sweep, and the contacts that
+the velocities violate or almost violate. It copies them to contiguous arrays. Without friction, sweeps access
+no other array of contacts, so that these arrays stay in the cache. All contacts outside the set have no
+correction and get none, so velocities between two scans do not matter to the list's proof (verlet.py).
 
-The copies of a chunk (contacts.py) begin at the index of its first contact: threads select in parallel.
+The copies of a chunk (contacts.py) begin at the index of its first contact, so that threads select in
+parallel.
 """
 
 import warp as wp
@@ -22,14 +23,14 @@ from .lanes import FOUR, end_of_fours, lanes
 from .stopping import stop_or_sweep, stops_on_zeta
 
 f64 = wp.float64
-NEAR = wp.constant(f64(0.25))  # of the largest change of a correction: how near to a violation one is swept
+NEAR = wp.constant(f64(0.25))  # distance from a violation at which a contact is swept, in units of zeta
 
 
 @wp.func
 def nearness(s: Scene) -> f64:
-    """Return how near to a violation a wall contact must be to be swept [m/s]; for a pair it is twice that.
+    """Return how far from a violation a contact with a wall is still swept [m/s]; for a pair it is twice.
 
-    So contacts whose violation changes in the last digits only do not enter and leave the set.
+    So contacts whose violation changes only in the last digits do not enter and leave the set repeatedly.
     """
     if not has_swept(s):
         return f64(0.0)
@@ -38,7 +39,7 @@ def nearness(s: Scene) -> f64:
 
 @wp.func
 def check_peak(s: Scene, i: int):
-    """Update a body's peak; the list expires if its skin does not allow for contacts near a violation."""
+    """Update p_i of body i; the list expires if p_i plus `nearness` exceeds the limit of the skin."""
     allowed = at(s.verlet.peak_limit, i) - nearness(s)
     peak = keep_peak(s, i, at(s.grains.next_velocity, i))
     if allowed < f64(0.0) or peak > allowed * allowed:
@@ -47,7 +48,7 @@ def check_peak(s: Scene, i: int):
 
 @wp.func
 def empty(s: Scene, k: int):
-    """Empty chunk k of the working set."""
+    """Empty chunk k of the working set, and reset its sums."""
     put(s.momentum.contact_sums, k, wp.vec2d(f64(0.0), f64(0.0)))
     put(s.working.range, k, wp.vec2i(0, 0))
 
@@ -68,7 +69,7 @@ def scatter(s: Scene, chunk: int):
 
 @wp.func
 def scatter_numbers(working: WorkingSet, bounds: wp.vec2i, target: Floats, source: Floats):
-    """Copy numbers of a chunk of the working set back to those of all contacts."""
+    """Copy numbers of a chunk (range `bounds`) of the working set back to the array of all contacts."""
     c = int(bounds[0])
     while c < bounds[1]:
         put(target, at(working.index, c), at(source, c))
@@ -101,10 +102,10 @@ def select(s: Scene, c: int, k: int):
 
 
 def selecting(count: int) -> wp.Function:
-    """Return the function that selects pairs of [begin, end), `count` at a time (lanes.py).
+    """Return the function `(scene, begin, end, first)` that selects pairs, `count` at a time (lanes.py).
 
-    It takes `(scene, begin, end, first)`, the first index in the working set, and returns the index after the
-    last pair, and the largest violation of pairs that carry no correction.
+    It copies them to the working set from index `first` on. It returns the index after the last copy, and the
+    largest violation of the pairs without a correction [m/s].
     """
     numbers_at, approach, gap_rates = lanes(count).numbers_at, lanes(count).approach, lanes(count).gap_rates
 
@@ -134,7 +135,7 @@ select_four, select_one = selecting(FOUR), selecting(1)
 
 @wp.func
 def select_pairs(s: Scene, begin: int, end: int):
-    """Select pairs, four at a time and then those that are left. Returns what `selecting` does."""
+    """Select pairs, four at a time and then one at a time; return the same as `select_four`."""
     rest = end_of_fours(begin, end)
     after_four, violation_of_four = select_four(s, begin, rest, begin)
     after, violation_of_one = select_one(s, rest, end, after_four)
@@ -142,9 +143,10 @@ def select_pairs(s: Scene, begin: int, end: int):
 
 
 def selecting_walls(driven: bool) -> wp.Function:
-    """Return the function that selects contacts with walls; with `driven`, forces drive some of the walls.
+    """Return the function `(scene, begin, end)` that selects contacts with walls; `driven`: a wall is driven.
 
-    It takes `(scene, begin, end)` and returns what `selecting` does.
+    It returns the index after the last copy, and the largest violation of contacts without a correction
+    [m/s].
     """
 
     @named(f"select_{'driven_' if driven else ''}walls")
@@ -184,7 +186,7 @@ select_walls, select_driven_walls = selecting_walls(False), selecting_walls(True
 
 @wp.func
 def select_set(team: Team, s: Scene, k: int):
-    """Select the contacts of a set that are swept, and find the largest violation of the others."""
+    """Select the contacts of set k to sweep; find the largest violation of contacts without a correction."""
     violation = f64(0.0)
     begin_chunks, end_chunks = chunks_of_set(s, k)
     first, last = thread_range(team, begin_chunks, end_chunks)
@@ -207,7 +209,7 @@ def select_set(team: Team, s: Scene, k: int):
 def end_scan(s: Scene):
     """Stop or sweep after a scan.
 
-    If the tolerance is on zeta, the violation of contacts outside the set counts as a change still to come.
+    If the tolerance bounds zeta, zeta includes the violation of contacts without a correction.
     """
     violation = take_max(s.partial.zeta)
     iterations = s.step.iterations
