@@ -1,1 +1,1 @@
-"""Walls: where a grain touches each kind, and how walls move."""
+"""Walls: contacts of grains with each kind of wall, and the motion of walls."""

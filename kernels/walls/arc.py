@@ -1,4 +1,4 @@
-"""An arc: a part of a circle that grains touch from both sides, and round its ends."""
+"""An arc: a part of a circle, which grains touch from both sides and at both end points."""
 
 import warp as wp
 
@@ -11,7 +11,7 @@ KIND = wp.constant(f64(3.0))
 
 @wp.func
 def end_of(x: wp.vec2d, arc: Shape) -> int:
-    """Return which end is nearest to x: 0 the first, 1 the last one, or -1 if a point between them is."""
+    """Return the end nearest to x (0: first, 1: last), or -1 if a point between the ends is nearest."""
     dx, dy, rho = x[0] - arc[1], x[1] - arc[2], law.distance(wp.vec2d(arc[1], arc[2]), x)
     if dx * arc[4] + dy * arc[5] >= rho * arc[6]:
         return -1
@@ -20,7 +20,7 @@ def end_of(x: wp.vec2d, arc: Shape) -> int:
 
 @wp.func
 def nearest(x: wp.vec2d, arc: Shape) -> wp.vec2d:
-    """Return the point of an arc nearest to x [m], its middle where all are; for its numbers see `Arc`."""
+    """Return the point of an arc nearest to x [m], or its middle if x is the center (numbers: see `Arc`)."""
     mx, my, c = arc[4], arc[5], arc[6]
     rho, end = law.distance(wp.vec2d(arc[1], arc[2]), x), end_of(x, arc)
     if rho == f64(0.0):
@@ -35,7 +35,7 @@ def nearest(x: wp.vec2d, arc: Shape) -> wp.vec2d:
 
 @wp.func
 def inwards(end: int, p: wp.vec2d, arc: Shape) -> wp.vec2d:
-    """Return the unit vector along an arc at its end p, away from it."""
+    """Return the unit tangent of an arc at end point p (number `end`), which points into the arc."""
     radial, _ = law.normal(wp.vec2d(arc[1], arc[2]), p)
     along = law.tangent(radial)
     return wp.where(end == 0, along, -along)

@@ -11,7 +11,7 @@ KIND = wp.constant(f64(1.0))
 
 @wp.func
 def gap(x: wp.vec2d, radius: f64, disc: Shape) -> f64:
-    """Return the free distance between a grain at x and a disc, (center, radius, whether from inside) [m]."""
+    """Return the gap between a grain at x and a disc [m]; disc[1:] = center, radius, whether a ring."""
     distance = law.distance(x, wp.vec2d(disc[1], disc[2]))
     if disc[4] != f64(0.0):
         return disc[3] - distance - radius
@@ -20,7 +20,7 @@ def gap(x: wp.vec2d, radius: f64, disc: Shape) -> f64:
 
 @wp.func
 def normal(x: wp.vec2d, disc: Shape) -> wp.vec2d:
-    """Return the unit normal from a grain at x into a disc."""
+    """Return the unit normal of a grain at x, which points into the wall."""
     n, _ = law.normal(x, wp.vec2d(disc[1], disc[2]))
     if disc[4] != f64(0.0):
         return -n

@@ -1,13 +1,14 @@
-"""Walls on which a force acts, and that move as contacts let them (MODEL.md, eqs. 27 to 30).
+"""Walls that a force drives, and whose motion also depends on contacts (MODEL.md, eqs. 27 to 30).
 
-Such a wall is one more body with a velocity, of one component. Its speed comes after the velocities of the
-grains, in all arrays of velocities, and so do its mass and its numbers in the list's check (verlet.py). So
-every stage that treats velocities treats it as well. A scene with a driven wall has an entry for each of its
-walls; those that no force drives have the speed 0, which nothing changes.
+A driven wall is a body whose velocity has one component. In all arrays of velocities, and in the arrays of
+masses and of the list's check (verlet.py), the walls follow the grains. So every stage that treats the
+velocities of grains also treats those of walls. A scene with a driven wall has an entry for each of its
+walls. Walls that no force drives keep the speed 0.
 
-The coordinate of the outer circle is its radius, and that of another wall its way along a direction. A row
-on a driven line has the line's speed and coordinate, and its own entries stay 0. All contacts of a driven
-wall share its speed. So one thread sweeps all contacts with walls, in the order of the loop over grains.
+The coordinate of the outer circle is its radius. The coordinate of another wall is its displacement along a
+direction. A row on a driven line moves with the speed and the coordinate of the line, and its own entries
+stay 0. All contacts of a driven wall change one speed. So one thread sweeps all contacts with walls, in the
+order of the loop over grains.
 """
 
 import warp as wp
@@ -23,13 +24,13 @@ f64 = wp.float64
 
 @wp.func
 def leader_of(s: Scene, j: int) -> int:
-    """Return the body that has the speed and the coordinate of wall j."""
+    """Return the body whose speed and coordinate wall j has: for a row its line, otherwise wall j itself."""
     return grain_count(s) + int(at(s.walls.drive, j - grain_count(s))[DriveOf.LEADER])
 
 
 @wp.func
 def levers(s: Scene, j: int, n: wp.vec2d) -> wp.vec2d:
-    """Return how fast wall j moves along a normal n into it, and its tangent, at unit speed (eq. 28)."""
+    """Return the velocity of wall j at unit speed, along normal n and tangent of a contact (eq. 28)."""
     if j == grain_count(s):
         return wp.vec2d(f64(1.0), f64(0.0))
     drive = at(s.walls.drive, j - grain_count(s))
@@ -39,14 +40,14 @@ def levers(s: Scene, j: int, n: wp.vec2d) -> wp.vec2d:
 
 @wp.func
 def shares_of_wall(s: Scene, i: int, j: int, lever: wp.vec2d) -> wp.vec2d:
-    """Return how corrections of 1 m/s of grain i, normal and tangential, change wall j's speed (eq. 28)."""
+    """Return how normal and tangential corrections of grain i of 1 m/s change wall j's speed (eq. 28)."""
     inverse_mass = at(s.walls.drive, j - grain_count(s))[DriveOf.INVERSE_MASS]
     return lever * at(s.grains.contact_mass, i) * inverse_mass
 
 
 @wp.func
 def closing_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d) -> f64:
-    """Return vn of grain i and wall j [m/s] (eq. 28)."""
+    """Return the closing speed vn of grain i and wall j [m/s] (eq. 28)."""
     return wp.dot(at(velocity, i), n) - levers(s, j, n)[0] * at(velocity, leader_of(s, j))[0]
 
 
@@ -60,7 +61,7 @@ def change_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f
 
 @wp.func
 def height_of_line(s: Scene, b: int) -> f64:
-    """Return how far from the origin the grains' side of line b begins, along its normal [m]."""
+    """Return the coordinate of line b along its normal to the grains, measured from the origin [m]."""
     line, pose = at(s.walls.shape, b - 1), at(s.walls.pose, b - 1)
     x, y = line[1] + pose[PoseOf.SHIFT_X], line[2] + pose[PoseOf.SHIFT_Y]
     return x * line[3] + y * line[4]
@@ -68,7 +69,7 @@ def height_of_line(s: Scene, b: int) -> f64:
 
 @wp.func
 def pressed_length(s: Scene, j: int) -> f64:
-    """Return the length on which a pressure drives wall j outwards [m]; < 0 for the outer circle."""
+    """Return the length on which a pressure acts on wall j [m]; < 0 for the circle, which it shrinks."""
     if j == grain_count(s):
         return -(TURN * s.walls.annulus.radius_out)
     drive = at(s.walls.drive, j - grain_count(s))
@@ -80,7 +81,7 @@ def pressed_length(s: Scene, j: int) -> f64:
 
 @wp.func
 def acceleration_of_wall(s: Scene, j: int) -> wp.vec2d:
-    """Return how force and pressure accelerate the coordinate of wall j [m/s2] (eq. 27)."""
+    """Return the acceleration of the coordinate of wall j by force or pressure [m/s2] (eq. 27)."""
     drive = at(s.walls.drive, j - grain_count(s))
     force = drive[DriveOf.FORCE]
     if drive[DriveOf.PRESSURE] != f64(0.0):
@@ -90,9 +91,9 @@ def acceleration_of_wall(s: Scene, j: int) -> wp.vec2d:
 
 @wp.func
 def place_driven_walls(s: Scene):
-    """Move driven walls from where they are placed as given to where the force has taken them.
+    """Add the displacements of driven walls to their poses, and set the radius of the outer circle.
 
-    The surface of a circle that turns has the speed of its present radius (eq. 23).
+    If the outer circle turns, its surface speed is that of the present radius (eq. 23).
     """
     if not is_driven(s):
         return

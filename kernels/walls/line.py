@@ -1,4 +1,4 @@
-"""An infinite straight wall: grains are on one side of it."""
+"""An infinite straight wall with grains on one side."""
 
 import warp as wp
 
@@ -10,7 +10,7 @@ KIND = wp.constant(f64(4.0))
 
 @wp.func
 def gap(x: wp.vec2d, radius: f64, line: Shape) -> f64:
-    """Return the free distance between a grain at x and a line, (point, unit vector to the grains) [m]."""
+    """Return the gap between a grain at x and a line [m]; line[1:] = point, unit vector to the grains."""
     return (x[0] - line[1]) * line[3] + (x[1] - line[2]) * line[4] - radius
 
 

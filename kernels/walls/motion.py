@@ -1,7 +1,7 @@
-"""Walls that move as given in advance: translation, and rotation about a pivot (eq. 26).
+"""Walls with a prescribed motion: translation, and rotation about a pivot (eq. 26).
 
-Kinds of walls know nothing of it: a grain is put into the frame in which the wall is as the scene gives it,
-and the normal that is found there is turned back. Points of the wall move in a step at its velocity there.
+Functions of the kinds of walls do not depend on motion. A grain is transformed to the frame of the wall, in
+which the wall is where the scene defines it, and the normal is transformed back.
 """
 
 from math import pi
@@ -16,14 +16,14 @@ TURN = wp.constant(f64(2.0 * pi))
 
 @wp.func
 def moving_time(motion: Motion, time: f64) -> f64:
-    """Return for how long a wall has moved at a time [s]."""
+    """Return the time for which a wall has moved until `time` [s]."""
     begin = motion[MotionOf.FROM_TIME]
     return wp.min(wp.max(time, begin), motion[MotionOf.TO_TIME]) - begin
 
 
 @wp.func
 def progress(motion: Motion, time: f64) -> f64:
-    """Return how long a wall would have moved at its velocities to be where it is at a time [s]."""
+    """Return the displacement at `time`, divided by the velocities [s]; an oscillation may make it < 0."""
     moved, rate = moving_time(motion, time), TURN * motion[MotionOf.FREQUENCY]
     if rate > f64(0.0):
         phase = motion[MotionOf.PHASE]
@@ -33,7 +33,7 @@ def progress(motion: Motion, time: f64) -> f64:
 
 @wp.func
 def share_of_step(motion: Motion, begin: f64, end: f64) -> f64:
-    """Return the part of its velocities at which a wall moves in a step from time begin to time end [s]."""
+    """Return the mean velocity of a wall from time begin to time end [s], divided by its velocities."""
     if motion[MotionOf.FREQUENCY] > f64(0.0):
         return (progress(motion, end) - progress(motion, begin)) / (end - begin)
     moved = wp.min(end, motion[MotionOf.TO_TIME]) - wp.max(begin, motion[MotionOf.FROM_TIME])
@@ -42,7 +42,7 @@ def share_of_step(motion: Motion, begin: f64, end: f64) -> f64:
 
 @wp.func
 def pose_at(motion: Motion, begin: f64, end: f64, dt: f64) -> Pose:
-    """Return where a wall is at the start of a step from time begin to end [s], and what it moves in it."""
+    """Return the pose of a wall at time begin [s], and its motion from time begin to time end."""
     px, py, w = motion[MotionOf.PIVOT_X], motion[MotionOf.PIVOT_Y], motion[MotionOf.ANGULAR_VELOCITY]
     vx, vy = motion[MotionOf.VELOCITY_X], motion[MotionOf.VELOCITY_Y]
     moved, share = progress(motion, begin), share_of_step(motion, begin, end)
@@ -68,7 +68,7 @@ def pose_at(motion: Motion, begin: f64, end: f64, dt: f64) -> Pose:
 
 @wp.func
 def to_frame(pose: Pose, x: wp.vec2d) -> wp.vec2d:
-    """Return a point in the frame of a wall [m]."""
+    """Return a point x, transformed to the frame of a wall [m]."""
     c, s = pose[PoseOf.COSINE], pose[PoseOf.SINE]
     dx, dy = x[0] - pose[PoseOf.SHIFT_X], x[1] - pose[PoseOf.SHIFT_Y]
     return wp.vec2d(c * dx + s * dy, c * dy - s * dx)
@@ -76,14 +76,14 @@ def to_frame(pose: Pose, x: wp.vec2d) -> wp.vec2d:
 
 @wp.func
 def from_frame(pose: Pose, n: wp.vec2d) -> wp.vec2d:
-    """Return a direction that is given in the frame of a wall."""
+    """Return a direction n, transformed from the frame of a wall."""
     c, s = pose[PoseOf.COSINE], pose[PoseOf.SINE]
     return wp.vec2d(c * n[0] - s * n[1], s * n[0] + c * n[1])
 
 
 @wp.func
 def velocity_at(pose: Pose, x: wp.vec2d) -> wp.vec2d:
-    """Return what a point x of a wall moves in the step, over dt [m/s]."""
+    """Return the displacement of a wall's point x in the step, divided by dt [m/s]."""
     along, across = pose[PoseOf.ALONG], pose[PoseOf.ACROSS]
     return wp.vec2d(
         pose[PoseOf.VELOCITY_X] + (along * x[0] - across * x[1]),

@@ -1,8 +1,7 @@
-"""Walls by kind: what a grain has to do with the `Shape` of one, at rest.
+"""Gap and normal of a grain at a wall's `Shape`, at rest, for all kinds of walls.
 
-A kind of wall is one file. Of a wall without thickness it has the nearest point and the ends, of a row the
-nearest center, and of other kinds the gap of a grain and the normal into the wall. Functions here choose by
-shape[0].
+Each kind of wall has a file. The files of walls without thickness define nearest point and ends, that of rows
+the nearest center, and the others gap and normal. The functions here choose the kind by shape[0].
 """
 
 import warp as wp
@@ -16,9 +15,9 @@ f64 = wp.float64
 
 @wp.func
 def nearest_on(x: wp.vec2d, shape: Shape) -> wp.vec2d:
-    """Return the point nearest to x of a wall without thickness, which grains touch there [m].
+    """Return the point of a wall without thickness that is nearest to x [m].
 
-    Without a branch for its kind it is x itself, so that the normal is NaN, and so are velocities next to it.
+    For a kind without a branch here it is x, so that the normal is NaN, and velocities of grains become NaN.
     """
     if shape[0] == segment.KIND:
         return segment.nearest(x, shape)
@@ -29,7 +28,7 @@ def nearest_on(x: wp.vec2d, shape: Shape) -> wp.vec2d:
 
 @wp.func
 def shape_gap(x: wp.vec2d, radius: f64, shape: Shape) -> f64:
-    """Return the free distance between a grain at x and a wall [m]."""
+    """Return the gap between a grain at x and a wall [m]."""
     if shape[0] == disc.KIND:
         return disc.gap(x, radius, shape)
     if shape[0] == line.KIND:
@@ -55,9 +54,9 @@ def shape_normal(x: wp.vec2d, shape: Shape) -> wp.vec2d:
 
 @wp.func
 def hollow_radius(x: wp.vec2d, shape: Shape) -> f64:
-    """Return the radius of a wall that is hollow where a grain at x touches it [m]; < 0 where it bulges.
+    """Return the radius of a wall where a grain at x touches it [m]: > 0 if concave, < 0 if convex.
 
-    It is 0 at ends and at straight walls, and at rows, which do not turn.
+    It is 0 at ends, at straight walls, and at rows, which do not turn.
     """
     if shape[0] == disc.KIND:
         return wp.where(shape[4] != f64(0.0), shape[3], -shape[3])
@@ -69,7 +68,7 @@ def hollow_radius(x: wp.vec2d, shape: Shape) -> f64:
 
 @wp.func
 def end_of(x: wp.vec2d, shape: Shape) -> int:
-    """Return which end of a wall is nearest to x, 0 or 1; -1 where another point is, or there is no end."""
+    """Return the end of a wall nearest to x, 0 or 1; -1 if another point is nearest or there is no end."""
     if shape[0] == segment.KIND:
         return segment.end_of(x, shape)
     if shape[0] == arc.KIND:
@@ -79,7 +78,7 @@ def end_of(x: wp.vec2d, shape: Shape) -> int:
 
 @wp.func
 def inwards(end: int, p: wp.vec2d, shape: Shape) -> wp.vec2d:
-    """Return the unit vector along a wall at an end of it, p, away from the end."""
+    """Return the unit tangent of a wall at its end point p (number `end`), which points into the wall."""
     if shape[0] == arc.KIND:
         return arc.inwards(end, p, shape)
     return segment.inwards(end, shape)
@@ -87,9 +86,9 @@ def inwards(end: int, p: wp.vec2d, shape: Shape) -> wp.vec2d:
 
 @wp.func
 def face_normal(p: wp.vec2d, x: wp.vec2d, shape: Shape) -> wp.vec2d:
-    """Return the normal, at a point p of a wall, of the face on the side of a grain at x.
+    """Return the normal at point p of the face of a wall on which a grain at x is.
 
-    It points into the wall, as `shape_normal` does. It is 0 where the face bulges towards the grain.
+    It points into the wall, as `shape_normal` does. It is 0 if the face is convex.
     """
     if shape[0] == segment.KIND:
         left = law.tangent(segment.inwards(0, shape))

@@ -1,9 +1,10 @@
-"""The walls of a scene as bodies that grains touch: where each body is, and where several are joined.
+"""The walls of a scene as bodies that grains touch, with their positions and joints.
 
-Body 0 is the annulus (annulus.py), whose circles are the two sides of one wall; then come the other
-walls, each with a `Shape` (shapes.py). Everything else treats contacts with walls and with grains alike
-(contacts.py). For a step, a wall is its tangent, taken at the start as grains are. A wall that moves as given
-(motion.py), or is driven (driven.py), has a velocity in the step, which counts in that of its contacts.
+Body 0 is the annulus (annulus.py), whose circles are the two sides of one wall. The other walls follow, each
+with a `Shape` (shapes.py). Other files treat contacts with walls and with grains alike (contacts.py). For a
+step, a wall is replaced by its tangent at the positions at the start of the step. A wall with a prescribed
+motion (motion.py) or a driven wall (driven.py) has a velocity in the step, which is part of the gap rate or
+of vn of its contacts.
 """
 
 import warp as wp
@@ -18,22 +19,22 @@ from .shapes import end_of, face_normal, hollow_radius, inwards, nearest_on, sha
 
 f64 = wp.float64
 CIRCLE_RADIUS = wp.constant(1 + MOST_NUMBERS + 2)  # index of this number of a shape
-FLUSH = wp.constant(f64(1e-9))  # sine of the angle up to which faces at a joint count as one
+FLUSH = wp.constant(f64(1e-9))  # sine of the angle up to which two faces at a joint count as one face
 
 
 @wp.struct
 class Walls:
-    """The walls of a scene, by kind."""
+    """The annulus, and the arrays of the other walls or of all walls."""
 
     annulus: Annulus
-    period: wp.vec2d  # of the domain along x and y [m]; 0 where it is not periodic
+    period: wp.vec2d  # of the domain along x and y [m]; 0 in directions that are not periodic
     shape: wp.array(dtype=Shape)  # of the other walls
-    image: Vectors  # ways from the nearest images of them [m]; empty if no wall is an image of another one
-    joint_start: Ints  # of their ends, 0 and 1 of each: where the walls of the joint begin in `joint`,
-    joint: wp.array(dtype=wp.vec2i)  # by their shapes; and 1 for one that comes first of those equally near
-    joint_way: Vectors  # by which it is moved to be the image there [m]; all empty if no end is a joint
-    motion: wp.array(dtype=Motion)  # of these, and
-    pose: wp.array(dtype=Pose)  # where they are at the start of a step; both empty if none is mobile
+    image: Vectors  # of a wall that is an image: shift in the frame, see place_at [m]; empty without images
+    joint_start: Ints  # of end e of shape k, at 2 k + e: first index in `joint`; empty without joints
+    joint: wp.array(dtype=wp.vec2i)  # shape of a joined wall, and 1 if it precedes an equally near wall
+    joint_way: Vectors  # shift of each joined wall to the image at the joint [m]
+    motion: wp.array(dtype=Motion)  # of the other walls
+    pose: wp.array(dtype=Pose)  # of the other walls, at the start of a step; both empty if no wall is mobile
     drive: wp.array(dtype=Drive)  # of all walls; empty if none is driven
     surface: wp.array(dtype=wp.vec2d)  # friction, and speed along the tangent [m/s]; empty without friction
     restitution: Floats  # of all walls; empty if no contact bounces
@@ -42,26 +43,26 @@ class Walls:
 
 @wp.func
 def wall_body_count(walls: Walls) -> int:
-    """Return the number of bodies that are walls."""
+    """Return the number of walls, with the annulus."""
     return 1 + walls.shape.shape[0]
 
 
 @wp.func
 def are_mobile(walls: Walls) -> bool:
-    """Return whether a wall is mobile: it moves as given in advance, or is driven."""
+    """Return whether at least one wall is mobile, by a prescribed motion or because a force drives it."""
     return walls.pose.shape[0] > 0
 
 
 @wp.func
 def place_walls(walls: Walls, begin: f64, end: f64, dt: f64):
-    """Place mobile walls where they are at the start of a step, from time begin to time end [s]."""
+    """Set the poses of walls with a prescribed motion for a step from time begin to time end [s]."""
     for k in range(walls.motion.shape[0]):
         put(walls.pose, k, pose_at(at(walls.motion, k), begin, end, dt))
 
 
 @wp.func
 def wall_path(b: int, walls: Walls, begin: f64, end: f64) -> f64:
-    """Return how far a point of wall b moves from time begin to time end [s] at most [m]."""
+    """Return a bound on the path of any point of wall b from time begin to time end [s], in m."""
     if are_mobile(walls) and b > 0:
         motion = at(walls.motion, b - 1)
         return (moving_time(motion, end) - moving_time(motion, begin)) * motion[MotionOf.SPEED]
@@ -70,21 +71,21 @@ def wall_path(b: int, walls: Walls, begin: f64, end: f64) -> f64:
 
 @wp.func
 def is_periodic(walls: Walls) -> bool:
-    """Return whether the domain is periodic in a direction."""
+    """Return whether the domain is periodic in at least one direction."""
     return walls.period[0] > f64(0.0) or walls.period[1] > f64(0.0)
 
 
 @wp.func
 def way(tail: wp.vec2d, head: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return the way from a point to the nearest image of another [m]."""
+    """Return the vector from a point `tail` to the nearest periodic image of a point `head` [m]."""
     return law.nearest_image(head - tail, walls.period)
 
 
 @wp.func
 def place_at(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return the place of a point x in the frame of wall b > 0, as the image that is nearest to it [m].
+    """Return the position in the frame of wall b > 0 of a point x, or of an image of x [m].
 
-    In that of an image of a wall, it is some periods beyond.
+    It is that of `nearest_place`, plus a multiple of the periods if b is itself an image of another wall.
     """
     place = nearest_place(b, x, walls)
     if walls.image.shape[0] > 0:
@@ -94,7 +95,7 @@ def place_at(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
 
 @wp.func
 def nearest_place(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return the place of a point x in the frame of wall b > 0, as the image nearest to its center [m]."""
+    """Return the position, in the frame of wall b > 0, of the image of x nearest to the wall's center [m]."""
     place = x
     if are_mobile(walls):
         place = to_frame(at(walls.pose, b - 1), x)
@@ -123,13 +124,13 @@ NEXT = """
 
 @wp.func_native(IS_NEAR + "return is_near(shape);")
 def is_near_circle(shape: Shape, x: wp.vec2d, reach: f64) -> bool:
-    """Return whether the circle about a wall at rest is within reach [m] of x: a test that costs little."""
+    """Return whether the circle around a wall is within reach [m] of x, which is a fast test."""
     ...
 
 
 @wp.func_native(checked(IS_NEAR + NEXT))
 def next_near(shapes: wp.array(dtype=Shape), begin: int, x: wp.vec2d, reach: f64) -> int:
-    """Return the first index from `begin` on of a wall at rest whose circle is within reach [m] of x."""
+    """Return the first index >= begin of a shape whose circle is within reach [m] of x, or their number."""
     ...
 
 
@@ -141,15 +142,15 @@ def have_joints(walls: Walls) -> bool:
 
 @wp.func
 def joint_reach(walls: Walls, radius: f64) -> f64:
-    """Return how much farther a wall may be listed because of its joints [m]."""
+    """Return by how much joints increase the distance at which a wall is listed [m]."""
     return wp.where(have_joints(walls), f64(2.0) * radius, f64(0.0))
 
 
 @wp.func
 def place_at_joint(b: int, k: int, x: wp.vec2d, place: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return a point x in the frame of wall k of a joint, from its place in the frame of wall b [m].
+    """Return a point x in the frame of wall joint[k], given its position `place` in the frame of wall b [m].
 
-    It has the same bits as seen from the other wall, so that of two walls one is nearer for both.
+    It has the same bits as if computed for the joined wall alone, so that both agree which wall is nearer.
     """
     if not is_periodic(walls):
         return place
@@ -165,9 +166,9 @@ def place_at_joint(b: int, k: int, x: wp.vec2d, place: wp.vec2d, walls: Walls) -
 def contact_at_joint(
     b: int, at_grain: wp.vec2d, x: wp.vec2d, radius: f64, n: wp.vec2d, gap: f64, walls: Walls
 ):
-    """Return normal and gap [m] of a grain at wall b, in whose frame it is at x, from those at b.
+    """Return normal n and gap [m] of a grain at wall b, changed if a joined wall is nearer (eq. 8c).
 
-    See eq. 8c.
+    The grain is at `at_grain`, and at x in the frame of wall b.
     """
     shape = at(walls.shape, b - 1)
     end = end_of(x, shape)
@@ -201,8 +202,7 @@ def contact_at_joint(
 def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
     """Return whether wall b, or an image of it, is within reach [m] of a grain at x.
 
-    So it is, too, where it has no gap, which is NaN. A wall with a joint is, if one that it is joined with
-    is, and it is not far from there.
+    This is also true if the gap is NaN. With joints, see `is_image_near`.
     """
     if b == 0:
         return annulus.is_near(x, radius, walls.annulus, reach)
@@ -230,7 +230,10 @@ def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> 
 
 @wp.func
 def is_image_near(b: int, place: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
-    """Return whether wall b is within reach [m] of a grain at a place in its frame."""
+    """Return whether the gap of wall b and a grain at `place` in its frame is at most `reach` [m], or NaN.
+
+    If the gap exceeds `reach` by at most `joint_reach`, a joined wall within reach suffices.
+    """
     gap = shape_gap(place, radius, at(walls.shape, b - 1))
     if gap > reach and gap <= reach + joint_reach(walls, radius) and have_joints(walls):
         for k in range(at(walls.joint_start, 2 * b - 2), at(walls.joint_start, 2 * b)):
@@ -241,9 +244,9 @@ def is_image_near(b: int, place: wp.vec2d, radius: f64, walls: Walls, reach: f64
 
 @wp.func
 def wall_contact(b: int, x: wp.vec2d, radius: f64, walls: Walls):
-    """Return normal, gap, gap on the other side, and A of eq. 18 [m] for a grain at x and wall b.
+    """Return (normal, gap, gap on the other side, A of eq. 18) [m] of a grain at x and wall b.
 
-    A wall other than the annulus has no other side, and is its tangent: both are inf.
+    The last two numbers are inf except at the annulus: other walls have one side, and are their tangents.
     """
     if b > 0:
         place, shape = place_at(b, x, walls), at(walls.shape, b - 1)
@@ -258,7 +261,7 @@ def wall_contact(b: int, x: wp.vec2d, radius: f64, walls: Walls):
 
 @wp.func
 def wall_velocity(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return what a point x of wall b moves in the step, over dt [m/s]."""
+    """Return the displacement of point x of wall b in the step, divided by dt [m/s]."""
     if b > 0 and are_mobile(walls):
         return velocity_at(at(walls.pose, b - 1), x)
     return wp.vec2d()
@@ -266,9 +269,9 @@ def wall_velocity(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
 
 @wp.func
 def surface_velocity(b: int, x: wp.vec2d, reach: f64, n: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return how fast wall b moves along normal and tangent of a contact [m/s] (eq. 26b).
+    """Return the velocity of wall b along normal and tangent of a contact [m/s] (eq. 26b).
 
-    A grain at x touches it at x + reach n. What is round there turns about its center.
+    A grain at x touches the wall at x + reach n. A wall that is curved there turns about its center.
     """
     if not (b > 0 and are_mobile(walls)):
         return wp.vec2d()
@@ -280,7 +283,7 @@ def surface_velocity(b: int, x: wp.vec2d, reach: f64, n: wp.vec2d, walls: Walls)
 
 @wp.func
 def wall_overlap(b: int, x: wp.vec2d, radius: f64, walls: Walls) -> f64:
-    """Return how far a grain at x overlaps wall b [m]; negative where it does not."""
+    """Return the overlap of a grain at x with wall b [m], which is minus the gap."""
     if b > 0:
         return -shape_gap(place_at(b, x, walls), radius, at(walls.shape, b - 1))
     return annulus.overlap(x, radius, walls.annulus)
