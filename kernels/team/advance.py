@@ -1,8 +1,8 @@
-"""Many scenes advanced by teams: each team acquires a free scene and advances it for a while.
+"""Kernels that advance many scenes: each team acquires a free scene and advances it for a time slice.
 
-Scenes are scheduled dynamically: a slow one keeps one team busy, and no other team waits for it. No result
-depends on which team advances a scene, or when, because a step reads and writes its scene's record alone.
-On a GPU, a block advances a scene until its steps are done or it waits for the host.
+Scenes are scheduled dynamically: a slow scene keeps one team busy, and no other team waits for it. No result
+depends on which team advances a scene, or when, because a step reads and writes only the record of its scene.
+On a GPU, a block advances one scene until its steps are done or the scene waits for the host.
 """
 
 from functools import cache
@@ -15,22 +15,22 @@ from .threads import Team, TeamRecord, is_on_gpu
 from .waiting import barrier, seconds
 
 f64 = wp.float64
-TIME_SLICE = wp.constant(f64(1.0e-3))  # seconds after which a team of a CPU looks for another scene
-MAX_REGISTERS = 64  # of a GPU's thread: more scenes are under way at a time than with 128 or more
+TIME_SLICE = wp.constant(f64(1.0e-3))  # seconds after which a team on a CPU releases its scene
+MAX_REGISTERS = 64  # per GPU thread; with 128 or more, fewer scenes would run at a time
 
 
 @wp.struct
 class Queue:
-    """The steps left to do, and the teams' claims, by scene."""
+    """The work left: arrays by scene, except those with one element."""
 
-    cursor: wp.array(dtype=wp.int64)  # slices begun
-    taken: wp.array(dtype=wp.int32)  # whether a team has the scene
-    left: wp.array(dtype=wp.int32)  # steps
+    cursor: wp.array(dtype=wp.int64)  # number of time slices begun by all teams, shape (1,)
+    taken: wp.array(dtype=wp.int32)  # whether a team holds the scene
+    left: wp.array(dtype=wp.int32)  # number of steps left
     outcome: wp.array(dtype=wp.int32)  # of the last step
-    seconds: wp.array(dtype=f64)  # spent
-    going_on: wp.array(dtype=wp.int32)  # whether the team goes on with it
-    cancel: wp.array(dtype=wp.int32)  # whether to begin no other step
-    most_unconverged: wp.array(dtype=wp.int32)  # steps, after which a scene waits for the host
+    seconds: wp.array(dtype=f64)  # wall time spent on the scene
+    going_on: wp.array(dtype=wp.int32)  # whether its team begins another step of the scene
+    cancel: wp.array(dtype=wp.int32)  # whether no team may begin another step, shape (1,)
+    most_unconverged: wp.array(dtype=wp.int32)  # unconverged steps after which a scene is PAUSED, shape (1,)
 
 
 @wp.func_native("return __atomic_fetch_add(cursor.data, 1LL, __ATOMIC_RELAXED);")
@@ -41,7 +41,7 @@ def next_slice(cursor: wp.array(dtype=wp.int64)) -> wp.int64:
 
 @wp.func_native("return __atomic_exchange_n(taken.data + k, 1, __ATOMIC_ACQUIRE) == 0;")
 def is_taken_now(taken: wp.array(dtype=wp.int32), k: int) -> bool:
-    """Acquire scene k; return whether no other team holds it."""
+    """Try to acquire scene k; return whether that succeeded, because no other team held it."""
     ...
 
 
@@ -53,7 +53,7 @@ def give_back(taken: wp.array(dtype=wp.int32), k: int):
 
 @wp.func_native("return *(volatile int *)cancel.data != 0;")
 def has_stopped(cancel: wp.array(dtype=wp.int32)) -> bool:
-    """Return whether the host wants no other step: it may write that at any time."""
+    """Return whether the host has asked for no further step, which it may do at any time."""
     ...
 
 
@@ -65,7 +65,7 @@ def has_work(queue: Queue, k: int) -> bool:
 
 @wp.func
 def take(queue: Queue) -> int:
-    """Acquire a scene that has steps left. Returns its number, or -1 if there is none."""
+    """Acquire a free scene that has steps left; return its number, or -1 if there is none."""
     scenes = queue.left.shape[0]
     found = int(-1)
     if not has_stopped(queue.cancel):
@@ -88,14 +88,14 @@ def take(queue: Queue) -> int:
 def kernel(name: str, solve: wp.Function, on_gpu: bool) -> wp.Kernel:
     """Return the kernel that advances scenes, in a separate module.
 
-    On a CPU it is launched for one thread of a team, on a GPU for those of the teams of all scenes.
+    On a CPU, each thread of a team launches it once. On a GPU, one launch covers the blocks of all scenes.
 
     Parameters
     ----------
     name : str
-        Of the module.
+        Name of the module.
     solve : wp.Function
-        A thread's part in one step of a scene, `(team, scene)`.
+        Function `(team, scene)` that does one thread's part of a step.
     on_gpu : bool
     """
     module = wp.get_module(name)
@@ -105,7 +105,7 @@ def kernel(name: str, solve: wp.Function, on_gpu: bool) -> wp.Kernel:
     def advance_scene(team: Team, s: Scene, queue: Queue, k: int):
         """Advance a scene until its steps are done, it waits for the host, or its time slice is over."""
         begun, most_unconverged = seconds(), queue.most_unconverged[0]
-        left, going_on = int(queue.left[k]), int(1)  # a GPU reads memory of the host slowly
+        left, going_on = int(queue.left[k]), int(1)  # copied, because a GPU reads memory of the host slowly
         while going_on != 0:
             solve(team, s)
             if team.rank == 0:
@@ -125,13 +125,13 @@ def kernel(name: str, solve: wp.Function, on_gpu: bool) -> wp.Kernel:
                 queue.going_on[k] = going_on
             barrier(team)
             going_on = queue.going_on[k]
-            barrier(team)  # all have read it before it is written again
+            barrier(team)  # all threads have read going_on before it is written again
 
     if on_gpu:
 
         @wp.kernel(module=module, cuda_max_registers=MAX_REGISTERS)
         def advance_on_gpu(records: wp.array(dtype=SceneRecord), queue: Queue, block: TeamRecord):
-            """Advance one scene with the other threads of a block."""
+            """Do one thread's part in advancing scene wp.tid() // team.size, which a block shares."""
             team = block
             k = wp.tid() // team.size
             team.rank = wp.tid() - k * team.size
@@ -145,7 +145,7 @@ def kernel(name: str, solve: wp.Function, on_gpu: bool) -> wp.Kernel:
 
     @wp.kernel(module=module)
     def advance(records: wp.array(dtype=SceneRecord), queue: Queue, team: TeamRecord):
-        """Advance scenes until none is free."""
+        """Advance scenes, one after the other, until no scene is free."""
         k = int(0)
         while k >= 0:
             if team.rank == 0:
@@ -156,6 +156,6 @@ def kernel(name: str, solve: wp.Function, on_gpu: bool) -> wp.Kernel:
                 advance_scene(team, records[k], queue, k)
                 if team.rank == 0:
                     give_back(queue.taken, k)
-            barrier(team)  # the same of `scene`
+            barrier(team)  # all threads have read team.scene before it is written again
 
     return advance

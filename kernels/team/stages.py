@@ -1,11 +1,11 @@
-"""A step as data: stages, loops and conditions, and `fuse`, which compiles them into one function.
+"""A step as data: stages, loops and conditions, and `fuse`, which combines them into one function.
 
-Every thread of a team calls that function, `(team, scene)`, with a barrier after every stage. Conditions are
-predicates of the record, such as those of step.py.
+Every thread of a team calls this function `(team, scene)`, in which a barrier follows every stage. Conditions
+are functions `(scene)` that return a bool, such as those of step.py.
 
-Each stage is compiled separately (`inline=False`) and called: that takes a third of the time that a step in
-one function takes to compile, and costs a step nothing. Warp detects changed kernels by the functions that a
-closure names, so sequences name theirs.
+Each stage is compiled as a separate function (`inline=False`). This takes a third of the time to compile a
+step as one function, and does not slow a step down. Warp detects changed kernels by the functions to which a
+closure refers by name, so `_in_turn` refers to its functions by names.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
 @dataclass(frozen=True)
 class Serial:
-    """A stage `(scene)` of one thread."""
+    """A stage `(scene)` that one thread runs."""
 
     stage: wp.Function
 
@@ -47,8 +47,8 @@ class Each:
     ----------
     count, stage : wp.Function
     atomic : bool
-        Whether elements change the same places, by atomics. These are atomic on a GPU alone: of a CPU's
-        team, one thread does all elements.
+        Whether several elements change the same number. On a GPU they do so by atomics. On a CPU, one thread
+        runs the stage for all elements, without atomics.
     """
 
     count: wp.Function
@@ -94,10 +94,10 @@ class Shared:
 
 @dataclass(frozen=True)
 class Sets:
-    """A stage `(team, scene, k)` for every set k of contacts, in order: pairs, then contacts with walls.
+    """A stage `(team, scene, k)` for every set k of contacts, in order: sets of pairs, then one with walls.
 
-    A set of pairs is an independent set, which several threads share, or all pairs if one thread does plain
-    sweeps (coloring.py).
+    A set of pairs is an independent set, which several threads share. If one thread does plain sweeps, the
+    only set of pairs has all pairs (coloring.py).
     """
 
     stage: wp.Function
@@ -129,7 +129,7 @@ class If:
         @wp.func
         def run_if(team: Team, s: Scene):
             holds = condition(s)
-            barrier(team)  # before a stage of the body changes what others have still to read
+            barrier(team)  # all threads have read the condition before a stage of the body changes it
             if holds:
                 body(team, s)
 
@@ -162,12 +162,12 @@ Stage = Serial | Each | Shared | Sets | If | While
 
 
 def fuse(stages: Sequence[Stage]) -> wp.Function:
-    """Return the function that runs stages in turn, with a barrier after each."""
+    """Return the function `(team, scene)` that runs stages in order, with a barrier after each."""
     return _in_turn([stage.fused() for stage in stages])
 
 
 def _in_turn(runs: list[wp.Function]) -> wp.Function:
-    """Return the function that runs others in turn."""
+    """Return the function `(team, scene)` that calls the functions `runs` in order."""
     if len(runs) == 1:
         return runs[0]
     first, others = runs[0], _in_turn(runs[1:])

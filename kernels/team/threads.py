@@ -1,7 +1,7 @@
 """A team of threads, among which the elements of a stage are divided.
 
-On a CPU every OS thread is one thread of the team, on a GPU every thread of a block. They meet at a barrier
-after every stage (waiting.py). No result depends on the size of the team.
+On a CPU the threads of a team are OS threads, on a GPU the threads of a block. They wait for each other at a
+barrier after every stage (waiting.py). No result depends on the size of the team.
 """
 
 import warp as wp
@@ -9,8 +9,8 @@ import warp as wp
 from ..access import at, larger, put, raise_to
 from ..types import Floats
 
-WORDS = 24  # of a team, by which its threads wait
-GPU_PARTIALS = 8  # over which a GPU's threads spread partial maxima and sums
+WORDS = 24  # length of TeamRecord.words
+GPU_PARTIALS = 8  # number of partial maxima and sums that the threads of a GPU block share
 
 
 @wp.struct
@@ -19,15 +19,15 @@ class TeamRecord:
 
     rank: wp.int32
     size: wp.int32
-    words: wp.array(dtype=wp.int64)  # by which CPU threads wait for each other (waiting.py); empty on a GPU
-    scene: wp.array(dtype=wp.int32)  # that CPU threads work on (advance.py)
+    words: wp.array(dtype=wp.int64)  # state of the barrier of CPU threads (waiting.py); empty on a GPU
+    scene: wp.array(dtype=wp.int32)  # number of the scene that CPU threads advance (advance.py), shape (1,)
 
 
 Team = wp.ref[TeamRecord]
 
 
 def team_records(size: int) -> list[TeamRecord]:
-    """Return the record of a new team of CPU threads for each of them."""
+    """Return the records of a new team of `size` CPU threads, one for each thread."""
     scene = wp.zeros(1, dtype=wp.int32, device="cpu")
     words = wp.zeros(WORDS, dtype=wp.int64, device="cpu")
     records = []
@@ -40,15 +40,15 @@ def team_records(size: int) -> list[TeamRecord]:
 
 @wp.func
 def is_on_gpu(team: Team) -> bool:
-    """Return whether the team is a block of a GPU."""
+    """Return whether the team is a block of GPU threads."""
     return team.words.shape[0] == 0
 
 
 @wp.func
 def thread_range(team: Team, begin: int, end: int):
-    """Return this thread's range of [begin, end): consecutive ranges, of one length but for the last."""
+    """Return first and end of this thread's part of [begin, end): parts are consecutive and about equal."""
     first, last = begin, end
-    if team.size > 1:  # to divide takes as long as a small scene's stage
+    if team.size > 1:  # a division takes as long as a stage of a small scene
         length = (end - begin + team.size - 1) // team.size
         first = wp.min(begin + team.rank * length, end)
         last = wp.min(first + length, end)
@@ -57,7 +57,7 @@ def thread_range(team: Team, begin: int, end: int):
 
 @wp.func
 def partial_index(team: Team, partials: int) -> int:
-    """Return the index of this thread's partial maximum or sum; each CPU thread has a separate one."""
+    """Return the index of this thread's partial maximum or sum; each CPU thread has its own index."""
     if team.rank < partials:
         return team.rank
     return team.rank % partials
@@ -65,7 +65,7 @@ def partial_index(team: Team, partials: int) -> int:
 
 @wp.func
 def update_max(team: Team, partial: Floats, value: wp.float64):
-    """Raise this thread's partial maximum to a value; write it seldom, because threads share cache lines."""
+    """Raise this thread's partial maximum to a value. It is rarely written, as threads share cache lines."""
     k = partial_index(team, partial.shape[0])
     if value > at(partial, k):
         if is_on_gpu(team):
@@ -76,7 +76,7 @@ def update_max(team: Team, partial: Floats, value: wp.float64):
 
 @wp.func
 def take_max(partial: Floats) -> wp.float64:
-    """Return the maximum of the partial maxima, and reset these to 0."""
+    """Return the maximum of all partial maxima, and reset them to 0."""
     largest = wp.float64(0.0)
     k = int(0)
     while k < partial.shape[0]:

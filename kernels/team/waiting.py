@@ -1,18 +1,18 @@
-"""How the threads of a team wait for each other: at one barrier, after every stage.
+"""The barrier at which the threads of a team wait for each other after every stage.
 
-On a GPU it is the barrier of a block. On a CPU, a thread that arrives adds 1 to ARRIVED. The last one sets it
-to 0 and raises GENERATION, for which the others wait. They spin for some 50 microseconds, and then sleep. A
-sleeping thread leaves its core to others, also to the thread that it waits for. If it yielded its core while
-it spins, it would lose a whole time slice to a busy program: a team of two took 70 to 90 times as long as one
-thread then.
+On a GPU it is the barrier of a block. On a CPU, a thread that arrives adds 1 to ARRIVED. The last thread
+resets ARRIVED to 0 and adds 1 to GENERATION, for which the other threads wait. They spin for about 50
+microseconds, and then sleep. The core of a sleeping thread is free for other threads, such as those that have
+not arrived. If threads yielded their cores while they spin, they would lose whole time slices to a busy
+program: a team of two took 70 to 90 times as long as one thread.
 """
 
 import warp as wp
 
 from .threads import WORDS, Team
 
-ARRIVED, GENERATION, SLEEPERS = 0, WORDS // 3, 2 * WORDS // 3  # a cache line each
-SPINS = 1_000  # polls before a thread sleeps
+ARRIVED, GENERATION, SLEEPERS = 0, WORDS // 3, 2 * WORDS // 3  # indices in `words`, each in its cache line
+SPINS = 1_000  # number of polls of GENERATION before a thread sleeps
 
 
 @wp.func_native("""
@@ -78,7 +78,7 @@ def seconds() -> wp.float64:
 #endif
 """)
 def meet(words: wp.array(dtype=wp.int64), size: int):
-    """Wait until all threads of a team have arrived: what each has written before is visible to all then."""
+    """Wait until all `size` threads have arrived. What each has written before is then visible to all."""
     ...
 
 
