@@ -1,1 +1,1 @@
-"""Kernels of packings: grains at random places, moved apart."""
+"""Kernels of packings: random placement of grains, and removal of overlaps."""

@@ -1,8 +1,9 @@
 """Random sequential addition: discs are placed at random, one after the other, without overlap.
 
-Discs come in order of size, the largest first. Those of a level are less than a factor of two apart and share
-a grid, whose cells are no narrower than the largest of them. So a disc is checked against nine cells of its
-level and of every level before. In periodic directions the first cells are next to the last ones.
+Discs are sorted by size, the largest first, and divided into levels. The radii of a level differ by less than
+a factor of two. Each level has a grid, whose cells are at least as wide as the largest disc of the level. So
+a disc is checked against nine cells of its level and of every level of larger discs. In periodic directions,
+the first cells are neighbors of the last cells.
 """
 
 import warp as wp
@@ -17,7 +18,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Bounds:
-    """Lowest and highest coordinates of discs, in addition to the walls [m]; infinite where periodic."""
+    """Bounds on the coordinates of discs, in addition to the walls [m]; infinite in periodic directions."""
 
     low: wp.vec2d
     high: wp.vec2d
@@ -25,22 +26,22 @@ class Bounds:
 
 @wp.struct
 class DiscsRecord:
-    """Discs in the order in which they are placed, and the cells in which their centres are."""
+    """Discs in the order in which they are placed, and linked lists of the discs in each cell."""
 
     radius: wp.array(dtype=f64)  # [m]
     level: wp.array(dtype=wp.int32)
-    position: wp.array(dtype=wp.vec2d)  # [m], of those that have a place
-    follower: wp.array(dtype=wp.int32)  # the next disc in the same cell
-    newest: wp.array(dtype=wp.int32)  # by cell
-    cell: wp.array(dtype=wp.vec2d)  # width and height of the cells of a level [m]
-    width: wp.array(dtype=wp.vec2i)  # columns and rows
-    first: wp.array(dtype=wp.int32)  # cell of a level
-    corner: wp.vec2d  # lower left one of the grids [m]
+    position: wp.array(dtype=wp.vec2d)  # of the discs placed so far [m]
+    follower: wp.array(dtype=wp.int32)  # by disc: the disc placed before in the same cell, or NOBODY
+    newest: wp.array(dtype=wp.int32)  # by cell: the disc placed last, or NOBODY
+    cell: wp.array(dtype=wp.vec2d)  # by level: width and height of the cells [m]
+    width: wp.array(dtype=wp.vec2i)  # by level: number of columns and rows
+    first: wp.array(dtype=wp.int32)  # by level: index of the first cell
+    corner: wp.vec2d  # lower left corner of the grids [m]
     walls: Walls
     bounds: Bounds
-    places: wp.array(dtype=wp.vec2d)  # that are to be tried [m]
-    placed: wp.int32  # discs that have a place
-    tries: wp.int32  # in a row, of the next one
+    places: wp.array(dtype=wp.vec2d)  # positions to try [m]
+    placed: wp.int32  # number of discs placed so far
+    tries: wp.int32  # number of positions tried for the next disc
 
 
 Discs = wp.ref[DiscsRecord]
@@ -48,7 +49,7 @@ Discs = wp.ref[DiscsRecord]
 
 @wp.func
 def cell_of(x: wp.vec2d, discs: Discs, level: int) -> wp.vec2i:
-    """Return column and row of the cell that a point is in."""
+    """Return column and row of the cell of a level that contains point x."""
     cell, most = discs.cell[level], discs.width[level] - wp.vec2i(1, 1)
     column, row = int((x[0] - discs.corner[0]) / cell[0]), int((x[1] - discs.corner[1]) / cell[1])
     return wp.vec2i(wp.clamp(column, 0, most[0]), wp.clamp(row, 0, most[1]))
@@ -56,7 +57,7 @@ def cell_of(x: wp.vec2d, discs: Discs, level: int) -> wp.vec2i:
 
 @wp.func
 def beside(place: int, step: int, width: int, period: f64) -> int:
-    """Return the column, or row, a step from another one; NOBODY where there is none."""
+    """Return column (or row) place + step, periodic if period > 0, or NOBODY if it is outside [0, width)."""
     other = place + step
     if period > f64(0.0):
         return (other + width) % width
@@ -65,7 +66,7 @@ def beside(place: int, step: int, width: int, period: f64) -> int:
 
 @wp.func
 def is_clear_of_cell(x: wp.vec2d, radius: f64, discs: Discs, cell: int) -> bool:
-    """Return whether a disc at x overlaps no disc of a cell."""
+    """Return whether a disc of this radius at x overlaps no disc of a cell."""
     clear = bool(True)
     j = discs.newest[cell]
     while clear and j != NOBODY:
@@ -78,7 +79,7 @@ def is_clear_of_cell(x: wp.vec2d, radius: f64, discs: Discs, cell: int) -> bool:
 
 @wp.func
 def is_clear(x: wp.vec2d, radius: f64, discs: Discs, level: int) -> bool:
-    """Return whether a disc at x overlaps no disc of a level of the grid; its own cell is checked first."""
+    """Return whether a disc at x overlaps no disc of a level; the cell that contains x is checked first."""
     width, own, first, period = (
         discs.width[level],
         cell_of(x, discs, level),
@@ -111,7 +112,7 @@ def fits(x: wp.vec2d, discs: Discs, i: int) -> bool:
 
 @wp.func
 def try_places(discs: Discs):
-    """Try the places in order until all discs are placed."""
+    """Try the positions `places` in order, each for the next disc, until all discs are placed."""
     for k in range(discs.places.shape[0]):
         i, x = discs.placed, discs.places[k]
         if i == discs.radius.shape[0]:
@@ -130,5 +131,5 @@ def try_places(discs: Discs):
 
 @wp.kernel
 def place(records: wp.array(dtype=DiscsRecord)):
-    """Try the places of each record."""
+    """Place the discs of each record at its positions `places`."""
     try_places(records[wp.tid()])

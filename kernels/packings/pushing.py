@@ -1,4 +1,4 @@
-"""Dense packings: overlapping discs are pushed apart, pair after pair."""
+"""The kernel that pushes overlapping discs apart, one pair after the other, for dense packings."""
 
 import warp as wp
 
@@ -14,7 +14,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.func
 def put_inside(x: wp.vec2d, r: f64, walls: Walls, bounds: Bounds) -> wp.vec2d:
-    """Move a disc of radius r off the walls, into the bounds, and between the circles."""
+    """Return position x of a disc of radius r, moved out of walls, into bounds and between circles [m]."""
     for k in range(walls.shape.shape[0]):
         shape, place = at(walls.shape, k), place_at(k + 1, x, walls)
         gap = shape_gap(place, r, shape)
@@ -41,9 +41,9 @@ def push(
     enough: f64,
     worst: wp.array(dtype=f64),
 ):
-    """Push all pairs apart, the smaller disc further, until the worst overlap is small enough.
+    """Push all pairs apart, the smaller disc by more, until the worst overlap is at most `enough`.
 
-    worst : [largest overlap of the last sweep, in the smaller radius of the pair; sweeps done]
+    worst : [largest overlap in the last sweep, over the smaller radius; number of sweeps done (<= sweeps)]
     """
     done, largest = int(0), f64(wp.inf)
     while done < sweeps and largest > enough:
