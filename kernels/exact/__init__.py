@@ -1,1 +1,1 @@
-"""The exact method: factorizations and the path."""
+"""Kernels of the exact method: sparse factors, the dual problem, and the path with friction."""

@@ -1,9 +1,9 @@
-"""LU factors of a sparse matrix of 3 x 3 blocks, a row and a column of blocks for every grain.
+"""LU factors of a sparse matrix of 3 x 3 blocks, with a row and a column of blocks for every grain.
 
-The pattern is symmetric and fixed: that of the Cholesky factors of the graph of grains. Blocks in it that are
-0 are left out. Nothing is pivoted. Blocks on the diagonal are inverted by a QR decomposition. Such an inverse
-loses digits where its entries are far apart, as 1 / eps and 1 are here (path.py). So each quotient by it is
-refined once.
+The pattern is symmetric and fixed: that of the Cholesky factors of the graph of grains. Loops skip blocks of
+the pattern that are 0. There is no pivoting. Blocks on the diagonal are inverted by a QR decomposition. Such
+an inverse loses digits if its entries differ by orders of magnitude, as 1 / eps and 1 do here (path.py). So
+each quotient by it is refined once.
 """
 
 import warp as wp
@@ -20,21 +20,21 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Factors:
-    """A matrix, which `factor` replaces by its factors L, with blocks of 1 on its diagonal, and U."""
+    """A matrix, which `factor` replaces by its factors L (with unit blocks on the diagonal) and U."""
 
     start: Ints  # first block of every column of L, which is that of every row of U
     row: Ints  # row of every block of L, and column of every block of U; ascending in a column
     diagonal: Blocks  # of U
-    inverse: Blocks  # of the diagonal of U, as far as rounding allows
-    lower: Blocks
-    upper: Blocks
-    used: Ints  # blocks of every column of L, and row of U, that are not 0
-    used_end: Ints  # their end in every column
+    inverse: Blocks  # of the diagonal blocks of U, up to rounding
+    lower: Blocks  # of L, by columns
+    upper: Blocks  # of U, by rows
+    used: Ints  # indices of the blocks that are not 0, by column of L or row of U
+    used_end: Ints  # end of these indices for every column
 
 
 @wp.func
 def inverse_of(block: wp.mat33d):
-    """Return the inverse by a QR decomposition, and the sign of the determinant."""
+    """Return the inverse of a block by a QR decomposition, and the sign of its determinant."""
     q, r = wp.qr3(block)
     sign = wp.sign(wp.determinant(q)) * wp.sign(r[0, 0]) * wp.sign(r[1, 1]) * wp.sign(r[2, 2])
     return wp.inverse(r) * wp.transpose(q), sign
@@ -42,13 +42,13 @@ def inverse_of(block: wp.mat33d):
 
 @wp.func
 def is_zero(block: wp.mat33d) -> bool:
-    """Return whether all entries are 0."""
+    """Return whether all entries of a block are 0."""
     return wp.ddot(block, block) == f64(0.0)
 
 
 @wp.func
 def factor(factors: Factors) -> f64:
-    """Factor the matrix; return the sign of its determinant."""
+    """Factor the matrix in place; return the sign of its determinant."""
     sign = f64(1.0)
     k = int(0)
     while k < factors.diagonal.shape[0]:
@@ -91,7 +91,7 @@ def factor(factors: Factors) -> f64:
 
 @wp.func
 def solve(factors: Factors, x: Triples):
-    """Replace the right-hand side by the solution."""
+    """Replace the right-hand side x by the solution of the factored system."""
     k = int(0)
     while k < x.shape[0]:
         amount = at(x, k)

@@ -1,9 +1,9 @@
 """Triangular solves with the factors L D L^T of a sparse matrix M, and with borders of M.
 
 A border c adds the row a_c to M, and the same column. Its row of the factors is y_c = L^-1 a_c. In the
-elimination tree, the parent of a column of L is the row of its first entry. y_c is 0 but on the paths from
-the entries of a_c to the root of this tree (Liu 1990), and only there it is computed. The borders leave the
-Schur complement y_c . D^-1 y_d, which is small and dense. It is factored row by row.
+elimination tree, the parent of a column of L is the row of its first entry. y_c is 0 except on the paths from
+the entries of a_c to the root of this tree (Liu 1990), so it is computed on these paths only. The Schur
+complement of the borders, y_c . D^-1 y_d, is small and dense. It is factored row by row.
 """
 
 import warp as wp
@@ -12,7 +12,7 @@ from ..access import at, put
 from ..types import Floats, Ints
 
 f64 = wp.float64
-ENTRIES = wp.constant(4)  # of a_c that are not 0, at most
+ENTRIES = wp.constant(4)  # largest number of entries != 0 of a_c
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -29,18 +29,18 @@ class Factors:
 
 @wp.struct
 class Borders:
-    """Vectors y_c, one after the other, and the Schur complement of all borders and that of those in use."""
+    """Vectors y_c, one after the other, the Schur complement of all borders, and factors for those in use."""
 
-    most: int  # borders
+    most: int  # largest number of borders
     count: Ints  # number of borders, shape (1,)
     start: Ints
     index: Ints
     value: Floats
     schur: Floats  # lower triangle, shape (most, most)
     used: Ints  # the borders in use, in the order of the rows of `lower`
-    shift: Floats  # added to the diagonal
+    shift: Floats  # added to the diagonal of the Schur complement, by border in use
     lower: Floats  # L without its diagonal of ones, and D on the diagonal, shape (most, most)
-    force: Floats  # unknowns of the borders in use
+    force: Floats  # unknowns f of the borders in use
     y: Floats  # L^-1 r
     scaled: Floats  # D^-1 L^-1 r
     work: Floats  # a column; 0 between two launches
@@ -49,7 +49,7 @@ class Borders:
 
 @wp.func
 def column_above(factors: Factors, j: int) -> int:
-    """Return the parent of a column in the elimination tree, or the number of columns at a root."""
+    """Return the parent of column j in the elimination tree, or the number of columns if j is a root."""
     if at(factors.start, j) < at(factors.start, j + 1):
         return at(factors.row, at(factors.start, j))
     return factors.pivot.shape[0]
@@ -57,7 +57,7 @@ def column_above(factors: Factors, j: int) -> int:
 
 @wp.func
 def eliminate(factors: Factors, x: Floats, j: int):
-    """Subtract x_j times a column of L from x."""
+    """Subtract x_j times column j of L from the entries of x below j."""
     amount = at(x, j)
     p = at(factors.start, j)
     end = at(factors.start, j + 1)
@@ -81,7 +81,7 @@ def dot(borders: Borders, k: int, x: Floats) -> f64:
 
 @wp.kernel
 def forward(factors: Factors, borders: Borders):
-    """Replace the right-hand side r in y by L^-1 r."""
+    """Replace the right-hand side r in `y` by L^-1 r, and write D^-1 L^-1 r to `scaled`."""
     j = int(0)
     while j < factors.pivot.shape[0]:
         eliminate(factors, borders.y, j)
@@ -91,9 +91,9 @@ def forward(factors: Factors, borders: Borders):
 
 @wp.kernel
 def add_borders(factors: Factors, borders: Borders, column: Ints, entry: Floats, done: int):
-    """Add borders while there is memory for them, from number `done` of those given.
+    """Add the given borders, from number `done` on, while there is memory for them.
 
-    Their entries and the columns of these are in `column` and `entry`, ENTRIES each; some may be 0.
+    Each border has ENTRIES elements of `column` (indices) and `entry` (values); some values may be 0.
     """
     size = factors.pivot.shape[0]
     work = borders.work
@@ -156,7 +156,7 @@ def factor_row(borders: Borders, k: int):
 
 @wp.func
 def solve_borders(borders: Borders, count: int):
-    """Replace the right-hand sides of the borders in use by their unknowns."""
+    """Replace the right-hand sides `force` of the `count` borders in use by the unknowns f."""
     force = borders.force
     for k in range(count):
         total = at(force, k) + dot(borders, at(borders.used, k), borders.scaled)
@@ -174,9 +174,9 @@ def solve_borders(borders: Borders, count: int):
 
 @wp.kernel
 def solve(factors: Factors, borders: Borders, factored: int, count: int):
-    """Solve the system with the borders in use, of which some rows are factored already.
+    """Solve the system with `count` borders in use, of which the rows before `factored` are factored.
 
-    `force` holds their right-hand sides, and becomes their unknowns f. Then M x = r - sum_c f_c a_c.
+    `force` holds the right-hand sides of the borders, and becomes the unknowns f. M x = r - sum_c f_c a_c.
     """
     for k in range(factored, count):
         factor_row(borders, k)

@@ -1,4 +1,4 @@
-"""The dual 1/2 |u0 - A^T q|^2 + b . q of a step's convex problem, along a direction projected onto q >= 0."""
+"""The dual 1/2 |u0 - A^T q|^2 + b . q of a step's convex problem, along q(a) = max(0, q + a (z - q))."""
 
 import warp as wp
 
@@ -12,7 +12,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Dual:
-    """A by rows, and a point q with its slack s = b - A u(q)."""
+    """The matrix A by rows, and a point q with its slack s = b - A u(q)."""
 
     start: Ints
     column: Ints
@@ -21,12 +21,12 @@ class Dual:
     slack: Floats
     target: Floats  # z: the direction is z - q
     ahead: Floats  # A^T (z - q)
-    spread: Floats  # A^T of the way from q
+    spread: Floats  # A^T (q(a) - q)
 
 
 @wp.func
 def add_row(dual: Dual, c: int, amount: f64, total: Floats):
-    """Add a row of A, times a number, to a vector."""
+    """Add `amount` times row c of A to the vector `total`."""
     p = at(dual.start, c)
     end = at(dual.start, c + 1)
     while p < end:
@@ -46,7 +46,7 @@ def clear(x: Floats):
 
 @wp.func
 def fall_at(dual: Dual, a: f64) -> f64:
-    """Compute the spread at the step a; return the change of the dual."""
+    """Compute A^T (q(a) - q) for the step a; return the change of the dual from q to q(a)."""
     clear(dual.spread)
     total = f64(0.0)
     c = int(0)
@@ -70,7 +70,7 @@ def fall_at(dual: Dual, a: f64) -> f64:
 
 @wp.kernel
 def descend(dual: Dual, first: f64):
-    """Move q by the step `first`, which is doubled while the dual falls, and update its slack."""
+    """Move q to q(a), where a is `first`, doubled while the dual falls and a < 1/2; update the slack."""
     clear(dual.ahead)
     c = int(0)
     while c < dual.q.shape[0]:

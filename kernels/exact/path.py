@@ -1,9 +1,9 @@
 """Path following for a step with friction (MODEL.md, "The exact method with friction").
 
-A contact answers to its velocities by a piecewise linear law with a small compliance eps around given
-corrections (`carried`). On a piece of it, the equations of all contacts are linear. The given corrections
-solve them for gaps and surface speeds that are changed by errors, times s = 1. `follow` takes s to 0, from
-piece to piece.
+The law of a contact is regularized: corrections are piecewise linear functions of its velocities, with a
+small compliance eps around given corrections (`carried`). On one piece per contact, the equations of all
+contacts are linear. The given corrections solve them if s times an error is added to the gaps and surface
+speeds, with s = 1. `follow` reduces s to 0, from piece to piece.
 """
 
 import warp as wp
@@ -15,19 +15,19 @@ from .block_lu import Factors, Triples, factor, solve
 
 f64 = wp.float64
 OPEN, STICK, FORWARD, BACKWARD = (wp.constant(k) for k in range(4))
-"""Pieces of the law of a contact. It slips on two of them: with dv_t > 0, and with dv_t < 0."""
+"""Pieces of the law of a contact. The contact slips on the last two, with dv_t > 0 and dv_t < 0."""
 FOLLOWING, DONE, AT_FOLD, SPENT, UNBOUNDED = (wp.constant(k) for k in range(5))
-"""Outcomes of a pass: not known yet; s = 0; at a fold that was not passed; without pivots; no piece ends."""
+"""Outcomes of a pass: not ended; s = 0; at a fold that was not passed; pivots used up; no piece ends."""
 PIVOTS, FACTORIZATIONS, OUTCOME = (wp.constant(k) for k in range(3))
-"""Counts of a pass."""
+"""Indices of the results of a pass in `Path.count`."""
 UPDATES = wp.constant(40)  # changes of pieces between two factorizations
-LOCAL = wp.constant(20)  # pivots in which a fold must be passed
-NEARBY = wp.constant(2)  # grains from a fold within which gaps are opened
-SLIPPING = wp.constant(f64(1.0 - 1e-12))  # of mu dv_c, from which on a contact slips
-INSIDE = wp.constant(f64(1.0 - 1e-9))  # of mu dv_c, to which a contact is put that sticks again
-CLEAR = wp.constant(f64(1e-13))  # [m/s] by which contacts that carry nothing are clear of their gap
+LOCAL = wp.constant(20)  # number of pivots within which a fold must be passed
+NEARBY = wp.constant(2)  # distance from a fold, in grains, within which gaps are opened
+SLIPPING = wp.constant(f64(1.0 - 1e-12))  # |dv_t| / (mu dv_c) from which a contact counts as slipping
+INSIDE = wp.constant(f64(1.0 - 1e-9))  # bound on |dv_t| / (mu dv_c) of a contact that sticks at the start
+CLEAR = wp.constant(f64(1e-13))  # margin by which an open contact is clear of its gap at the start [m/s]
 TYPES = {(2,): wp.vec2d, (3,): wp.vec3d, (3, 3): wp.mat33d}
-"""Types of the elements of an array of this shape but for the first axis."""
+"""Warp types of the elements of an array, by the shape of one element (without the first axis)."""
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -36,64 +36,65 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 class Step:
     """A step with friction: its m contacts, and its n grains in the order of elimination.
 
-    A contact that resists rolling has another entry of the same normal, for which vr, dv_r and mu_r (eq. 37)
-    stand for vt, dv_t and mu. It passes on no normal correction, whose limits it knows alone.
+    A contact that resists rolling has a second entry with the same normal, in which vr, dv_r and mu_r (eq.
+    37) replace vt, dv_t and mu. The normal correction of this entry only limits dv_r; it does not act on
+    grains.
     """
 
     first: Ints
-    second: Ints  # -1 at walls that no force drives; driven walls follow the grains
+    second: Ints  # second grain, or n + index of a driven wall, or -1 for other walls
     normal: Vectors
     gap_rate: Floats  # gap / dt [m/s]
     circle: Floats  # A / dt at a round wall, or inf [m/s] (eq. 18)
     friction: Floats
     surface: Floats  # speed of the surface along the tangent [m/s]
     lever: Vectors  # g, g_t at driven walls (eqs. 28, 30b)
-    parts: Triples  # of slip and of the rim speeds of both grains in vt: 1, 1, 1, or 0, c_i, -c_j (eq. 37)
+    parts: Triples  # factors of slip and both rim speeds in vt: 1, 1, 1; in vr: 0, c_i, -c_j (eq. 37)
     k_n: Floats  # K (eq. 28)
     k_t: Floats  # K_t or K_r (eqs. 22, 30b, 37)
     mass: Floats  # mu_c [kg]
-    block: Ints  # of a pair in the factors
+    block: Ints  # index of the pair's block in the factors
     contact_start: Ints  # contacts of grain i: contact[k], contact_start[i] <= k < contact_start[i + 1]
     contact: Ints
-    inertia: Triples  # M, M, J / 2 [kg]; of a driven wall its mass, and ones
-    free: Triples  # free velocity and rim speed [m/s]; of a driven wall its speed, and zeros
+    inertia: Triples  # M, M, J / 2 of a grain [kg]; mass, 1, 1 of a driven wall
+    free: Triples  # free velocity and rim speed of a grain [m/s]; speed, 0, 0 of a driven wall
 
 
 @wp.struct
 class Path:
-    """A point on the path, and where it leads."""
+    """A point on the path, the direction of the path there, and work arrays."""
 
-    dv: Floats  # corrections: of the center, and then those that are found [m/s]
+    dv: Floats  # corrections: first the given ones (the center of the law), at the end the solution [m/s]
     dvt: Floats
-    gap: Floats  # gap / dt for the velocities of the center [m/s]
+    gap: Floats  # gap / dt for the velocities that the given corrections yield [m/s]
     piece: Ints
-    error: Vectors  # of gap / dt, and of the speed of the surface [m/s]
-    opening: Vectors  # what is added to them around a fold
+    error: Vectors  # errors of gap / dt and of the surface speed, which s multiplies [m/s]
+    opening: Vectors  # changes of gap / dt and surface speed around a fold, which sigma multiplies
     excess: Vectors  # A, B: arguments of the law [m/s]
-    rate: Vectors  # their rates along the way
-    velocity: Triples  # and rim speed [m/s]
-    saved: Triples  # those at a fold
-    way: Triples  # rate of the velocity
-    change: Triples  # of the way by a change of a piece, or of the velocity
-    updates: Triples  # changes since the last factorization, one after the other
+    rate: Vectors  # rates of A, B along the path
+    velocity: Triples  # velocity and rim speed [m/s]
+    saved: Triples  # velocity and rim speed at a fold
+    way: Triples  # rate of `velocity` along the path
+    change: Triples  # of `way` by a change of a piece, or of `velocity` by corrections
+    updates: Triples  # changes of `way` since the last factorization, one after the other
     updated: Ints  # contacts whose pieces changed
-    gradient: Vectors  # of the margin that became 0
-    pivot: Floats
+    gradient: Vectors  # by change: of the margin that became 0
+    pivot: Floats  # by change: ratio of the determinants of the matrix
     near: Ints  # whether grains are near a fold
-    found: Ints  # those that are
-    count: Ints  # by PIVOTS, ...
+    found: Ints  # the grains near a fold
+    count: Ints  # results, with indices PIVOTS, FACTORIZATIONS and OUTCOME
     residual: Floats  # [m/s]
 
 
 @wp.func
 def is_grain(step: Step, j: int) -> bool:
-    """Return whether a second body is a grain, and no wall."""
+    """Return whether j, from `Step.second`, is a grain and not a wall."""
     return j >= 0 and j < step.contact_start.shape[0] - 1
 
 
 @wp.func
 def relative(u: Triples, step: Step, c: int) -> wp.vec2d:
-    """Return vn and vt of a contact, for a surface at rest."""
+    """Return (vn, vt) of contact c for velocities u, with the speed of driven walls, but surfaces at rest."""
     own, j, n, parts = at(u, at(step.first, c)), at(step.second, c), at(step.normal, c), at(step.parts, c)
     x, y, rim = own[0], own[1], parts[1] * own[2]
     if is_grain(step, j):
@@ -108,7 +109,10 @@ def relative(u: Triples, step: Step, c: int) -> wp.vec2d:
 
 @wp.func
 def push(force: Triples, step: Step, c: int, amount: wp.vec2d):
-    """Add the transpose of `relative` times mu_c and an amount; the entry of rolling has a moment alone."""
+    """Add the impulses mu_c times `amount` (normal, tangential) of contact c to `force` of both bodies.
+
+    This is the transpose of `relative`. An entry for rolling adds a moment only.
+    """
     i, j, n, f = at(step.first, c), at(step.second, c), at(step.normal, c), at(step.mass, c) * amount
     parts = at(step.parts, c)
     along = parts[0] * f
@@ -133,7 +137,10 @@ def carried(piece: int, excess: wp.vec2d, friction: f64, eps: f64) -> wp.vec2d:
 
 @wp.func
 def margin(piece: int, side: int, excess: wp.vec2d, friction: f64) -> f64:
-    """Return the distance from side 0 or 1 of a piece, linear and > 0 within; 0 if there is no side 1."""
+    """Return a linear function of the excess that is > 0 in a piece and 0 at its side 0 or 1.
+
+    It is 0 if the piece has no side 1.
+    """
     if piece == STICK:
         return friction * excess[0] + wp.where(side == 0, -excess[1], excess[1])
     if side == 0:
@@ -145,7 +152,7 @@ def margin(piece: int, side: int, excess: wp.vec2d, friction: f64) -> f64:
 
 @wp.func
 def beyond(piece: int, side: int, excess: wp.vec2d) -> int:
-    """Return the piece on the other side."""
+    """Return the piece beyond side 0 or 1 of a piece, at this excess."""
     if piece == OPEN:
         return wp.where(excess[1] >= f64(0.0), FORWARD, BACKWARD)
     if piece == STICK:
@@ -162,7 +169,7 @@ def clear(x: Triples):
 
 @wp.func
 def add(x: Triples, amount: f64, change: Triples, first: int):
-    """Add a multiple of a change, which begins at an index."""
+    """Set x += amount * change[first : first + len(x)]."""
     g = int(0)
     while g < x.shape[0]:
         put(x, g, at(x, g) + amount * at(change, first + g))
@@ -171,7 +178,7 @@ def add(x: Triples, amount: f64, change: Triples, first: int):
 
 @wp.func
 def copy(target: Triples, first: int, source: Triples):
-    """Copy into an array, from an index on."""
+    """Copy `source` to target[first : first + len(source)]."""
     for g in range(source.shape[0]):
         put(target, first + g, at(source, g))
 
@@ -186,7 +193,7 @@ def gap_now(step: Step, c: int, u: Triples) -> f64:
 
 @wp.func
 def find_velocity(step: Step, path: Path):
-    """Compute the velocities that the corrections make of the free ones."""
+    """Compute the velocities: the free velocities plus the changes by dv and dvt."""
     clear(path.change)
     for c in range(step.first.shape[0]):
         push(path.change, step, c, wp.vec2d(at(path.dv, c), at(path.dvt, c)))
@@ -196,7 +203,7 @@ def find_velocity(step: Step, path: Path):
 
 @wp.func
 def begin(step: Step, path: Path):
-    """Begin at the corrections: find gaps for their velocities, and piece and error of every contact."""
+    """Begin at the given corrections: compute velocities and gaps, and piece and error of every contact."""
     find_velocity(step, path)
     for c in range(step.first.shape[0]):
         v, gap = relative(path.velocity, step, c), gap_now(step, c, path.velocity)
@@ -219,13 +226,16 @@ def begin(step: Step, path: Path):
 
 @wp.func
 def coupling(n: wp.vec3d, t: wp.vec3d, other_n: wp.vec3d, other_t: wp.vec3d, slope: wp.vec3d) -> wp.mat33d:
-    """Return the block of two grains that a contact adds, for the derivatives of its law."""
+    """Return the 3 x 3 block that a contact adds for two bodies, whose rows in vn, vt are n, t and other_...
+
+    `slope` has the derivatives of dv by vn, of dv_t by vn, and of dv_t by vt, times mu_c.
+    """
     return wp.outer(n, slope[0] * other_n) + wp.outer(t, slope[1] * other_n + slope[2] * other_t)
 
 
 @wp.func
 def assemble(step: Step, path: Path, factors: Factors, eps: f64):
-    """Write the matrix of the present pieces."""
+    """Write the matrix of the equations on the present pieces to the factors."""
     for k in range(factors.lower.shape[0]):
         put(factors.lower, k, wp.mat33d())
         put(factors.upper, k, wp.mat33d())
@@ -257,7 +267,7 @@ def assemble(step: Step, path: Path, factors: Factors, eps: f64):
 
 @wp.func
 def find_excess(step: Step, path: Path, s: f64, sigma: f64, eps: f64):
-    """Compute the arguments of the laws at a point of the path."""
+    """Compute the arguments A, B of the law of every contact, for the velocity, s and sigma."""
     for c in range(step.first.shape[0]):
         v, error = relative(path.velocity, step, c), s * at(path.error, c) + sigma * at(path.opening, c)
         a = eps * at(path.dv, c) + v[0] - at(path.gap, c) - error[0]
@@ -279,7 +289,7 @@ def correct(step: Step, path: Path, factors: Factors, s: f64, sigma: f64, eps: f
 
 @wp.func
 def solve_updated(step: Step, path: Path, factors: Factors, x: Triples, updates: int):
-    """Replace a right-hand side by the solution with the matrix as some updates have made it."""
+    """Replace the right-hand side x by the solution for the factored matrix after rank-1 updates."""
     solve(factors, x)
     for k in range(updates):
         along = wp.dot(at(path.gradient, k), relative(x, step, at(path.updated, k)))
@@ -289,7 +299,7 @@ def solve_updated(step: Step, path: Path, factors: Factors, x: Triples, updates:
 
 @wp.func
 def find_way(step: Step, path: Path, factors: Factors, drive: Vectors, updates: int, eps: f64):
-    """Compute the rate of the velocity for gaps and surface speeds that change at the rates of the drive."""
+    """Compute `way`, the rate of the velocity if gap / dt and surface speed change at the rates `drive`."""
     clear(path.way)
     for c in range(step.first.shape[0]):
         rate = at(drive, c)
@@ -301,9 +311,9 @@ def find_way(step: Step, path: Path, factors: Factors, drive: Vectors, updates: 
 
 @wp.func
 def next_kink(step: Step, path: Path, drive: Vectors, lead: f64, last: int):
-    """Return the contact that reaches a side of its piece first, that side, and the way to it.
+    """Return the contact that first reaches a side of its piece, the side, and the step of s or sigma to it.
 
-    The contact whose piece was changed last is at a side, and does not count.
+    The contact `last` is skipped, because its piece has just changed, so that it is at a side.
     """
     hit, hit_side, way = int(-1), int(0), f64(wp.inf)
     c = int(0)
@@ -325,7 +335,7 @@ def next_kink(step: Step, path: Path, drive: Vectors, lead: f64, last: int):
 
 @wp.func
 def open_around(step: Step, path: Path, c: int):
-    """Choose the contacts that are at most NEARBY grains from a contact, whose gaps open at a fold."""
+    """Set `opening` to (1, 0) for contacts at most NEARBY grains from contact c, and to 0 for others."""
     for e in range(step.first.shape[0]):
         put(path.opening, e, wp.vec2d())
     for g in range(step.free.shape[0]):
@@ -354,13 +364,13 @@ def open_around(step: Step, path: Path, c: int):
 
 @wp.func
 def rate_of_margin(step: Step, path: Path, c: int, gradient: wp.vec2d, drive: Vectors) -> f64:
-    """Return the rate of the margin of this gradient along the way."""
+    """Return the rate along the path of the margin of contact c that has this gradient."""
     return wp.dot(gradient, relative(path.way, step, c) - at(drive, c))
 
 
 @wp.kernel
 def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int):
-    """Follow the path from the given corrections, for `most` pivots at most, and replace them by others."""
+    """Follow the path from the given corrections for at most `most` pivots, and replace the corrections."""
     begin(step, path)
     s, sigma, lead = f64(1.0), f64(0.0), f64(-1.0)  # lead: sign of the rate of s or sigma
     drive = path.error
@@ -400,7 +410,7 @@ def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int):
             s = f64(0.0)
             outcome = int(DONE)
             break
-        if ends:  # snapped to another branch
+        if ends:  # sigma = 0 on another branch of the path
             snapping, sigma, lead, last = False, f64(0.0), f64(-1.0), int(-1)
             drive = path.error
             find_way(step, path, factors, drive, updates, eps)
@@ -429,7 +439,7 @@ def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int):
             drive = path.opening
             find_way(step, path, factors, drive, updates, eps)
             rate = rate_of_margin(step, path, c, gradient, drive)
-            if rate * before > f64(0.0):  # gaps have to close for the far side
+            if rate * before > f64(0.0):  # gaps must close, not open, to reach the far side
                 rate = -rate
                 add(path.way, f64(-2.0), path.way, 0)
                 for e in range(step.first.shape[0]):
@@ -461,7 +471,7 @@ def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int):
 
 @wp.kernel
 def measure(step: Step, path: Path):
-    """Measure the residual of the corrections (eqs. 25, 30 and 38)."""
+    """Compute the velocities of the corrections, and their natural residual (eqs. 25, 30 and 38)."""
     find_velocity(step, path)
     worst = f64(0.0)
     for c in range(step.first.shape[0]):
