@@ -1,1 +1,1 @@
-"""The exact solution of a step on the host: without friction by active sets, with friction along a path."""
+"""The host's solvers of a step: active sets without friction, path following with friction."""

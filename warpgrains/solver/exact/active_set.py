@@ -5,13 +5,13 @@ the method of Lawson and Hanson (1974). The contacts W that carry a force meet t
 
     u = u0 - A_W^T z,   A_W u = b_W + (z - q*) / rho,
 
-where q* is the value of q when they last did (method of multipliers: it keeps the matrix regular if W has a
-redundant contact). On the way from q to z some corrections become 0; their contacts leave W as long as the
-dual decreases. At z, contacts with violated bounds join W. Every change lowers the dual, so that no W occurs
-twice.
+where q* is the value of q at which they were last met (method of multipliers: the term with rho keeps the
+matrix regular if W has a redundant contact). On the way from q to z some corrections become 0; their contacts
+leave W as long as the dual decreases. At z, contacts with violated bounds join W. Every change lowers the
+dual, so that no W occurs twice.
 
-After sweeps, few of thousands of contacts are in the wrong set. One matrix is factored, for the first W, and
-changes of W border it (bordered.py).
+After sweeps, only a few of thousands of contacts are in the wrong set. So one matrix is factored, for the
+first W, and later changes of W are borders of this matrix (bordered.py).
 """
 
 from math import sqrt
@@ -25,13 +25,13 @@ from warpgrains.kernels.exact import dual as kernels
 from warpgrains.solver.exact.bordered import BorderedMatrix
 from warpgrains.solver.exact.projection import PROXIMITY, Projection, Solution
 
-CENTRES = 8  # most updates of q* for one W
-MET = 0.1  # largest error of the bounds that are met, in tolerances
+CENTRES = 8  # largest number of updates of q* for one W
+MET = 0.1  # largest error of a bound that counts as met, in tolerances
 NEGLIGIBLE = 1e-12  # [m/s]: contacts with smaller corrections leave W
 
 
 def most_solutions(grains: int) -> int:
-    """Return how many solutions of the equations cost about as much as the interior point method."""
+    """Return the number of solutions of the equations that cost as much as the interior point method."""
     return 20 + round(5.0 * sqrt(grains))
 
 
@@ -53,7 +53,7 @@ class _Dual:
         self.move(q)
 
     def _shared(self) -> kernels.Dual:
-        """Return the arrays of the kernel."""
+        """Return the record of arrays that the kernel `descend` uses."""
         arrays, rows, free = kernels.Dual(), self._problem.rows, self._problem.free
         start, column = (part.astype(np.int32, copy=False) for part in (rows.indptr, rows.indices))
         share(arrays, {"start": start, "column": column, "entry": rows.data, "target": self._target})
@@ -62,13 +62,13 @@ class _Dual:
         return arrays
 
     def move(self, q: FloatArray) -> None:
-        """Move to another point."""
+        """Set q to another point, and compute its slack."""
         rows, b, free, *_ = self._problem
         self.q[:] = q
         self.slack[:] = b - rows @ (free - self.across @ q)
 
     def descend(self, z: FloatArray, a: float) -> None:
-        """Move towards z, clipped at 0, to where the dual stops falling, but by the step a at least."""
+        """Move q towards z, clipped at 0, by the step a, which is doubled as long as the dual falls."""
         self._target[:] = z
         self._arrays = self._arrays or self._shared()
         launch(kernels.descend, [self._arrays, a])
@@ -77,7 +77,7 @@ class _Dual:
 class _Equations:
     """The equations of a set W for rows A.
 
-    Factors of the same A, from a problem with other bounds, are used again.
+    If the matrix has factors of the same A, from a problem with other bounds, they are reused.
     """
 
     def __init__(self, rows: sparse.csr_array, matrix: BorderedMatrix, dual: _Dual):
@@ -93,7 +93,7 @@ class _Equations:
         self._matrix.factor(self._rows, self._carrying)
 
     def centre(self, q: FloatArray, slack: FloatArray) -> None:
-        """Set q*, with its slack."""
+        """Set q* and its slack."""
         self._q, self._slack = q.copy(), slack.copy()
         short = np.where(self._carrying, slack, 0.0)
         self._push = q - PROXIMITY * short
@@ -107,10 +107,10 @@ class _Equations:
             self.centre(self._q, self._slack)
 
     def solve(self) -> FloatArray:
-        """Return z, 0 where no contact carries.
+        """Return z, shape (m,), which is 0 for contacts outside W.
 
-        A contact that has joined the base adds an equation for its z. One that has left it adds an unknown
-        force that cancels its z.
+        A contact that has joined the base adds an equation for its z. A contact that has left the base adds
+        an unknown force that cancels its z.
         """
         changed = self._matrix.changed
         joined, push = ~self._matrix.base[changed], self._push
@@ -122,9 +122,10 @@ class _Equations:
 
 
 def solve(problem: Projection, matrix: BorderedMatrix, q: FloatArray, tolerance: float) -> Solution:
-    """Solve a step from the corrections of some sweeps, to a natural residual of `tolerance` [m/s].
+    """Solve a step, from the corrections q of some sweeps, to a natural residual of `tolerance` [m/s].
 
-    If too many solutions of the equations would be needed, or there is none, the last q is returned.
+    If the method needs too many solutions of the equations, or the step has no solution, it returns the last
+    q.
     """
     unit, carrying = problem.unit, q > 0.0
     dual = _Dual(problem, q)
@@ -137,7 +138,7 @@ def solve(problem: Projection, matrix: BorderedMatrix, q: FloatArray, tolerance:
             dual.descend(z, float((dual.q[leaving] / (dual.q - z)[leaving]).min()))
             leaving &= dual.q <= NEGLIGIBLE * unit
             dual.q[leaving] = 0.0
-            carrying = carrying & ~leaving  # another array: equations keep the last
+            carrying = carrying & ~leaving  # a new array, because `equations` stores the last one
             equations.change(carrying)
             continue
         dual.move(np.maximum(z, 0.0))

@@ -1,6 +1,6 @@
-"""Solutions with I + rho A_W^T A_W for sets W of rows of A that differ from a base by a few changed rows.
+"""Solution of systems with I + rho A_W^T A_W, for sets W of rows of A that differ from a base by a few rows.
 
-The matrix of the base is factored. Each changed row borders it with a column and a row
+The matrix of the base is factored. Each changed row adds a border, that is a column and a row, to this matrix
 (kernels/exact/bordered.py).
 """
 
@@ -15,7 +15,7 @@ from warpgrains.kernels.exact import bordered as kernels
 from warpgrains.solver.exact.projection import PROXIMITY, NormalMatrix
 
 MOST = 400  # borders of a matrix
-FEW = 10_000  # rows up to which a matrix has entries for all of them, and its order of elimination is kept
+FEW = 10_000  # up to this number of rows, the matrix has entries for all rows, and its order is kept
 
 
 class BorderedMatrix:
@@ -26,7 +26,7 @@ class BorderedMatrix:
     base : ndarray
         Mask of the rows of the base, shape (m,).
     changed : ndarray
-        Rows by which W differs from the base: they are in one of the two.
+        Indices of the rows in either W or the base, but not in both.
     """
 
     base: BoolArray
@@ -40,19 +40,19 @@ class BorderedMatrix:
         self._host["work"] = np.empty(0)
 
     def _reserve(self, most: int) -> None:
-        """Reserve memory for borders."""
+        """Reserve memory for at most `most` borders."""
         self._borders.most = most
         self._share(start=np.zeros(most + 1, np.int32), used=np.empty(most, np.int32))
         self._share(**{name: np.empty(most) for name in ("shift", "force")})
         self._share(**{name: np.empty(most * most) for name in ("schur", "lower")})
 
     def _share(self, **arrays: Array) -> None:
-        """Let the kernels use arrays."""
+        """Share arrays with the kernels, by name."""
         self._host |= arrays
         share(self._borders, arrays)
 
     def fits(self, rows: sparse.csr_array) -> bool:
-        """Return True if the factors are those of these rows."""
+        """Return True if the factors belong to this matrix A."""
         return self._rows is rows
 
     def factor(self, rows: sparse.csr_array, base: BoolArray) -> None:
@@ -66,12 +66,12 @@ class BorderedMatrix:
             rows, weight = rows[base], weight[base]
         self._matrix.take(rows)
         self._matrix.factor(weight)
-        self._border = np.full(len(base), -1, np.int32)  # of a row; -1 if it has none
+        self._border = np.full(len(base), -1, np.int32)  # number of the border of each row; -1: none
         self._host["count"][0] = self._factored = 0
         self.changed, self._are_shared = np.empty(0, np.int64), False
 
     def _share_factors(self) -> None:
-        """Let the kernels use the factors."""
+        """Share the factors with the kernels."""
         lower, pivot, self._order = self._matrix.solver.factors()
         size = len(pivot)
         self._column = np.empty(size, np.int32)
@@ -83,7 +83,7 @@ class BorderedMatrix:
         self._are_shared = True
 
     def change(self, carrying: BoolArray) -> bool:
-        """Take another W; return False, and do nothing, if there are too many borders."""
+        """Change W to a mask of shape (m,); return False, with no change, if it needs too many borders."""
         wanted = carrying != self.base
         new = np.flatnonzero(wanted & (self._border < 0))
         if self._host["count"][0] + len(new) > self._borders.most:
@@ -115,7 +115,7 @@ class BorderedMatrix:
         self._border[new] = np.arange(first, first + len(new))
 
     def take(self, right: FloatArray) -> None:
-        """Take the right-hand side r, shape (2 n,)."""
+        """Set the right-hand side r, shape (2 n,)."""
         self._right, self._is_forward = right, False
 
     def solve(self, own: FloatArray) -> tuple[FloatArray, FloatArray]:

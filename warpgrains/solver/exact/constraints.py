@@ -33,21 +33,21 @@ class StepConstraints:
     normal : ndarray
         Unit normals n from i to j or into the wall, shape (m, 2).
     gap_rate : ndarray
-        b = gap / dt, at walls with the normal part of `wall_speed`, less `rebound` [m/s], shape (m,).
+        b = gap / dt - `rebound`, plus the normal part of `wall_speed` at walls [m/s], shape (m,).
     rebound : ndarray
-        By how much b is smaller at contacts that bounce (eq. 35) [m/s], shape (m,).
+        Reduction of b at contacts that bounce (eq. 35) [m/s], shape (m,).
     wall_speed : ndarray
-        How fast walls move along normal and tangent of their contacts [m/s], shape (m - k, 2) (eq. 26b).
+        Velocities of walls along normal and tangent of their contacts [m/s], shape (m - k, 2) (eq. 26b).
     time : float
         Time of the start of the step [s].
     mass : ndarray
-        M of the n grains, and then of the walls that a force drives [kg].
+        M of the n grains, followed by M of the s walls that a force drives [kg], shape (n + s,).
     body : ndarray
-        Where the device's arrays by body have these.
+        Indices of these grains and walls in the device's arrays by body, shape (n + s,).
     driver : ndarray
-        Which of these a wall is, or moves with; else -1; shape (m - k,).
+        Index into `mass` of the driven wall that is, or moves, the wall of a contact; or -1; shape (m - k,).
     lever : ndarray
-        How fast it moves along normal and tangent at unit speed, shape (m - k, 2) (eq. 28).
+        Velocity of this wall along normal and tangent at unit speed, shape (m - k, 2) (eq. 28).
     """
 
     scene: Scene
@@ -105,7 +105,7 @@ class StepConstraints:
         return replace(every, gap_rate=every.gap_rate - rebound, rebound=rebound)
 
     def _rebound(self, velocity: FloatArray) -> FloatArray:
-        """Return by how much restitution reduces gap / dt, for velocities before the step [m/s] (eq. 35)."""
+        """Return the reduction of gap / dt by restitution, for velocities before the step [m/s] (eq. 35)."""
         scene, pairs = self.scene, len(self.second)
         surface = np.append(np.zeros(pairs), self.wall_speed[:, 0])
         vn, rate = self.normal_speed(velocity), self.sliding(scene.dt * velocity).gap_rate
@@ -115,13 +115,13 @@ class StepConstraints:
 
     @property
     def compliance(self) -> FloatArray:
-        """By how much a correction of 1 m/s changes J v [m/s], shape (m,): K of eq. 28, else 1."""
+        """Change of J v by a correction of 1 m/s, shape (m,): K of eq. 28 at driven walls, otherwise 1."""
         grain, pairs = self.wall[:, 0], len(self.second)
         at_walls = self.lever[:, 0] ** 2 * self.mass[grain] / self.mass[self.driver]
         return np.append(np.ones(pairs), 1.0 + np.where(self.driver >= 0, at_walls, 0.0))
 
     def normal_speed(self, velocity: FloatArray) -> FloatArray:
-        """Return J v for velocities [m/s], shape (n, 2), followed by those of driven walls, (s, 0)."""
+        """Return J v [m/s], shape (m,), for velocities of grains and then driven walls, (speed, 0) each."""
         relative, pairs = velocity[self.first], len(self.second)
         relative[:pairs] -= velocity[self.second]
         found: FloatArray = (relative * self.normal).sum(axis=1)
@@ -129,7 +129,7 @@ class StepConstraints:
         return found
 
     def sliding(self, move: FloatArray) -> Self:
-        """Return the constraints with round-wall gaps for displacements [m], shape (n, 2) (eq. 18)."""
+        """Return the constraints with gaps at a round wall for displacements [m], shape (n, 2) (eq. 18)."""
         _, gap = self.scene.wall_frames(self.position, self.wall, move, self.time)
         pairs = len(self.second)
         at_walls = gap / self.scene.dt + self.wall_speed[:, 0] - self.rebound[pairs:]
@@ -157,7 +157,7 @@ class StepConstraints:
         return np.append(np.zeros(len(self.second)), self.wall_speed[:, 1])
 
     def only(self, at_walls: BoolArray) -> Self:
-        """Return the constraints of all pairs and of the selected wall contacts, mask of shape (m - k,)."""
+        """Return the constraints of all pairs and of the wall contacts in a mask of shape (m - k,)."""
         kept = np.append(np.ones(len(self.second), bool), at_walls)
         return replace(
             self,

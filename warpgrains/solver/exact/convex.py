@@ -22,24 +22,24 @@ from warpgrains.solver.exact.projection import NormalMatrix, Projection, Solutio
 if TYPE_CHECKING:
     from warpgrains.solver.records import SceneRecords
 
-ASKED = 0.5  # of the tolerance; leaves a margin for rounding in the kernels
-BETTER = 0.01  # of the residual after the sweeps: an answer must be below
-NEAR = 1e-3  # of that residual: below, rounding makes steps of the interior point method short
-MOST = 100  # factorizations of a step after which no other problem is begun
+ASKED = 0.5  # requested residual, in tolerances; leaves a margin for rounding in the kernels
+BETTER = 0.01  # residual that an answer must reach, in residuals after the sweeps
+NEAR = 1e-3  # residual below which rounding makes interior point steps short, in residuals after the sweeps
+MOST = 100  # number of factorizations of a step after which no other problem is begun
 
 
 class Matrices(NamedTuple):
-    """Matrices of the two methods, whose memory is used again."""
+    """Matrices of the two methods, which are kept so that their memory is reused."""
 
     active: BorderedMatrix
     interior: NormalMatrix
 
 
 def solve(problem: Projection, matrices: Matrices, q: FloatArray, tolerance: float) -> Solution:
-    """Solve a step from the corrections of some sweeps by the active-set method.
+    """Solve a step, from the corrections q of some sweeps, by the active-set method.
 
-    If it fails, the interior point method comes near, and where rounding stops that, as with masses that
-    are far apart, the active-set method ends from there.
+    If it fails, the interior point method approaches the solution. If rounding stops that method too, as with
+    very different masses, the active-set method continues from its result.
     """
     first = active_set.solve(problem, matrices.active, q, tolerance)
     if first.residual <= tolerance or problem.is_infeasible(first.q):
@@ -64,8 +64,8 @@ class ConvexSolver:
     def solve(self) -> None:
         """Replace the corrections of the step if better ones are found, and let the kernels continue.
 
-        The gaps of a round wall depend on the velocities (MODEL.md, eq. 18). They are iterated: each problem
-        takes the gaps of the last answer, until an answer satisfies its own gaps.
+        The gaps of a round wall depend on the velocities (MODEL.md, eq. 18). Each problem takes the gaps of
+        the last answer, until an answer satisfies the gaps for its own velocities.
         """
         contacts, record = ListedContacts(self._records, self._k), self._records.host[self._k]
         constraints = contacts.constraints
@@ -89,12 +89,12 @@ class ConvexSolver:
         if is_better:
             contacts.write("dv", q / unit)
         if left > tolerance or not is_better:
-            record["step"]["asking"] = Asking.NEVER  # the methods have done what they can
+            record["step"]["asking"] = Asking.NEVER  # another attempt would not improve the answer
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
 
 
 def _with_gaps_of(problem: Projection, constraints: StepConstraints, q: FloatArray) -> Projection:
-    """Return the problem with the wall gaps for the velocities that corrections q lead to."""
+    """Return the problem with the gaps at round walls for the velocities that corrections q yield."""
     u = (problem.free - problem.rows.T @ q).reshape(-1, 2)
     move = constraints.scene.dt * (u / np.sqrt(constraints.mass)[:, np.newaxis])
     return problem._replace(bound=problem.unit * constraints.sliding(move).gap_rate)

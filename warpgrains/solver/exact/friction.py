@@ -1,4 +1,4 @@
-"""The host's part of the method "exact" with friction: the contacts of a scene, and when answers are taken.
+"""The host's part of the method "exact" with friction: it chooses contacts, and accepts or rejects answers.
 
 path.py finds an answer for given contacts.
 """
@@ -18,16 +18,16 @@ from warpgrains.solver.exact.path import Answer, Contacts, FrictionStep
 if TYPE_CHECKING:
     from warpgrains.solver.records import SceneRecords
 
-ASKED = 0.9  # of the tolerance; leaves a margin for rounding in the kernels
-NEAR = 0.1  # clearance of contacts that are not left out, in mean corrections of those that carry
+ASKED = 0.9  # requested residual, in tolerances; leaves a margin for rounding in the kernels
+NEAR = 0.1  # clearance up to which contacts are included at first, in mean corrections of active contacts
 EXACT_TIME = 500.0  # default of `Scene.exact_time`
 
 
 class PathSolver:
     """Host solver for the steps with friction of scene k.
 
-    While sweeps continue, only an answer that meets the tolerance is taken. After the last sweep the best
-    answer is taken if its residual is smaller than that of the sweeps.
+    While sweeps can continue, an answer is accepted only if it meets the tolerance. After the last sweep, the
+    best answer is accepted if its residual is smaller than that of the sweeps.
     """
 
     def __init__(self, records: SceneRecords, k: int):
@@ -38,7 +38,7 @@ class PathSolver:
 
     @property
     def _tangential(self) -> list[str]:
-        """Names of the corrections beside dv."""
+        """Names of the corrections other than dv: "dvt", and "dvr" with rolling friction."""
         return ["dvt"] + ["dvr"] * self._records.scenes[self._k].has_rolling_friction
 
     def solve(self) -> None:
@@ -68,7 +68,7 @@ class PathSolver:
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
 
     def _with_rolling(self, contacts: Contacts, wall: Indices) -> Contacts:
-        """Return contacts with the entries of those that resist rolling, where there are any."""
+        """Return contacts, with entries for rolling added if the scene has rolling friction."""
         scene = self._records.scenes[self._k]
         if not scene.has_rolling_friction:
             return contacts
@@ -85,7 +85,7 @@ class PathSolver:
     def _answer(self, listed: ListedContacts, contacts: Contacts, tolerance: float) -> Answer:
         """Return the best answer found from the corrections of the sweeps.
 
-        Contacts far from closing are left out at first, and taken in where an answer closes them.
+        Contacts far from closing are left out at first. They are added if an answer closes them.
         """
         scene, constraints = self._records.scenes[self._k], listed.constraints
         mass, walls = constraints.mass, len(constraints.body) - scene.n
@@ -117,5 +117,5 @@ class PathSolver:
             residual = max(answer.residual, closing[~near].max(initial=0.0))
             if residual <= tolerance or answer.residual > tolerance:
                 if residual > tolerance and np.abs(velocity).max(initial=0.0) > 2.0 * scene.reach / scene.dt:
-                    residual = np.inf  # grains cannot fit, and some leave the domain
+                    residual = np.inf  # no answer: grains cannot fit, and some leave the domain
                 return Answer(dv, dvt, residual, factorizations, work)

@@ -6,9 +6,9 @@ The solution satisfies
 
 The last equation is relaxed to q_c s_c = mu, and mu is driven to 0 by Newton steps with Mehrotra's predictor
 and corrector (1992). Each step factors one matrix, I + A^T diag(q / (s + q / rho)) A. The proximal term rho
-(Rockafellar 1976) bounds it if contacts are redundant; it changes the path, but not the solution. Corrections
-after sweeps are nearly right but on the boundary, from where no long step is possible. The start is therefore
-centered: q and s move to q_c s_c = mu with q - s unchanged. The same is done after a short step.
+(Rockafellar 1976) bounds the matrix if contacts are redundant; it changes the path, but not the solution.
+Corrections after sweeps are nearly right, but on the boundary, where only short steps are possible. The start
+is therefore centered: q and s move to q_c s_c = mu with q - s unchanged. This is repeated after a short step.
 """
 
 from typing import NamedTuple
@@ -19,12 +19,12 @@ from warpgrains.base.arrays import FloatArray
 from warpgrains.solver.exact.projection import PROXIMITY, NormalMatrix, Projection, Solution
 
 FIRST = 30.0  # initial sqrt(mu), in natural residuals
-WIDER = 100.0  # mu after a short step, in means of q s; GROWTH times that after the next,
-GROWTH = 3.0  # so that the iteration cannot cycle
+WIDER = 100.0  # mu after the first short step, in means of q s
+GROWTH = 3.0  # growth of WIDER after each further short step, so that the iteration cannot cycle
 SHORT = 0.2  # step length below which the iteration restarts with a larger mu
-NEARLY = 0.999  # of the distance to the boundary
-MOST = 100  # factorizations; a pile whose top is 10,000 times heavier has needed 51
-STALLED = 25  # steps without halving the residual, after which the method gives up
+NEARLY = 0.999  # longest step, as a fraction of the distance to the boundary
+MOST = 100  # number of factorizations; a pile whose top is 10,000 times heavier has needed 51
+STALLED = 25  # number of steps without halving the residual after which the method ends
 NEGLIGIBLE = 0.02  # in tolerances: contacts with smaller corrections are open
 
 
@@ -36,11 +36,11 @@ class _Iterate(NamedTuple):
     s: FloatArray
 
     def moved(self, a: float, way: "_Iterate") -> "_Iterate":
-        """Return the point after a step."""
+        """Return the point after a step of length a along the direction `way`."""
         return _Iterate(*(x + a * dx for x, dx in zip(self, way, strict=True)))
 
     def longest(self, way: "_Iterate") -> float:
-        """Return the longest step, at most 1, that keeps q and s positive."""
+        """Return the longest step <= 1 along the direction `way` that keeps q and s positive."""
         return float(1.0 / max(1.0, (-way.q / self.q).max(), (-way.s / self.s).max()))
 
     def centred(self, mu: float) -> "_Iterate":
@@ -56,7 +56,7 @@ class _Iterate(NamedTuple):
 
 
 def _begin(problem: Projection, q: FloatArray) -> tuple[_Iterate, float]:
-    """Return the start and its mu, which is larger if q solves the step less well."""
+    """Return the centered start and its mu, which grows with the residual of q."""
     across = problem.rows.T
     t = problem.target(q)
     error = np.maximum(t, 0.0) - q
@@ -66,7 +66,7 @@ def _begin(problem: Projection, q: FloatArray) -> tuple[_Iterate, float]:
 
 
 def _direction(problem: Projection, matrix: NormalMatrix, at: _Iterate) -> _Iterate:
-    """Return Mehrotra's predictor-corrector direction."""
+    """Return Mehrotra's predictor-corrector direction at a point."""
     rows, b, free, *_ = problem
     u, q, s = at
     rd, rp = u - free + rows.T @ q, rows @ u + s - b
@@ -87,10 +87,10 @@ def _direction(problem: Projection, matrix: NormalMatrix, at: _Iterate) -> _Iter
 def solve(
     problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: float, near: float = 0.0
 ) -> Solution:
-    """Solve a step from the corrections of some sweeps, to a natural residual of `tolerance` [m/s].
+    """Solve a step, from the corrections q of some sweeps, to a natural residual of `tolerance` [m/s].
 
-    If this residual is not reached, the best corrections are returned; they may be those given. Once it is
-    below `near` [m/s], a short step ends the iteration, and where all q s are 0 no step is left.
+    If this residual is not reached, the best corrections are returned, which may be the given ones. If the
+    residual is below `near` [m/s], a short step ends the iteration. It also ends if all q s are 0.
     """
     unit = problem.unit
     matrix.take(problem.rows)

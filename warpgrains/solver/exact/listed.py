@@ -1,4 +1,4 @@
-"""The listed contacts of a scene in memory, and those of a step that waits for the host."""
+"""The listed contacts of a scene in memory, also as constraints of a step that waits for the host."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def listed_pairs(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
 
 
 def listed_walls(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
-    """Return grains and the device's walls of the listed contacts, shape (m, 2), and their indices."""
+    """Return (grain, wall of the device) of the listed wall contacts, shape (m, 2), and their indices."""
     (body, index), n = _listed(records, k), records.scenes[k].n
     is_wall = body[:, 1] >= n
     return body[is_wall] - np.array([0, n], np.int32), index[is_wall]
 
 
 def _listed(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
-    """Return grain and other body of the listed contacts in lexicographic order, and their indices."""
+    """Return (grain, second body) of all listed contacts in lexicographic order, and their indices."""
     rows = np.diff(records.array(k, "neighbors.start"))
     first = np.repeat(np.arange(len(rows), dtype=np.int32), rows)
     body = np.stack([first, records.array(k, "neighbors.neighbor")[: len(first)]], axis=1)
@@ -60,12 +60,12 @@ class ListedContacts:
         self.constraints = StepConstraints.at(scene, start, pair, wall, time)
 
     def read(self, name: str) -> FloatArray:
-        """Return the corrections `name` [m/s], shape (m,); < 0 where the other circle carries."""
+        """Return the corrections `name` [m/s], shape (m,); < 0 if the other circle carries the contact."""
         own = self._records.array(self._k, f"contacts.{name}")
         return np.concatenate([own[self._at_pair], self._sign * own[self._at_wall]])
 
     def write(self, name: str, correction: FloatArray) -> None:
-        """Write corrections [m/s]. Both circles may share a contact, which carries their sum."""
+        """Write the corrections `name` [m/s]. A listed contact with both circles gets their signed sum."""
         own = self._records.array(self._k, f"contacts.{name}")
         pairs, walls = np.split(correction, [len(self._at_pair)])
         own[self._at_pair] = pairs

@@ -1,8 +1,9 @@
 """A step with friction: a path is followed to a solution (MODEL.md, "The exact method with friction").
 
-A pass (kernels/exact/path.py) begins at corrections, with a compliance eps of the contacts. It ends at better
-corrections, or at a fold of the path. In the first case the next pass has a smaller eps, with which it comes
-nearer to rigid contacts. In the second case it has a larger eps, with which there are fewer folds.
+A pass (kernels/exact/path.py) starts from corrections, with a compliance eps of the contacts. It ends at
+better corrections, or at a fold of the path. In the first case, the next pass has a smaller eps, which
+approximates rigid contacts better. In the second case, the next pass has a larger eps, because the path has
+fewer folds then.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ from warpgrains.kernels.exact import path as kernels
 from warpgrains.kernels.exact.block_lu import Factors
 from warpgrains.solver.exact.constraints import StepConstraints
 
-FIRST, FINEST, COARSEST = 1e-3, 1e-6, 10.0  # compliances
-FINER, COARSER = 3.0, 5.0  # factors of the compliance after a pass that was followed to its end, and others
-DRIFTING = 1e-8  # compliance of a pass after one at the finest that left more than
-STALLED = 0.5  # of the residual: corrections drift that nearly balance, r / eps a pass
-WORSE = 10.0  # residual after a pass that is kept, in residuals before it
-HALVED, SWEEPS = 6.0, 7_500  # a residual halves within so many times the work before, and these sweeps
+FIRST, FINEST, COARSEST = 1e-3, 1e-6, 10.0  # compliances eps
+FINER, COARSER = 3.0, 5.0  # eps is divided by FINER after a complete pass, multiplied by COARSER after others
+DRIFTING = 1e-8  # eps after a pass with FINEST that leaves more than STALLED of the residual r
+STALLED = 0.5  # because corrections that nearly balance then drift by r / eps per pass
+WORSE = 10.0  # largest residual after a pass whose corrections are kept, in residuals before the pass
+HALVED, SWEEPS = 6.0, 7_500  # the residual must halve within HALVED times the work so far plus SWEEPS sweeps
 
 
 class Contacts(NamedTuple):
@@ -32,19 +33,19 @@ class Contacts(NamedTuple):
 
     first: Indices
     second: Indices
-    """-1 at walls that no force drives; driven walls follow the grains."""
+    """Second grain, or number of grains + index of a driven wall, or -1 at other walls."""
     normal: FloatArray
     gap_rate: FloatArray
     """gap / dt [m/s]."""
     circle: FloatArray
-    """A / dt of eq. 18 at a round wall, else inf [m/s]."""
+    """A / dt of eq. 18 at a round wall, otherwise inf [m/s]."""
     friction: FloatArray
     surface: FloatArray
     """Speed of the surface along the tangent [m/s]."""
     lever: FloatArray
-    """Speeds of a driven wall along normal and tangent, at unit speed; else 0 (eq. 28)."""
+    """Velocity of a driven wall along normal and tangent, at unit speed; otherwise 0 (eq. 28)."""
     parts: FloatArray
-    """1, 1, 1; those of an entry for rolling are 0, c_i, -c_j (eq. 37)."""
+    """Factors of slip and both rim speeds: 1, 1, 1, or 0, c_i, -c_j in an entry for rolling (eq. 37)."""
 
     @classmethod
     def of(cls, constraints: StepConstraints) -> Contacts:
@@ -57,7 +58,10 @@ class Contacts(NamedTuple):
         )
 
     def with_rolling(self, mu: FloatArray, surface: FloatArray, radius: FloatArray) -> Contacts:
-        """Return the contacts, and their entries for rolling, of these coefficients and surface speeds."""
+        """Return the contacts, followed by an entry for rolling of each, with coefficients mu.
+
+        Entries have the surface speeds [m/s] given, and grains the radii [m] given.
+        """
         is_pair = (self.second >= 0) & (self.second < len(radius))
         r_i, r_j = radius[self.first], radius[np.where(is_pair, self.second, 0)]
         c_i = np.where(is_pair, r_j / (r_i + r_j), 1.0)
@@ -68,28 +72,28 @@ class Contacts(NamedTuple):
         )
 
     def only(self, chosen: BoolArray) -> Contacts:
-        """Return some of the contacts, mask of shape (m,)."""
+        """Return the contacts selected by a mask, shape (m,)."""
         return Contacts(**{name: values[chosen] for name, values in self._asdict().items()})
 
 
 class Answer(NamedTuple):
-    """Corrections, and what they took."""
+    """Corrections found, their residual, and the cost of finding them."""
 
     dv: FloatArray
     dvt: FloatArray
-    """Also those of rolling, after these."""
+    """Tangential corrections, followed by rolling corrections if there are any."""
     residual: float
     """[m/s]."""
     factorizations: int = 0
     work: int = 0
-    """In visits of contacts by a sweep."""
+    """Cost, in visits of a contact by a sweep."""
 
 
 class FrictionStep:
     """A step with friction in memory, for m contacts of n grains and some driven walls.
 
-    Grains are eliminated in an order that keeps the factors sparse, and then the walls, which touch many
-    grains. The kernels number them in it.
+    Grains are eliminated in an order that keeps the factors sparse. The walls follow, because they touch many
+    grains. The kernels number grains and walls in this order.
 
     Parameters
     ----------
@@ -99,7 +103,7 @@ class FrictionStep:
     free : ndarray
         Free velocities and rim speeds [m/s], shape (n + walls, 3).
     walls : int
-        How many walls are driven.
+        Number of driven walls.
     """
 
     def __init__(self, contacts: Contacts, inertia: FloatArray, free: FloatArray, walls: int = 0):
@@ -108,10 +112,10 @@ class FrictionStep:
         is_pair = (second >= 0) & (second < n)
         i, j = first, np.where(is_pair, second, first)
         edges = np.append(np.minimum(i, j), np.arange(n)), np.append(np.maximum(i, j), np.arange(n))
-        # Positive definite: only its pattern matters.
+        # Only the pattern of this matrix matters; its values make it positive definite.
         matrix = sparse.csc_matrix((np.repeat([0.1 / max(1, m), 1.0], [m, n]), edges), shape=(n, n))
         lower, _, order = qdldl.Solver(matrix, upper=True).factors()
-        # A wall has a block in every column before its own.
+        # Each wall has a block in every column before its own column.
         row = np.insert(lower.indices, np.repeat(lower.indptr[1:], walls), np.tile(n + np.arange(walls), n))
         row = np.append(row, n + np.triu_indices(walls, 1)[1])
         length = np.append(np.diff(lower.indptr) + walls, np.arange(walls)[::-1]).astype(np.int64)
@@ -165,7 +169,7 @@ class FrictionStep:
         self._records = [self._shared(struct) for struct in (kernels.Step, kernels.Path, Factors)]
 
     def _shared(self, struct: Any) -> Any:
-        """Return a struct of the kernels with the arrays of the host."""
+        """Return a record of a kernel's struct that shares the arrays of the host."""
         record = struct()
         for name in struct.vars:
             setattr(record, name, shared(self._host[name], kernels.TYPES.get(self._host[name].shape[1:])))
@@ -187,8 +191,8 @@ class FrictionStep:
     def solve(self, dv: FloatArray, dvt: FloatArray, tolerance: float, budget: float = np.inf) -> Answer:
         """Solve the step from the corrections of some sweeps, to a residual of `tolerance` [m/s].
 
-        It ends with the best corrections found when the work exceeds the budget, or does not pay. They may be
-        those given.
+        It stops earlier if the work would exceed the budget, or if the residual does not halve soon enough.
+        It returns the best corrections found, which may be the given ones.
         """
         eps, first = FIRST, self.residual(dv, dvt)
         best, last, work, factorizations = Answer(dv, dvt, first), first, 0, 0

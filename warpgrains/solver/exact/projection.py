@@ -17,7 +17,7 @@ from scipy import sparse
 from warpgrains.base.arrays import FloatArray, Indices
 from warpgrains.solver.exact.constraints import StepConstraints
 
-PROXIMITY = 1e9  # rho; without it matrix entries reach 1e13, and residuals stall at 1e-5 to 1e-7
+PROXIMITY = 1e9  # rho; without rho, matrix entries reach 1e13, and residuals stall at 1e-5 to 1e-7
 
 
 class Projection(NamedTuple):
@@ -30,9 +30,9 @@ class Projection(NamedTuple):
     free: FloatArray
     """u0, shape (2 n,)."""
     unit: FloatArray
-    """Scale of s: its value for 1 m/s, shape (m,). A correction of 1 m/s is K times that (eq. 28)."""
+    """Value of s for 1 m/s, shape (m,). The value of q for a correction of 1 m/s is K times this (eq. 28)."""
     widest: float = np.inf
-    """The largest |u| of a solution."""
+    """Bound on |u| of a solution."""
 
     def target(self, q: FloatArray) -> FloatArray:
         """Return q - s, whose positive part equals q at the solution."""
@@ -51,7 +51,7 @@ class Projection(NamedTuple):
 def projection_of(constraints: StepConstraints, free_velocity: FloatArray) -> Projection:
     """Return a step's problem from its constraints and free velocities [m/s], shape (n, 2).
 
-    A driven wall is one more grain, of the velocity (s, 0).
+    Each driven wall is treated as another grain, with velocity (speed, 0).
     """
     mass, normal, compliance = constraints.mass, constraints.normal, constraints.compliance
     j, alone, pairs = constraints.second, constraints.wall[:, 0], len(constraints.second)
@@ -110,9 +110,9 @@ class NormalMatrix:
         self.solver: Any = None
 
     def take(self, rows: sparse.csr_array) -> None:
-        """Take A. Its rows have two entries, of one grain, or four, of two grains in ascending order.
+        """Set A. Its rows have two entries, of one grain, or four, of two grains in ascending order.
 
-        The order of elimination depends on the pairs of grains alone, and is kept while these are the same.
+        The order of elimination depends only on the pairs of grains, and is kept while these are the same.
         """
         start = rows.indptr[:-1].astype(np.int64)
         self._is_pair = np.diff(rows.indptr) == 4
@@ -156,7 +156,7 @@ class NormalMatrix:
         self.solver = None
 
     def factor(self, d: FloatArray) -> None:
-        """Factor the matrix."""
+        """Factor I + A^T diag(d) A, for d of shape (m,)."""
         data, apart = self._matrix.data, d[self._is_pair]
         grain, weight = np.append(self._alone, self._second), np.append(d, apart)
         for place, square, one in zip(self._diagonal, self._squares, (1.0, 0.0, 1.0), strict=True):
