@@ -1,4 +1,4 @@
-"""Advancing scenes with threads, while the calling thread serves the requests of the scenes."""
+"""The loop in which threads advance scenes, and the calling thread serves the requests of scenes."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from warpgrains.solver.threads import run_threads
 if TYPE_CHECKING:
     from warpgrains.solver.engine import Engine
 
-SLIGHT = 2e4  # grains times iterations, 0.2 ms: another thread would gain less than its waking costs
+SLIGHT = 2e4  # grains times iterations (0.2 ms) below which waking another thread costs more than it gains
 OnProgress = Callable[[int], object]
 """Called occasionally with the number of steps done since its last call."""
 
 
 def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | None = None) -> None:
-    """Do the submitted steps; a scene that fails stops, and the other scenes continue.
+    """Do the submitted steps of all engines; a scene that fails stops, and the other scenes continue.
 
-    At most `threads` CPU threads advance scenes that no team shares; teams choose their own (`Engine.tasks`).
-    The calling thread polls them, so that an interrupt can cancel them. In short work it takes part, and it
-    does the shortest alone, but for scenes that a team shares. `on_progress` is called at the end, too.
+    If no team shares a scene, at most `threads` CPU threads run; a team has its own number (`Engine.tasks`).
+    The calling thread polls the other threads, so that an interrupt can cancel them. If the work is short, it
+    takes part instead; if the work is very short and no team shares a scene, it works alone. `on_progress` is
+    also called at the end.
     """
     left = 0 if on_progress is None else _left(engines)
 

@@ -1,4 +1,4 @@
-"""Memory layout of scenes: every scene has one block of memory for all arrays of its record."""
+"""The memory layout of scenes: each scene has one block of memory for all arrays of its record."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LINE = 128  # bytes: two cache lines, which cores transfer together
 
 
 class ArrayField(NamedTuple):
-    """An array of the record."""
+    """Name and element type of an array of `SceneRecord`."""
 
     path: tuple[str, ...]
     """Names of the enclosing structs and of the array."""
@@ -36,11 +36,11 @@ class ArrayField(NamedTuple):
 
     @property
     def bytes(self) -> int:
-        """Size of one element."""
+        """Size of one element [bytes]."""
         return self.dtype.itemsize * prod(self.shape)
 
     def of(self, record: Any) -> Any:
-        """Return the value at the field's path in records or in nested dictionaries."""
+        """Return the value at the path of this field, in a record array or in nested dictionaries."""
         for name in self.path:
             record = record[name]
         return record
@@ -62,18 +62,18 @@ def _fields_of(struct: Any, path: tuple[str, ...]) -> Iterator[ArrayField]:
 
 
 class BlockLayout(NamedTuple):
-    """Places of the arrays in the memory blocks of scenes."""
+    """Lengths and offsets of the arrays in the memory blocks of scenes."""
 
     length: IndexArray
-    """Elements of the array, shape (fields, scenes)."""
+    """Number of elements of each array, shape (fields, scenes)."""
     offset: IndexArray
-    """Bytes before it, shape (fields, scenes)."""
+    """Offset of each array in its block [bytes], shape (fields, scenes)."""
     size: IndexArray
-    """Bytes of a block, shape (scenes,)."""
+    """Size of each block [bytes], shape (scenes,)."""
 
     @classmethod
     def of(cls, size: Sizes) -> BlockLayout:
-        """Return the layout for scenes of some sizes."""
+        """Return the layout for scenes with these sizes."""
         table, fields = lengths(size), array_fields()
         length = np.stack([np.broadcast_to(field.of(table), size.grains.shape) for field in fields])
         item = np.array([field.bytes for field in fields])[:, None]
@@ -83,38 +83,38 @@ class BlockLayout(NamedTuple):
 
 @cache
 def record_dtype() -> np.dtype[Any]:
-    """Return the type of `SceneRecord` in NumPy, which takes milliseconds to derive."""
+    """Return the NumPy type of `SceneRecord`, cached because Warp takes milliseconds to derive it."""
     return np.dtype(SceneRecord.numpy_dtype())
 
 
 def records_in(array: wp.array) -> np.ndarray[Any, Any]:
-    """Return an array of `SceneRecord` in host memory as NumPy's, which shares and keeps its memory."""
+    """Return a NumPy array that shares (and keeps) the memory of an array of `SceneRecord` on the host."""
     of_bytes = {"data": (array.ptr, False), "shape": array.shape, "typestr": f"|V{record_dtype().itemsize}"}
     memory = SimpleNamespace(__array_interface__={**of_bytes, "version": 3}, owner=array)
     return np.asarray(memory).view(record_dtype())
 
 
 def bytes_needed(size: Sizes) -> IndexArray:
-    """Return the memory of each scene [bytes], shape (scenes,)."""
+    """Return the memory that each scene needs [bytes], shape (scenes,)."""
     return BlockLayout.of(size).size + record_dtype().itemsize
 
 
 def copied_memory(length: int, dtype: Any, device: wp.Device) -> tuple[wp.array, wp.array]:
-    """Return zeroed arrays on the host and on a GPU; the former is pinned, which is copied fast."""
+    """Return two zeroed arrays: one on the host, pinned so that copies are fast, and one on the GPU."""
     return tuple(wp.zeros(length, dtype, where, pinned=where == "cpu") for where in ("cpu", device))
 
 
 class Block(NamedTuple):
-    """The memory of all arrays of one scene: on a CPU the arrays themselves, else a host copy of them.
+    """The host memory of all arrays of one scene: the arrays themselves on a CPU, a copy of them for a GPU.
 
-    On the host, blocks are in separate cache lines, because a line that two threads write to slows both down.
+    On the host, blocks do not share cache lines, because two threads that write to one line slow each other.
     """
 
     host: NDArray[np.uint8]
     pointer: int
     """Address on the device."""
     copies: tuple[wp.array, ...]
-    """The memory on the host, and on the GPU, that it is in; none on a CPU."""
+    """The allocations on the host and on the GPU that contain the block; empty on a CPU."""
 
     @classmethod
     def several(cls, sizes: IndexArray, device: wp.Device) -> list[Block]:

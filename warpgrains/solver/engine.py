@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 CPU_BLOCK = 1  # block size for which Warp compiles CPU kernels
 BRIEF = 2e7  # grains times iterations, some tenths of a second
-MOVES = 10  # iterations that take as long as the rest of a step
+MOVES = 10  # number of iterations that take as long as the rest of a step
 FAILURES = (NOT_FINITE, TOO_FAR, NOT_CONVERGED, WITHOUT_ROOM)
 
 
@@ -61,11 +61,11 @@ class Engine:
     records : SceneRecords
     scenes : list of LoadedScene
     left, seconds : ndarray
-        Remaining steps, and total time of the steps [s], of every scene.
+        Remaining steps, and wall time of the steps done [s], of every scene.
     last_steps : LastSteps
-        The steps since `submit`; the next steps change it.
+        The steps since `submit`, a view that further steps change.
     is_brief : bool
-        Whether the submitted steps end before a user could want to interrupt them.
+        Whether the submitted steps take too little time for a user to interrupt them.
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, sizes: Sizes):
@@ -113,7 +113,7 @@ class Engine:
 
     @property
     def is_compiled(self) -> bool:
-        """True if the kernels are in the cache."""
+        """True if the compiled kernels are in the cache."""
         return kernel_cache.is_cached(self.kernel.module, self._block)
 
     def load_kernels(self) -> None:
@@ -121,7 +121,7 @@ class Engine:
         kernel_cache.load(self.kernel.module, self._device, self._block)
 
     def fits(self, k: int, scene: Scene) -> bool:
-        """Return True if `loading.change_scene` can give scene k other parameters in this engine."""
+        """Return True if `loading.change_scene` can replace scene k by this scene in this engine."""
         same_kind = kind_of(scene) == kind_of(self.records.scenes[k])
         return scene.method != "exact" and same_kind and self.records.sizes.fits(k, scene)
 
@@ -152,7 +152,7 @@ class Engine:
         self._errors.clear()
 
     def work(self) -> float:
-        """Return the grains times iterations left to do, if each step takes those of the last one."""
+        """Return the work left, in grains times iterations, if steps take as many iterations as the last."""
         return float(self._grains * self.left @ (self.records.host["step"]["iterations"] + MOVES))
 
     def tasks(self, threads: int) -> list[Callable[[], None]]:
@@ -177,7 +177,7 @@ class Engine:
     def _work_on_gpu(self) -> None:
         """Do the steps of all scenes.
 
-        The memory of the device holds them only meanwhile: before and after, the host's does.
+        Records and blocks are copied to the GPU before, and back to the host afterwards.
         """
         self.load_kernels()
         team = TeamRecord()
@@ -191,17 +191,17 @@ class Engine:
             self.records.pull()
 
     def cancel(self, abandon: bool) -> None:
-        """Start no other step. A GPU ends its step; CPU threads abandon theirs, or else end them.
+        """Start no further step. Steps in progress are completed or, with `abandon`, given up on a CPU.
 
-        An abandoned step has changed the list and the numbers by which the next one is made. In color order,
-        later steps may therefore have other bits.
+        An abandoned step has changed the list, and the numbers from which the next list is made. In color
+        order, later steps may therefore have other bits.
         """
         self._cancel[0] = 1
         if abandon:
             self.records.host["control"]["cancelled"] = 1
 
     def service(self) -> bool:
-        """Serve the requests of scenes; return True if one of the scenes can continue."""
+        """Enlarge full lists, and solve slow steps on the host; return True if a scene can continue."""
         if not np.count_nonzero(self._outcome):  # all are solved
             return bool(np.count_nonzero(self.left) and not self._cancel[0])
         slow = np.flatnonzero(self._outcome == SLOW).tolist()
@@ -214,7 +214,7 @@ class Engine:
         return bool((self.left[self._outcome == SOLVED] > 0).any() and not self._cancel[0])
 
     def _grow(self) -> list[int]:
-        """Enlarge the lists that are full; return the scenes for which there was enough memory."""
+        """Enlarge the lists that are full; return the scenes k for which there was enough memory."""
         full = set(np.flatnonzero(self._outcome == WITHOUT_ROOM).tolist()) - self._errors.keys()
         for k in full:
             try:
@@ -224,13 +224,13 @@ class Engine:
         return sorted(full - self._errors.keys())
 
     def finish_open_steps(self) -> None:
-        """Finish or undo all open steps, and keep the reasons of failures."""
+        """Finish or undo all open steps, and store the errors of failed scenes."""
         if CHECKED:
             self._raise_violation()
         if self._cancel[0]:
             self._cancel[0] = 0
             self.records.host["control"]["cancelled"] = 0
-        if np.count_nonzero(self.left):  # a step may have been served, and not continued since
+        if np.count_nonzero(self.left):  # a step may not have continued since its request was served
             phase = self.records.host["control"]["phase"]
             self._outcome[phase == Phase.FULL] = WITHOUT_ROOM
             self._outcome[np.isin(phase, (Phase.CORRECTED, Phase.DECLINED))] = SLOW
@@ -242,7 +242,7 @@ class Engine:
                 give_up_step(self.records, k)
 
     def _raise_violation(self) -> None:
-        """Raise SimulationError if a kernel has used an index outside of its array."""
+        """Raise SimulationError if a kernel has used an index outside its array (checked mode)."""
         for k in range(len(self.scenes)):
             violation = self.records.violation(k)
             if violation is not None:
@@ -250,7 +250,7 @@ class Engine:
                 raise SimulationError(f"step {step}: {violation}: please report this defect with the scene")
 
     def _solve_open_steps(self) -> None:
-        """Finish the steps during which lists have to grow."""
+        """Finish the open steps that wait for longer lists, and do no further steps."""
         while amid := self._grow():
             left = self.left.copy()
             self.left[:] = 0

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from warpgrains.scene.state import Corrections, State
 
 _ROUNDING = 4.0 * np.finfo(np.float64).eps
-"""Relative error of the dv_t of a contact that slides.
+"""Bound on the relative error of dv_t of a contact that slides.
 
-A visit adds b to dv_t, so that the sum is mu dv (eq. 23). Difference and sum are rounded by eps / 2 each: the
-error is at most eps / 2 (|b| + mu dv), and within this bound while |b| <= 7 mu dv."""
+A visit adds b to dv_t, so that the sum is mu dv (eq. 23). Difference and sum have rounding errors of eps / 2
+each. So the error is at most eps / 2 (|b| + mu dv), which is within this bound if |b| <= 7 mu dv."""
 
 
 @fields_in_help
@@ -49,7 +49,7 @@ class PairContacts(Tabular):
     tangential_force: FloatArray
     """M_i M_j / (M_i + M_j) dv_t / dt, along the tangent on j and against it on i [N], shape (m,).
 
-    The tangent is the normal turned by a quarter to the left, (-n_y, n_x). 0 without friction."""
+    The tangent is the normal turned counterclockwise by 90 degrees, (-n_y, n_x). 0 without friction."""
     slides: BoolArray
     """Whether the tangential force is as large as friction allows, shape (m,): True without friction."""
 
@@ -67,7 +67,7 @@ class WallContacts(Tabular):
     """
 
     wall: IntArray
-    """Grain and number in `Scene.walls` of each, shape (m, 2)."""
+    """Grain of each contact, and index of its wall in `Scene.walls`, shape (m, 2)."""
     normal: FloatArray
     """Unit normals from the grain into the wall, shape (m, 2)."""
     gap: FloatArray
@@ -83,11 +83,12 @@ class WallContacts(Tabular):
 
 
 def start_of_step(scene: Scene, state: State) -> tuple[FloatArray, Scene]:
-    """Return where the contacts of the last step were taken.
+    """Return grains and walls at the start of the last step, for which its contacts were computed.
 
     Returns
     -------
-    Centers of the grains [m], shape (n, 2), and the scene of that step with its driven walls where they were.
+    Centers of the grains [m], shape (n, 2), and the scene of that step with its driven walls at these
+    positions.
     """
     last, walls = scene if state.last_scene is None else state.last_scene, None
     if state.driven is not None:
@@ -134,7 +135,7 @@ def wall_contacts(
 
     The centers of the grains were at `position` [m], shape (n, 2).
     """
-    # these exist: where two walls of a joint are equally near, rounding of positions may choose another one
+    # free=0.0, because these contacts exist; rounding may pick either of two equally near walls at a joint
     normal, gap = scene.wall_frames(position, corrections.wall, time=time, free=0.0)
     mass = scene.contact_mass[corrections.wall[:, 0]]
     dv, dvt = corrections.wall_correction, _tangential(corrections.wall_friction, corrections.wall_correction)
@@ -150,11 +151,11 @@ def wall_contacts(
 
 
 def _tangential(dvt: FloatArray | None, dv: FloatArray) -> FloatArray:
-    """Return dv_t of contacts [m/s], shape (m,): 0 where there is no friction."""
+    """Return dvt, or zeros of the shape of dv if dvt is None (no friction) [m/s], shape (m,)."""
     return np.zeros_like(dv) if dvt is None else dvt
 
 
 def _slides(friction: float | FloatArray, dv: FloatArray, dvt: FloatArray) -> BoolArray:
-    """Return which contacts have reached Coulomb's bound, to rounding, shape (m,)."""
+    """Return a mask of the contacts with |dv_t| = mu dv up to rounding (Coulomb's bound), shape (m,)."""
     slides: BoolArray = np.abs(dvt) >= (1.0 - _ROUNDING) * (friction * dv)
     return slides

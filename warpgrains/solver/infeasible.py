@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 EPS = np.finfo(float).eps
 TRIES = 100  # search directions; any chain of up to this many grains is found
-LINE_STEPS = 3  # Newton steps of a line search, whose derivative is piecewise linear
+LINE_STEPS = 3  # Newton steps of a line search; the derivative is piecewise linear
 SHARES = (0.1, 0.01, 0.001, 0.0)  # fractions of the largest weight below which contacts are dropped
 
 Complex = NDArray[np.complex128]
@@ -102,7 +102,7 @@ class UnilateralConstraints(StepConstraints):
         return x + 1j * y
 
     def least_speed(self, weight: FloatArray, imbalance: Complex) -> float:
-        """Return the largest speed [m/s] that weights y >= 0, not all zero, prove to be necessary.
+        """Return a lower bound [m/s] on the largest speed of a solution, from weights y >= 0, not all zero.
 
         A sum of m products has an error below m eps times the sum of their absolute values, in any order. A
         normal has an error of 2 eps, and a component of (J^T y)_i is a sum of at most `most` products.
@@ -170,7 +170,7 @@ def _least_along(excess: FloatArray, change: FloatArray) -> FloatArray:
 
 
 def _smallest(contacts: UnilateralConstraints, weight: FloatArray, too_fast: float) -> InfeasibilityProof:
-    """Return a proof with fewer grains, by dropping contacts of small weight while it remains a proof."""
+    """Return a proof with fewer grains: contacts of small weight are dropped while it remains a proof."""
     for share in SHARES:
         kept = np.where(weight >= share * weight.max(), weight, 0.0)
         speed = contacts.least_speed(kept, contacts.imbalance(kept))

@@ -1,4 +1,4 @@
-"""The last steps of scenes, of which a report is made when it is read."""
+"""The results of the last steps of scenes, from which reports and summaries are made on request."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ ARRAYS = ("step", "sums", "listed", "left", "seconds")
 
 
 class LastSteps(NamedTuple):
-    """The last steps of the scenes of an engine. Every array has shape (scenes,)."""
+    """Results of the steps since `Engine.submit`. Every array has shape (scenes,)."""
 
     scenes: Sequence[Scene]
     step: np.ndarray[Any, Any]
-    """Records of their last steps (kernels/record.py)."""
+    """`StepState` of the last step of each scene (kernels/record.py)."""
     sums: np.ndarray[Any, Any]
-    """Sums and maxima over the steps."""
+    """`StepSums`: sums and maxima over the steps of each scene."""
     listed: np.ndarray[Any, Any]
-    """Numbers of listed contacts."""
+    """`ContactCount` of each scene: numbers of listed contacts."""
     left: IntArray
-    """Steps that were not done."""
+    """Number of submitted steps that were not done."""
     seconds: FloatArray
     """Time that the steps took [s]."""
     errors: dict[int, SimulationError]
-    """Reasons why scenes stopped early."""
+    """Errors of the scenes that stopped early, by index of the scene."""
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[Self, IndexArray]]) -> Self:
-        """Return a copy of the last steps of several engines, by the numbers of the scenes of each."""
+        """Return a copy that joins the results of several engines, given with the indices of their scenes."""
         order = np.argsort(np.concatenate([numbers for _, numbers in parts]))
         scenes = [scene for last, _ in parts for scene in last.scenes]
         own: dict[str, Any] = {
@@ -73,7 +73,7 @@ class LastSteps(NamedTuple):
         )
 
     def stacked(self, which: Sequence[int]) -> Sums:
-        """Return the sums and maxima of scenes as arrays by name, as `statistics.stacked` does."""
+        """Return the sums and maxima of scenes `which` as arrays by name, as `statistics.stacked` does."""
         sums = {name: self.sums[name][which] for name in SUMS}
         return {**sums, "seconds": self.seconds[which], "met": np.zeros(len(which), bool)}
 

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 
 class LoadedScene:
-    """Scene k of some records (solver/records.py). Arrays of its state are read-only copies."""
+    """Scene k of a `SceneRecords` (solver/records.py). The arrays of its state are read-only copies."""
 
     def __init__(self, records: SceneRecords, k: int):
         self._records, self._k = records, k
 
     def observed(self) -> AbstractContextManager[None]:
-        """Return the context in which callbacks of a run may read the scene."""
+        """Return the context manager within which callbacks of a run may read the scene."""
         return nullcontext()
 
     def replace_state(self, state: State) -> None:
@@ -35,7 +35,7 @@ class LoadedScene:
 
     @property
     def scene(self) -> Scene:
-        """The scene, with its parameters and the grains of its start."""
+        """The scene as it was loaded, with its parameters, and its grains at the start."""
         return self._records.scenes[self._k]
 
     @property
@@ -84,12 +84,12 @@ class LoadedScene:
 
     @property
     def last_staggered(self) -> bool:
-        """True if velocities were half a step behind before the last step, as in `State`."""
+        """True if velocities were half a step behind positions before the last step, as in `State`."""
         return bool(self._records.host["scheme"]["last_staggered"][self._k])
 
     @property
     def driven(self) -> FloatArray | None:
-        """Coordinates [m] and speeds [m/s] of walls as in `State.driven`; None if no force drives one."""
+        """Coordinates [m] and speeds [m/s] of walls as in `State.driven`; None if no force drives a wall."""
         if not self.scene.has_driven_walls:
             return None
         return checks.frozen(driven_walls(self._records, self._k))
@@ -117,7 +117,7 @@ class LoadedScene:
         return self.forces()[1]
 
     def forces(self) -> tuple[PairContacts, WallContacts]:
-        """Return `contacts` and `wall_contacts`, at the cost of either."""
+        """Return (contacts(), wall_contacts()), at the cost of one of these calls."""
         return contacts_of(self.scene, self.state())
 
     def state(self) -> State:

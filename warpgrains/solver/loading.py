@@ -1,4 +1,4 @@
-"""States of scenes in memory: written to their arrays, and read from these."""
+"""Functions that write states to the arrays of scenes in memory, and read states from these arrays."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ VERLET = ("skin", "recent_deviation", "reference_position", "reference_velocity"
 
 
 def corrections_of(records: SceneRecords, k: int) -> Corrections:
-    """Return the corrections that contacts carry now.
+    """Return the present corrections of all contacts of scene k that carry one.
 
-    They are those of the last good step or, before `give_up_step`, of the one that failed.
+    They are those of the last good step or, before `give_up_step`, those of a step that failed.
     """
     (pair, at_pair), (wall, at_wall), scene = (
         listed_pairs(records, k),
@@ -47,7 +47,7 @@ def _in_order(contact: IntArray) -> IndexArray:
 
 
 def _bounded(scene: Scene) -> dict[str, str]:
-    """Return the names of corrections that friction bounds, and those in a state."""
+    """Return the corrections that friction bounds: {name in the records: name in `Corrections`}."""
     names = {"dvt": "friction"} if scene.has_friction else {}
     return names | ({"dvr": "rolling"} if scene.has_rolling_friction else {})
 
@@ -55,7 +55,7 @@ def _bounded(scene: Scene) -> dict[str, str]:
 def state_of(records: SceneRecords, k: int) -> State:
     """Return the exact state of scene k."""
     scene, record, (wall, _) = records.scenes[k], records.host[k], listed_walls(records, k)
-    wall[:, 1], _ = scene.bodies.carried(wall[:, 1], np.zeros(len(wall)))  # the annulus as its outer circle
+    wall[:, 1], _ = scene.bodies.carried(wall[:, 1], np.zeros(len(wall)))  # annulus -> outer circle
     wall = wall[_in_order(wall)]
     numbers = record["verlet"]["numbers"]
     of_list: dict[str, Any] = {name: records.array(k, f"verlet.{name}").copy() for name in VERLET}
@@ -80,20 +80,20 @@ def state_of(records: SceneRecords, k: int) -> State:
 
 
 def driven_walls(records: SceneRecords, k: int) -> FloatArray:
-    """Return coordinates [m] and speeds [m/s] of the walls of scene k, if a force drives one."""
+    """Return coordinates [m] and speeds [m/s] of the walls of scene k, in which a force drives a wall."""
     scene = records.scenes[k]
     arrays = (records.array(k, f"grains.{name}")[scene.n :, 0] for name in ("position", "velocity"))
     return np.stack([array[scene.bodies.of_walls] for array in arrays], axis=1)
 
 
 def scene_with_walls(records: SceneRecords, k: int) -> Scene:
-    """Return scene k with its driven walls where they are."""
+    """Return scene k with its driven walls at their present positions."""
     scene = records.scenes[k]
     return scene.placed(driven_walls(records, k)[:, 0]) if scene.has_driven_walls else scene
 
 
 def load_state(records: SceneRecords, k: int, state: State) -> None:
-    """Load a state, from which scene k continues."""
+    """Write a state to the arrays of scene k, which continues from this state."""
     scene, record, lists, corrections = records.scenes[k], records.host[k], state.lists, state.corrections
     if lists is None:
         _write_list(records, k, corrections.pair, corrections.wall, corrections)
@@ -127,9 +127,9 @@ def load_state(records: SceneRecords, k: int, state: State) -> None:
 
 
 def change_scene(records: SceneRecords, k: int, scene: Scene, keeps_list: bool) -> None:
-    """Continue scene k with other parameters; without `keeps_list`, the next step makes another list.
+    """Replace scene k by a scene with other parameters; without `keeps_list`, the next step makes a new list.
 
-    Its grains, their masses at contacts, and the places of walls must be the same.
+    The grains, their contact masses, and the positions of walls must be the same.
     """
     if records.has_stepped(k) or records.last_scenes[k] is None:
         records.last_scenes[k] = records.scenes[k]
@@ -142,7 +142,10 @@ def change_scene(records: SceneRecords, k: int, scene: Scene, keeps_list: bool) 
 
 
 def _place_outer_circle(records: SceneRecords, k: int) -> None:
-    """Write the radius of the outer circle, the coordinate of body 0; a very large one if there is none."""
+    """Write the radius of the outer circle, which is the coordinate of body 0.
+
+    If there is no outer wall, both become the very large radius of `scene.bodies.circles`.
+    """
     scene, annulus = records.scenes[k], records.host[k]["walls"]["annulus"]
     coordinate = records.array(k, "grains.position")[scene.n : scene.n + 1, 0]
     if scene.bodies.walls[0] == NONE:
@@ -166,7 +169,7 @@ def _write_list(
     of_walls = scene.bodies.of_walls
     wall = wall[_in_order(np.stack([wall[:, 0], of_walls[wall[:, 1]]], axis=1))]
     records.reserve_contacts(k, count)
-    records.host[k]["contacts"]["count"] = len(pair), 0, len(wall)  # the step puts them into sets
+    records.host[k]["contacts"]["count"] = len(pair), 0, len(wall)  # the step divides the pairs into sets
     if count == 0:
         for rows in ("neighbors", "workspace.old"):
             records.array(k, f"{rows}.start")[:] = 0
@@ -202,9 +205,9 @@ def _write_list(
 
 
 def give_up_step(records: SceneRecords, k: int) -> None:
-    """Undo an unfinished step; if it was about to rebuild the list, the next step does so.
+    """Undo an unfinished step. If it waited for memory for a new list, the next step makes this list.
 
-    A search that was repeated may have written rows already: those of the list before return.
+    A repeated search may have written rows of the new list already, so the rows of the old list are restored.
     """
     record = records.host[k]
     count, control = record["contacts"]["count"], record["control"]

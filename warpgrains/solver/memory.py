@@ -1,6 +1,6 @@
 """Check of free memory before buffers are allocated.
 
-Without it, the operating system would kill a process that takes too much, with no message.
+Without it, the operating system would kill a process that uses too much memory, without a message.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from warpgrains.base.errors import SimulationError
 PROC, CGROUPS = Path("/proc"), Path("/sys/fs/cgroup")
 VERSION_1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
 VERSION_2 = ("memory.max", "memory.current", "inactive_file")
-"""Files of the limit and the use of a control group, and the entry of memory.stat that is given back."""
+"""Files with limit and use of a control group, and the entry of memory.stat that the system can reclaim."""
 
 
 class OutOfMemoryError(SimulationError):
@@ -25,7 +25,7 @@ class OutOfMemoryError(SimulationError):
 def require_memory(needed: IndexArray, grains: int, device: wp.Device) -> None:
     """Raise OutOfMemoryError if a device lacks the memory that scenes need [bytes], shape (scenes,).
 
-    The message has the number of their grains.
+    The message states the total number of grains.
     """
     free, total = free_memory(device), needed.sum()
     if total > free:
@@ -57,7 +57,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def _left_to_process() -> Iterator[float]:
-    """Yield what the limits of this process (ulimit -v, -d) leave to it [bytes]."""
+    """Yield the memory that each limit of this process (ulimit -v, -d) leaves to it [bytes]."""
     used = dict(line.split(":", 1) for line in _lines(PROC / "self" / "status"))
     for line in _lines(PROC / "self" / "limits"):
         for limit, size in (("Max address space", "VmSize"), ("Max data size", "VmData")):
@@ -66,7 +66,7 @@ def _left_to_process() -> Iterator[float]:
 
 
 def _left_to_groups() -> Iterator[float]:
-    """Yield what the control groups of this process, and those around them, leave to it [bytes].
+    """Yield the memory that each control group of this process, and each parent group, leaves to it [bytes].
 
     A container may see its own group as the root.
     """

@@ -45,9 +45,9 @@ class SceneRecords:
         The same records in host memory.
     scenes : list of Scene
     loaded_steps : ndarray
-        Steps after which the last state was loaded, shape (scenes,).
+        Number of steps at which the last state was loaded, shape (scenes,).
     last_scenes : list
-        The scene of the step before that, where it was another; else None.
+        The scene of the step before this state if its parameters were different; otherwise None.
     populations : list of dict
         The fields `OF_POPULATION` of the state of every scene.
     """
@@ -117,7 +117,7 @@ class SceneRecords:
         return bool(self.host["steps"][k] != self.loaded_steps[k])
 
     def write_parameters(self, which: slice = slice(None)) -> None:
-        """Write all fields of some records that are not arrays, and the arrays of walls."""
+        """Write to some records all parameters of their scenes, and the arrays of walls."""
         host, scenes, sizes = self.host[which], self.scenes[which], self.sizes
         host["start_time"] = [scene.time for scene in scenes]
         numbers = "drag spin_drag friction rolling_friction restitution restitution_speed dt"
@@ -188,7 +188,7 @@ class SceneRecords:
         self.host["tuning"]["acceleration"][which] = np.hypot(*self.host["gravity"][which].T)
 
     def _write_grains(self) -> None:
-        """Write the grains of all scenes at the start, in memory that is zero, without a list."""
+        """Write the initial grains of all scenes, without a list, to memory that is zero."""
         names = ["radius", "mass", "contact_mass", "position", "velocity"]
         for name in names + (["rim_mass", "spin"] if self.sizes.friction else []):
             self._write(f"grains.{name}", [getattr(scene, name) for scene in self.scenes])
@@ -198,7 +198,7 @@ class SceneRecords:
         self.host["control"]["unordered"] = 1
 
     def _write(self, name: str, values: Sequence[FloatArray]) -> None:
-        """Write the first rows of an array of each scene: those of its grains."""
+        """Write `values`, by scene, to the first rows of an array, which are those of the grains."""
         whole = self.together(name)
         if whole is not None and whole[0].shape == values[0].shape:
             whole[:] = np.concatenate(values).reshape(whole.shape)
@@ -207,14 +207,14 @@ class SceneRecords:
             self.array(k, name)[: len(own)] = own
 
     def array(self, k: int, name: str) -> np.ndarray[Any, Any]:
-        """Return an array of scene k, a view that is valid until its list grows."""
+        """Return an array of scene k by its dotted name, as a view that is valid until its list grows."""
         number = self._number[name]
         field = array_fields()[number]
         shape = (self._length[number, k].item(), *field.shape)
         return np.ndarray(shape, field.dtype, self._blocks[k].host, self._offset[number, k].item())
 
     def together(self, name: str) -> np.ndarray[Any, Any] | None:
-        """Return an array of all scenes as a view (scenes, ...); None if their layouts differ."""
+        """Return an array of all scenes as a view of shape (scenes, ...), or None if layouts differ."""
         number = self._number[name]
         field, length = array_fields()[number], self._length[number]
         start, memory = field.of(self.host)["data"].astype(np.int64), self._memory
@@ -228,14 +228,14 @@ class SceneRecords:
         return np.ndarray(shape, field.dtype, memory, first, strides)
 
     def stacked(self, name: str, which: IndexArray) -> np.ndarray[Any, Any]:
-        """Return a copy of an array of the grains of some scenes, of n grains each, shape (m, n, ...)."""
+        """Return a copy of an array by grain for m scenes `which` with n grains each, shape (m, n, ...)."""
         whole, n = self.together(name), self.scenes[which[0]].n
         return np.stack([self.array(int(k), name)[:n] for k in which]) if whole is None else whole[which, :n]
 
     def wall_corrections(self, which: IndexArray) -> FloatArray:
-        """Return the corrections of the grains of some scenes at each wall [m/s], shape (m, n, walls).
+        """Return the corrections at each wall for m scenes `which` [m/s], shape (m, n, walls).
 
-        The scenes have equal numbers of grains and walls.
+        The scenes must have equal numbers of grains, n, and of walls.
         """
         contact, dv = (self.together(f"contacts.{name}") for name in ("contact", "dv"))
         if contact is not None and dv is not None:

@@ -1,4 +1,4 @@
-"""The host's solver of a method, and the reasons why steps fail."""
+"""The solver on the host for a method, and error messages for failed steps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def exact_solver(method: str) -> Callable[[SceneRecords, int], Any] | None:
-    """Return the function that makes the solver of a scene on the host; None if the method needs none.
+    """Return the function `(records, k)` that makes the host's solver of scene k; None if not "exact".
 
     Raises MissingExtraError if the method is "exact" and its extra is not installed.
     """
@@ -39,7 +39,7 @@ def exact_solver(method: str) -> Callable[[SceneRecords, int], Any] | None:
 def failure(
     records: SceneRecords, k: int, outcome: int, why: SimulationError | None = None
 ) -> SimulationError:
-    """Return the error of the open step of scene k, which failed with this outcome, or for a known reason."""
+    """Return the error for the failed step of scene k, with the reason `why` or one from the outcome."""
     scene, done = records.scenes[k], int(records.host["steps"][k])
     error = why or SimulationError(_reason(records, k, outcome))
     return type(error)(f"step {done + 1}, from t = {scene.time_after(done)} s: {error}")
@@ -82,7 +82,7 @@ def _reason(records: SceneRecords, k: int, outcome: int) -> str:
 
 
 def _wall_without_normal(records: SceneRecords, k: int, grain: int, path: float) -> str | None:
-    """Return where a grain is if a wall within its path [m] has no normal there; else None."""
+    """Return a message if a wall within a path [m] of a grain has no normal at its position, or None."""
     scene, own = records.scenes[k], slice(grain, grain + 1)
     position = records.array(k, "grains.position")[own]
     time = scene.time_after(int(records.host["steps"][k]))
@@ -97,12 +97,12 @@ def _wall_without_normal(records: SceneRecords, k: int, grain: int, path: float)
 
 
 def _across(records: SceneRecords, k: int, grain: int) -> int | None:
-    """Return a grain that meets another in a step by an image that is not its nearest one, or None."""
+    """Return a grain that meets an image, other than the nearest, of the given grain in a step, or None."""
     scene = records.scenes[k]
     position, velocity = (records.array(k, f"grains.{name}") for name in ("position", "next_velocity"))
     way = scene.period.nearest(position[: scene.n] - position[grain])
     move = scene.dt * (velocity[grain] - velocity[: scene.n])
-    images = (way + scene.period.shifts[1:, np.newaxis]).transpose(1, 0, 2)  # but the nearest one
+    images = (way + scene.period.shifts[1:, np.newaxis]).transpose(1, 0, 2)  # without the nearest image
     size = np.maximum((move**2).sum(axis=1), np.finfo(float).tiny)[:, np.newaxis]
     share = np.clip((images * move[:, np.newaxis]).sum(axis=2) / size, 0.0, 1.0)[..., np.newaxis]
     apart = np.hypot(*(images - share * move[:, np.newaxis]).transpose(2, 0, 1)).min(axis=1) - scene.radius
@@ -111,7 +111,7 @@ def _across(records: SceneRecords, k: int, grain: int) -> int | None:
 
 
 def _excess(scene: Scene, velocity: list[float]) -> str:
-    """Return the reason why a step cannot move a grain with this velocity [m/s]."""
+    """Return a message that states why a step cannot move a grain with this velocity [m/s]."""
     if not all(map(isfinite, velocity)):
         return "it is not finite"
     path = scene.dt * max(map(abs, velocity))
@@ -135,13 +135,13 @@ def _not_converged(records: SceneRecords, k: int) -> str:
 def _find_proof(
     records: SceneRecords, k: int, names: tuple[str, str, str], ago: int
 ) -> InfeasibilityProof | None:
-    """Search for a proof that the step has no solution, from these arrays of its start and its sweeps.
+    """Search for a proof that a step, which began `ago` steps before now, has no solution.
 
-    The step began `ago` steps before now.
+    `names` are the arrays of positions and velocities at its start, and of velocities after its sweeps.
     """
     scene = records.scenes[k]
     if scene.has_driven_walls:
-        return None  # walls yield: the proof is about walls that do not
+        return None  # the proof holds for walls that do not yield
     position, before, velocity = (records.array(k, f"grains.{name}") for name in names)
     time = scene.time_after(int(records.host["steps"][k]) - ago)
     return find_infeasibility_proof(scene, (position, before), velocity, corrections_of(records, k), time)

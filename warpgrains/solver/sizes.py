@@ -75,7 +75,7 @@ class Sizes:
         )
 
     def fits(self, k: int, scene: Scene) -> bool:
-        """Return True if the arrays of scene k fit another scene of its grains and kind."""
+        """Return True if the arrays of scene k fit another scene with the same grains and kind."""
         names = ("walls", "joined", "imaged", "mobile", "driven", "limited", "weighted")
         own = [int(getattr(self, name)[k]) for name in names]
         wanted = [*_of_walls(scene)]
@@ -112,7 +112,7 @@ def kind_of(scene: Scene) -> Kind:
 
 
 def first_pairs(n: IndexArray) -> IndexArray:
-    """Return the initial capacity for pairs: more than most lists need, but at most all pairs."""
+    """Return the initial capacity for pairs of n grains: 5 n (enough for most lists), at most all pairs."""
     return np.minimum(n * (n - 1) // 2, 5 * n)
 
 
@@ -204,5 +204,5 @@ def lengths(size: Sizes) -> dict[str, Any]:
 
 
 def grid_width(n: Any) -> Any:
-    """Return the number of cells per side of the grid; few grains have a grid of one cell."""
+    """Return the number of cells per side of the grid for n grains; it is 1 for few grains."""
     return np.where(n <= FEW, 1, 1 << np.ceil(np.log2(n) / 2).astype(np.int64))

@@ -24,7 +24,7 @@ NAMED = 10
 
 
 def named(grains: tuple[int, ...]) -> str:
-    """Return the names of grains for messages, only the first few if there are many."""
+    """Return a list of grains for messages, with only the first few if there are many."""
     rest = len(grains) - NAMED
     return f"grains {', '.join(map(str, grains[:NAMED]))}{f' and {rest} more' if rest > 0 else ''}"
 
@@ -104,7 +104,7 @@ class StepReport(Tabular):
 
 
 def _added(reduce: Callable[[Any, Any], Any], default: float = 0, shown: bool = True) -> Any:
-    """Return a field of summaries that add up by a function, such as a sum or a maximum."""
+    """Return a dataclass field that `Summary.add` combines by a function, such as a sum or a maximum."""
     return field(default=default, metadata={"reduce": reduce, "shown": shown})
 
 
@@ -219,7 +219,7 @@ class Summary(Shown):
 
 
 Sums = dict[str, NDArray[Any]]
-"""Sums and maxima over steps by name, with the seconds and `met`, shape (m,) each."""
+"""Sums and maxima over the steps of m scenes by name, with `seconds` and `met`, shape (m,) each."""
 
 
 def stacked(summaries: Sequence[Summary]) -> Sums:
@@ -229,7 +229,7 @@ def stacked(summaries: Sequence[Summary]) -> Sums:
 
 
 class FinalStates(NamedTuple):
-    """Final states of m scenes with equal numbers of grains, for sweeps in which thousands end at once."""
+    """Final states of m scenes with equal numbers of grains, for sweeps in which thousands end together."""
 
     grains: Snapshots
     dt: FloatArray

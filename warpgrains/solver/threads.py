@@ -1,4 +1,4 @@
-"""OS threads for tasks, while the calling thread polls their progress."""
+"""OS threads that run tasks while the calling thread polls their progress."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -17,9 +17,9 @@ def cores() -> int:
 
 
 class _Tasks:
-    """Tasks that are executed exactly once, even if an interrupt occurs while threads start.
+    """Tasks that are executed at most once each, even if an interrupt occurs while threads start.
 
-    No Python lock is held by the thread that waits: an interrupt could leave it locked.
+    The thread that waits holds no Python lock, because an interrupt could leave the lock locked.
     """
 
     def __init__(self, tasks: Sequence[Callable[[], None]]) -> None:
@@ -28,7 +28,7 @@ class _Tasks:
         self._wake_ups: SimpleQueue[None] = SimpleQueue()
 
     def do(self, k: int) -> None:
-        """Execute task k, unless it was begun or dropped before."""
+        """Execute task k, unless a thread has begun it before or it was dropped."""
         failure, task = None, self._waiting.pop(k, None)
         if task is None:
             return
@@ -51,7 +51,7 @@ class _Tasks:
         return self._count
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait until all tasks are done; return False if none ends within some seconds."""
+        """Wait until all tasks are done; return False if no task ends within `timeout` seconds."""
         while len(self._failures) < self._count:
             try:
                 self._wake_ups.get(timeout=timeout)
@@ -60,25 +60,25 @@ class _Tasks:
         return True
 
     def require_success(self) -> None:
-        """Raise what the first of the tasks has raised, if any has."""
+        """Raise the exception of the first task that has failed, if there is one."""
         for _, failure in sorted(self._failures.items()):
             if failure is not None:
                 raise failure
 
 
 class _Workers:
-    """Threads that are kept for later tasks, one for each task that runs at the same time."""
+    """A pool that keeps its threads for later tasks, with at most MOST_THREADS threads."""
 
     def __init__(self) -> None:
         self.renew()
-        os.register_at_fork(after_in_child=self.renew)  # a child has none of them
+        os.register_at_fork(after_in_child=self.renew)  # a child process has no threads of the pool
 
     def renew(self) -> None:
-        """Begin without threads."""
+        """Replace the pool by a new one without threads."""
         self._executor = ThreadPoolExecutor(MOST_THREADS, "warpgrains")
 
     def submit(self, tasks: _Tasks, first: int = 0) -> None:
-        """Submit the tasks from number `first` on."""
+        """Submit tasks first, first + 1, ... to the pool."""
         for k in range(first, len(tasks)):
             self._executor.submit(tasks.do, k)
 
@@ -93,10 +93,10 @@ def run_threads(
 ) -> None:
     """Execute each task on a separate thread.
 
-    `poll` is called every `GLANCE` seconds and at the end. Without it, tasks are short and share their work:
-    this thread does the first, and drops those that no thread has begun when it is done. If this thread is
-    interrupted, `cancel` is called: with False, so that the tasks end soon, and with True if they have not
-    ended after `GRACE` seconds, so that they abandon their work. They are waited for.
+    `poll` is called every `GLANCE` seconds and at the end. Without `poll`, tasks must be short and share
+    their work: the calling thread does the first task, and then drops the tasks that no thread has begun. If
+    the calling thread is interrupted, cancel(False) asks the tasks to end soon. If they have not ended after
+    `GRACE` seconds, cancel(True) asks them to abandon their work. The function always waits for all tasks.
     """
     if len(tasks) == 1 and poll is None:
         return tasks[0]()
@@ -112,7 +112,7 @@ def run_threads(
     except BaseException:
         if cancel is not None:
             cancel(False)
-        _WORKERS.submit(all_tasks)  # a team with a missing thread would wait for ever
+        _WORKERS.submit(all_tasks)  # a team in which a thread is missing would wait forever
         if cancel is not None and not all_tasks.wait(GRACE):
             cancel(True)
         all_tasks.wait()

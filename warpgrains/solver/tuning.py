@@ -1,6 +1,6 @@
 """Constants that were chosen by measurement, and the parameters that follow from them.
 
-They concern the lists of a scene, its device and its threads. They change how fast a step is, and hardly its
+They concern the lists of a scene, its device and its threads. They change the speed of a step, and hardly the
 result.
 """
 
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 EPS = float(np.finfo(np.float64).eps)
-BASE_SKIN = 0.12  # initial skin, in smallest radii: deviation after which a list is rebuilt
-NO_SKIN = -1.0  # marks a scene without a list: the next step requests one
-RESERVE = 0.1  # in base skins: margin of a skin at the start of the iteration
-MONITOR_THRESHOLD = 0.3  # in base skins: largest deviation in a step without monitoring
+BASE_SKIN = 0.12  # initial base skin, in smallest radii
+NO_SKIN = -1.0  # skin of a scene without a list, for which the next step requests a list
+RESERVE = 0.1  # part of the base skin that must be left at the start of the iteration
+MONITOR_THRESHOLD = 0.3  # largest unmonitored deviation in a step, in base skins
 NEAREST = 0.5 * NARROWEST.value  # radii per step: half of the narrowest skin
 HOST_FEW, HOST_MANY = 750.0, 0.15  # the host's solution of a step costs a + b n sweeps
-SHARED_SET = 1000  # pairs of a set above which threads that synchronize after each set gain
-FARTHEST = 1e6  # radii of a circle about a box: beyond periodic sides, positions are exact enough
-FEWEST = 400  # grains of each thread of a team
-WARP, BLOCK = 32, 256  # threads of a GPU that share a scene of few, and of many grains
-MANY = 200  # grains from which on it has many
+SHARED_SET = 1000  # mean number of pairs per set above which several threads are faster than one
+FARTHEST = 1e6  # distance beyond periodic sides, in `scene.reach`, up to which positions are exact enough
+FEWEST = 400  # smallest number of grains per thread of a team
+WARP, BLOCK = 32, 256  # number of GPU threads that share a scene of few grains, and of many grains
+MANY = 200  # number of grains from which a scene has many
 
 
 def first_skin(scene: Scene) -> float:
-    """Return the initial skin [m]: the deviation of a grain after which its list is rebuilt."""
+    """Return the initial base skin [m], about the deviation of a grain after which the list is rebuilt."""
     return BASE_SKIN * scene.smallest_radius
 
 
@@ -43,18 +43,18 @@ def cell_size(scene: Scene) -> float:
 
 
 def room(scene: Scene) -> float:
-    """Return the largest relative displacement of grains while a list is valid [m]."""
+    """Return the largest path of a grain, relative to the mean, in the lifetime of a list [m]."""
     return 0.5 * scene.typical_radius
 
 
 def rounding(scene: Scene) -> float:
-    """Return the largest rounding error of a position [m]; those beyond periodic sides grow."""
+    """Return a bound on the rounding error of a position [m]; it is larger if the domain is periodic."""
     farthest = FARTHEST if scene.period else 1.0
     return 16.0 * EPS * farthest * scene.reach
 
 
 def monitor_threshold(scene: Scene) -> float:
-    """Return the change of velocity below which a grain needs no monitoring, in base skins [1/s]."""
+    """Return the change of velocity below which a grain needs no monitoring, over the base skin [1/s]."""
     return MONITOR_THRESHOLD / scene.dt
 
 
@@ -74,12 +74,12 @@ def paying_threads(scene: Scene) -> int:
 
 
 def useful_threads(scene: Scene, threads: int) -> int:
-    """Return how many of some threads have a core and enough grains each."""
+    """Return the number of threads <= `threads` that have a core and at least FEWEST grains each."""
     return max(1, min(threads, cores(), scene.n // FEWEST))
 
 
 def block_size(scenes: Sequence[Scene]) -> int:
-    """Return the number of a GPU's threads that share a scene."""
+    """Return the number of GPU threads that share a scene."""
     return WARP if max(scene.n for scene in scenes) < MANY else BLOCK
 
 
@@ -91,7 +91,7 @@ def patience(scene: Scene) -> int:
 
 
 def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
-    """Return the number of CPU threads that share a scene: those useful of `threads`, or those that pay."""
+    """Return the number of CPU threads that share a scene, of `threads` or `paying_threads`; 1 for a GPU."""
     if device.is_cuda:
         return 1
     return useful_threads(scene, threads or paying_threads(scene))
