@@ -1,1 +1,1 @@
-"""Packings: grains that fall to rest, and that walls compress until they jam, or that are moved apart."""
+"""Packings: grains that settle under gravity, that walls compress until they jam, or that are moved apart."""

@@ -1,4 +1,4 @@
-"""Jammed packings: grains without gravity in walls under a pressure, until they rest."""
+"""Jammed packings: walls under a pressure compress grains without gravity until the grains rest."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -26,10 +26,10 @@ from warpgrains.walls.line import Line
 from warpgrains.walls.rim import Rim
 
 ENERGY = 1e-8  # largest kinetic energy at rest, in pressure times area, or that at `TOLERANCES` if larger
-BALANCE = 1e-3  # largest relative difference of the forces of a wall from its pressure times length at rest
-HELD = 10  # tests in a row that the grains must rest
-WEAK = 1e-4  # force of contacts that do not count, in mean forces
-WALL_LAYER = 4.0  # depth of the grains that a wall orders, in mean diameters
+BALANCE = 1e-3  # largest relative difference between contact forces and pressure times length at rest
+HELD = 10  # number of successive tests at which the grains must be at rest
+WEAK = 1e-4  # force below which contacts do not count, in mean forces
+WALL_LAYER = 4.0  # depth of the layer of grains that a wall orders, in mean diameters
 
 
 @fields_in_help
@@ -53,18 +53,18 @@ class Packing(Shown):
     lengths: tuple[float, float] | None
     """Lengths of the box along x and y [m]; None in an annulus."""
     fraction: float
-    """Fraction of the area between the walls that grains fill. Walls order the grains next to them, which
-    fill less."""
+    """Fraction of the area between the walls that grains fill. It is smaller near walls, which order the
+    grains."""
     bulk_fraction: float
-    """The same at least 4 mean diameters from circles and sides; NaN if less than 4 remain there."""
+    """Fraction at distances of at least 4 mean diameters from walls; NaN if less than 4 diameters remain."""
     contacts: float
-    """Contacts of a grain that is no rattler: twice the contacts of the grains that carry, those with walls
-    included, per grain. Without friction it is 4, but for terms of order 1 / n, where forces follow from
-    balance alone."""
+    """Twice the number of contacts of grains that are not rattlers, contacts with walls included, per such
+    grain. Without friction it is 4 plus terms of order 1 / n if the balance of forces determines all forces.
+    """
     rattlers: int
     """Grains that carry no loads, see `analysis.rattlers`."""
     pressure: float
-    """Sum of the forces of the walls under pressure per length of these [N/m]."""
+    """Sum of the forces of contacts on the walls under pressure, per length of these walls [N/m]."""
     mean_force: float
     """Mean force of contacts between grains [N]; NaN without contacts."""
     largest_force: float
@@ -156,7 +156,7 @@ def compress(
 
 
 def _under_pressure(scene: Scene, box: Box, pressure: float | None) -> Scene:
-    """Return a scene in a box without gravity, with another pressure, if given, on sides that have one."""
+    """Return a scene without gravity; if a pressure is given, set it on the box's sides under pressure."""
     pressed = {name: own for name in box.sides if (own := getattr(box, name)) and "pressure" in own}
     if not pressed:
         raise InputError(
@@ -172,7 +172,7 @@ def _under_pressure(scene: Scene, box: Box, pressure: float | None) -> Scene:
 
 
 def _load(simulation: Simulation) -> tuple[float, float, float]:
-    """Return the forces of contacts and pressures on the walls under pressure [N], and their length [m]."""
+    """Return (contact force [N], pressure times length [N], length [m]), summed over walls under pressure."""
     scene, found = simulation.present_scene, wall_forces(simulation)
     force = given = whole = 0.0
     for name, wall in zip(scene.wall_names, scene.walls, strict=True):
@@ -230,7 +230,10 @@ def _packing(simulation: Simulation, run: Summary) -> Packing:
 
 
 def carrying_contacts(now: Snapshot) -> tuple[float, int]:
-    """Return the contacts a grain, above 1e-4 of the mean force, without rattlers; and their number."""
+    """Return the contacts per grain, see `Packing.contacts`, and the number of rattlers.
+
+    Contacts with less than 1e-4 of the mean force do not count.
+    """
     least = WEAK * float(now.force.mean()) if len(now.force) else np.nan
     loose = rattlers(now, least)
     between = ~loose[now.pair[now.force >= least]].any(axis=1)
@@ -241,7 +244,7 @@ def carrying_contacts(now: Snapshot) -> tuple[float, int]:
 
 
 def _bulk_fraction(now: Snapshot) -> float:
-    """Return the packing fraction far from circles and sides; NaN if little space is left."""
+    """Return the packing fraction at least WALL_LAYER from circles and sides; NaN if little space is left."""
     layer = WALL_LAYER * 2.0 * float(now.scene.radius.mean())
     bulk = now.container.region.without_layer(layer)
     near, far = bulk.ring

@@ -26,7 +26,7 @@ from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.service import exact_solver
 from warpgrains.space.geometry import distance
 
-MOST_TESTS = 3  # of settled grains; those that do not rest fall again
+MOST_TESTS = 3  # number of tests of rest; after a failed test, grains settle again
 
 
 @fields_in_help
@@ -42,25 +42,24 @@ class Rest(Shown):
     """
 
     simulation: Simulation = field(repr=False)
-    """The packing with the settings of its scene, at the start of it. It can be run, saved and drawn."""
+    """The packing before its first step, with the settings of the scene. It can be run, saved and drawn."""
     energy: float
-    """Largest mean kinetic energy of a grain in steps with the scene's settings, in m g d, where d is the
-    mean diameter."""
+    """Mean kinetic energy of a grain, the largest value after steps with the scene's settings, in m g d.
+    Here d is the mean diameter."""
     largest_force: float
     """Largest net force on a grain, its weight included, in weights of the grain."""
     rms_force: float
-    """Root of the mean square of the net forces, in weights."""
+    """Root mean square of the net forces on grains, in weights of the grain."""
     contacts: float
-    """Contacts of a grain that is no rattler, as in `Packing`: about 4, where forces follow from balance
-    alone."""
+    """Contacts per grain without rattlers, as in `Packing`: about 4, if balance determines all forces."""
     rattlers: int
     """Grains that carry no loads, see `analysis.rattlers`."""
     overlap: float
     """Largest overlap [m]."""
     steps: int
-    """Steps done, the tests of rest included."""
+    """Number of steps done, including those of the tests of rest."""
     iterations: int
-    """Iterations of all steps."""
+    """Number of iterations of all steps."""
     seconds: float
     """Wall time [s]."""
 
@@ -177,20 +176,20 @@ def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: i
 
 
 class _Test(NamedTuple):
-    """Steps of a packing with the settings of its scene."""
+    """Result of a test of rest: some steps of a packing with the settings of its scene."""
 
     start: State
     simulation: Simulation
-    """After the steps."""
+    """The simulation after the steps."""
     energy: float
-    """Largest mean kinetic energy of a grain, in m g d."""
+    """Mean kinetic energy of a grain, the largest value after a step, in m g d."""
     overlap: float
     """Largest overlap [m]."""
     iterations: int
 
 
 def _test(scene: Scene, settling: Settling, threads: int | None) -> _Test:
-    """Take steps of the settled grains with the settings of the scene."""
+    """Test for rest: do `TESTED` steps of the settled grains with the settings of the scene."""
     start = settling.state()
     settled = scene.replace(position=start.position, velocity=start.velocity)
     simulation = Simulation(settled, threads=threads, state=start)
@@ -204,7 +203,7 @@ def _test(scene: Scene, settling: Settling, threads: int | None) -> _Test:
 
 
 def _require_rest_is_possible(scene: Scene) -> None:
-    """Raise InputError if a scene has no gravity, or if its grains may keep moving, or rest in many ways."""
+    """Raise InputError without constant gravity, or with periods along it, friction or walls that move."""
     if hypot(*scene.gravity) == 0.0 or scene.gravity_rate:
         raise InputError("gravity is 0 or turns: pack needs a constant one; compress needs none")
     if scene.period.repeats[np.array(scene.gravity) != 0.0].any():
@@ -215,4 +214,4 @@ def _require_rest_is_possible(scene: Scene) -> None:
         raise InputError("friction is given: pack takes grains without friction; use run --until rest")
     if scene.has_moving_walls or scene.has_driven_walls:
         raise InputError("a wall moves, or a force drives it: pack takes walls at rest; use run --until rest")
-    exact_solver("exact")  # raises InputError now, and not after minutes, if its extra is missing
+    exact_solver("exact")  # raises InputError now if the extra is missing, and not after minutes

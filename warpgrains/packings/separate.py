@@ -1,4 +1,4 @@
-"""Grains that overlap, such as those of a soft-sphere program, moved apart without giving them speeds."""
+"""Separation of overlapping grains, such as those of a soft-sphere program, without giving them speeds."""
 
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -15,9 +15,9 @@ from warpgrains.space.geometry import distance
 from warpgrains.walls.box import Box
 from warpgrains.walls.wall import StraightWall, Wall
 
-LEAST = 1e-9  # bound of the overlaps, in smallest radii, where steps of the scene leave less
-MOST_STEPS = 50  # where one or two are usual: what it leaves at a concave wall is of second order
-ITERATIONS = 10_000  # of a step, at most
+LEAST = 1e-9  # smallest default bound on the overlaps, in smallest radii
+MOST_STEPS = 50  # one or two are usual, because a step at a concave wall leaves overlaps of second order
+ITERATIONS = 10_000  # largest number of iterations of a step
 
 
 @fields_in_help
@@ -38,9 +38,9 @@ class Separation(Shown):
     shift: float
     """Largest distance by which a grain was moved [m]."""
     overlap: float
-    """Largest overlap that is left [m]."""
+    """Largest remaining overlap [m]."""
     steps: int
-    """Steps done."""
+    """Number of steps done."""
 
     def summary(self) -> dict[str, str]:
         """Return the lines that describe the separation, by name."""
@@ -55,17 +55,17 @@ class Separation(Shown):
 def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
     """Move grains apart that overlap each other or a wall at the start of a scene.
 
-    A step turns an overlap into a speed, overlap / dt, which stays. Here grains get positions instead: those
-    of steps from rest, without gravity, whose velocities are thrown away. These move grains as little as
-    possible, in the sum of squares weighted by their areas, so that neighbors stay neighbors.
+    In a simulation, a step turns an overlap into a lasting speed, overlap / dt. This function only changes
+    positions: it does steps from rest without gravity, and discards the velocities. These steps minimize the
+    sum of squared displacements, weighted by the areas of the grains, so that neighbors stay neighbors.
 
     Parameters
     ----------
     scene : Scene, path or str
-        Velocities, spins and all settings remain as they are. Walls are where they are at the start.
+        Scene whose grains are moved. Velocities, spins, walls and all settings remain unchanged.
     overlap : float, optional
-        Largest overlap to leave [m]; by default what steps of the scene leave, dt times the tolerance, or
-        1e-9 smallest radii if that is larger.
+        Largest overlap to leave [m]; by default dt times the tolerance, which steps of the scene leave too,
+        or 1e-9 smallest radii if that is larger.
 
     Raises
     ------
@@ -115,7 +115,10 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
 
 
 def _wide(box: Box) -> Box:
-    """Return a box like another, but with plain sides far beyond: its own are among the walls at rest."""
+    """Return a box with the same periodic directions, whose other sides are far outside the given box.
+
+    The sides of the given box are among the walls at rest instead.
+    """
     x, y = (
         (low, high) if repeats else (2.0 * low - high, 2.0 * high - low)
         for (low, high), repeats in zip((box.x, box.y), box.period.repeats, strict=True)
@@ -124,7 +127,7 @@ def _wide(box: Box) -> Box:
 
 
 def _at_rest(wall: Wall) -> Wall:
-    """Return a wall of the same shape, without what several kinds may have: motion, forces, laws, a name."""
+    """Return a wall of the same shape, with defaults for motion, forces, laws of contacts and name."""
     shared = {"pressure", *(own.name for own in fields(StraightWall))}
     changes: dict[str, Any] = {own.name: own.default for own in fields(wall) if own.name in shared}
     return replace(wall, **changes)

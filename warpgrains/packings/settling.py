@@ -1,14 +1,14 @@
 """Steps that lead grains to rest under gravity.
 
-At first grains fall and slide with a large time step. Every few steps, all velocities are multiplied by the
-same factor, so that light and heavy grains are damped alike. Their momentum carries them past one
-rearrangement after another, until the packing hardly sinks any further: first with forces that are solved
-loosely, then with a small tolerance, because what is left unsolved shakes the grains.
+At first, grains fall and slide with a large time step. Every few steps, all velocities are multiplied by the
+same factor, so that light and heavy grains are damped alike. Momentum carries the grains through one
+rearrangement after another, until the packing hardly sinks any further. The first such fall has a large
+tolerance, the next one a small tolerance, because residuals shake the grains.
 
-Then every step begins at rest, and the method "exact" solves it. A step moves grains to the minimum of their
-potential energy, up to a term in their displacements, among the places that the frozen normals allow
-(MODEL.md, eq. 10). Near a packing at rest some twenty suffice, because a move along a contact opens a gap of
-only half its square. If they do not, grains still rearrange, and fall again.
+Then every step begins at rest, and the method "exact" solves it. Such a step minimizes the potential energy
+of the grains, plus a term in their displacements, among the positions that the frozen normals allow
+(MODEL.md, eq. 10). Near a packing at rest about twenty steps suffice, because a displacement x along a
+contact opens a gap proportional to x^2 only. If they do not suffice, grains still rearrange, and fall again.
 """
 
 from dataclasses import replace
@@ -26,41 +26,42 @@ from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.space.geometry import distance
 
-ITERATIONS = 3000  # of a step in which grains fall, at most
+ITERATIONS = 3000  # largest number of iterations of a step in which grains fall
 DAMPING = 9.0  # time in which damping divides a speed by e, in sqrt(d / g)
-DAMPED = 10  # steps between which velocities are damped; it divides those in which the sinking is watched
+DAMPED = 10  # number of steps after which velocities are damped; it divides the steps in WATCHED
 WATCHED = 10.0  # time over which the sinking is measured, in sqrt(d / g)
-FIRST = 1.0  # first dt of the steps that balance forces, in sqrt(d / g)
-SLIDING = 0.7  # their longest dt, in sqrt(R / g), the time in which a packing slides in a wall of radius R
-EXACT = 1e-7  # their tolerance, in g dt
-BALANCED = 1e-6  # unbalanced acceleration [g] at their end
-TRIED = 20  # such steps at most
-NEAR, FAR = 1e-3, 1e-2  # largest displacements [d] below which the next dt is longer, and above which shorter
-LONGER = 1.5  # factor by which it is
-SHORTER = 3.0  # factor by which each of the last steps is shorter, down to the time step of the scene
+# Steps that balance forces:
+FIRST = 1.0  # first dt, in sqrt(d / g)
+SLIDING = 0.7  # longest dt, in sqrt(R / g), the time in which a packing slides in a wall of radius R
+EXACT = 1e-7  # tolerance, in g dt
+BALANCED = 1e-6  # unbalanced acceleration [g] at which these steps end
+TRIED = 20  # largest number of steps with adapted dt, and of those with falling dt
+NEAR, FAR = 1e-3, 1e-2  # largest displacement [d]: dt is increased below NEAR, and decreased above FAR
+LONGER = 1.5  # factor of this change of dt
+SHORTER = 3.0  # factor by which dt falls in each of the last steps, down to that of the scene
 ENERGY = 1e-9  # largest mean kinetic energy of a grain at rest, in m g d
-TESTED = 10  # steps with the scene's settings, after each of which the grains must rest
+TESTED = 10  # number of steps with the scene's settings, after each of which the grains must be at rest
 
 
 class Fall(NamedTuple):
-    """Steps in which grains fall and slide."""
+    """Parameters of steps in which grains fall and slide."""
 
     dt: float
-    """In sqrt(d / g)."""
+    """Time step, in sqrt(d / g)."""
     tolerance: float
-    """In g dt."""
+    """Tolerance, in g dt."""
     still: float
-    """Mean distance [d] by which grains sink or rise at most while they are watched, at the end."""
+    """The fall ends when grains sink or rise in the time WATCHED by at most this mean distance [d]."""
 
 
 FALLS = Fall(dt=0.2, tolerance=1e-2, still=1e-3), Fall(dt=0.5, tolerance=1e-4, still=1e-5)
 
 
 class Settling:
-    """Grains without friction that settle by gravity between walls at rest, in at most some steps.
+    """Grains without friction that settle by gravity between walls at rest, in at most `most_steps` steps.
 
-    Lengths are in mean diameters d, accelerations in g [m/s2], energies in m g d. At rest, the largest mean
-    kinetic energy of a grain is 1e-9, or that at 30 tolerances if larger.
+    Lengths are in mean diameters d, accelerations in g [m/s2], energies in m g d. At rest, the mean kinetic
+    energy of a grain is at most `most_energy`: 1e-9, or that at 30 tolerances if it is larger.
     """
 
     def __init__(self, scene: Scene, most_steps: int, threads: int | None, bar: Progress):
@@ -89,7 +90,7 @@ class Settling:
         return sqrt(self.diameter / self.gravity)
 
     def settle(self) -> None:
-        """Let grains fall, or fall again, until they hardly sink and their forces balance."""
+        """Let grains fall (again, if they have fallen before) until they hardly sink and forces balance."""
         for fall in FALLS[-1:] if self.steps else FALLS:
             self._fall(fall)
         while not self._balance():
@@ -110,7 +111,7 @@ class Settling:
             self._show(f"grains sank by {sunk / self.diameter:.1e} diameters", steps)
 
     def _balance(self) -> bool:
-        """Let the forces balance, and return whether they do, up to rest after `TESTED` steps."""
+        """Do steps that balance the forces; return whether the grains would rest for `TESTED` steps."""
         half = 0.5 * float(np.ptp(self._scene.boundary.space.box, axis=0).max())
         first, longest = FIRST * self._time, SLIDING * sqrt(half / self.gravity)
         dt = first
@@ -133,10 +134,10 @@ class Settling:
         return False
 
     def state(self) -> State:
-        """Return the state of the grains at rest, at the start, for the settings of the scene."""
+        """Return the initial state of the scene, with the grains at rest where they are now."""
         now, scene = self._simulation.state(), self._scene
         i, j = now.corrections.pair.T
-        # contacts act on masses that drag increases (MODEL.md, eq. 17b): the same force, another correction
+        # contact masses include the scene's drag (MODEL.md, eq. 17b), so equal forces need other corrections
         light, heavy = 1.0 / scene.mass, 1.0 / scene.contact_mass
         pairs = (heavy[i] + heavy[j]) / (light[i] + light[j])
         grain = now.corrections.wall[:, 0]
@@ -149,12 +150,12 @@ class Settling:
         )
 
     def _depth(self) -> float:
-        """Return how deep the center of mass lies along gravity [m], with the same bits in any order."""
+        """Return the depth of the center of mass along gravity [m], with the same bits in any order."""
         (x, y), (gx, gy), mass = self._simulation.position.T, self._scene.gravity, self._scene.mass
         return fsum(mass * (gx * x + gy * y)) / (self.gravity * fsum(mass))
 
     def _take(self, steps: int) -> None:
-        """Count steps; SimulationError if they are more than are left."""
+        """Count steps before they are done; raise SimulationError if they exceed `most_steps`."""
         if self.steps + steps > self._most_steps:
             raise SimulationError(
                 f"the grains are not at rest after {self.steps} steps: give more than {self._most_steps}, or"
@@ -163,7 +164,7 @@ class Settling:
         self.steps += steps
 
     def _step(self) -> tuple[float, float]:
-        """Do a step from rest; return the RMS unbalanced acceleration [g] and largest displacement [d]."""
+        """Do a step from rest; return (RMS unbalanced acceleration [g], largest displacement [d])."""
         self._take(1)
         self._slow(0.0)
         simulation = self._simulation
@@ -183,7 +184,7 @@ class Settling:
         self._bar.update(steps)
 
     def _change(self, dt: float, tolerance: float, method: str) -> None:
-        """Change time step [s], tolerance [g dt] and method. Forces stay as they are."""
+        """Change time step [s], tolerance [g dt] and method, and scale corrections so that forces stay."""
         simulation = self._simulation
         if (dt, tolerance, method) == (simulation.scene.dt, self._tolerance, simulation.scene.method):
             return
@@ -195,7 +196,7 @@ class Settling:
 
 
 def _scaled(corrections: Corrections, pairs: float | FloatArray, walls: float | FloatArray) -> Corrections:
-    """Return corrections times factors of the pairs and of the wall contacts."""
+    """Return corrections multiplied by factors `pairs` and `walls` (numbers, or arrays by contact)."""
     scaled: dict[str, Any] = {
         "pair_correction": pairs * corrections.pair_correction,
         "wall_correction": walls * corrections.wall_correction,
