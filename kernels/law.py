@@ -148,7 +148,7 @@ def pair_roll(part: f64, rim_i: f64, rim_j: f64) -> f64:
 
 @wp.func
 def wall_roll(rim: f64, radius: f64, spin: f64) -> f64:
-    """Return the rolling speed vr of a grain on a wall that turns at `spin` [rad/s] [m/s] (eq. 37)."""
+    """Return the rolling speed vr [m/s] of a grain on a wall that turns at `spin` [rad/s] (eq. 37)."""
     return rim - radius * spin
 
 

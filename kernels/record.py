@@ -63,7 +63,7 @@ class Phase(IntEnum):
 
 
 class Asking(IntEnum):
-    """When a step still asks the host for a solution. The method sets this first, then the host's answers."""
+    """Times at which a step may still ask the host for a solution, set by the method and by answers."""
 
     NEVER = 0
     AT_LAST = 1  # after the last sweep
