@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from warpgrains.base.errors import InputError, NoAreaError, OutputError, SimulationError
     from warpgrains.batch.batch import Batch
     from warpgrains.packings.compress import Packing, compress
-    from warpgrains.packings.pack import Rest, pack
+    from warpgrains.packings.pack import Settled, pack
     from warpgrains.packings.separate import Separation, separate
     from warpgrains.scene.layouts import random_layout
     from warpgrains.scene.scene import Scene
@@ -50,11 +50,11 @@ __all__ = [
     "Packing",
     "Polyline",
     "Recording",
-    "Rest",
     "Row",
     "Scene",
     "Segment",
     "Separation",
+    "Settled",
     "Simulation",
     "SimulationError",
     "Sink",
@@ -72,7 +72,7 @@ __all__ = [
 
 _NAMES = {
     "packings.compress": ("Packing", "compress"),
-    "packings.pack": ("Rest", "pack"),
+    "packings.pack": ("Settled", "pack"),
     "packings.separate": ("Separation", "separate"),
     "usd.recording": ("Recording",),
     "batch.batch": ("Batch",),

@@ -17,7 +17,7 @@ RADIUS = 0.5
 G = 9.81
 FRICTIONS = (0.1, 0.3, 0.6)  # on slopes
 SCHEMES = {
-    "text, tangent": {"scheme": "text", "wall": "tangent"},
+    "euler, tangent": {"scheme": "euler", "wall": "tangent"},
     "leapfrog, round wall": {"scheme": "leapfrog", "wall": "round"},
 }
 

@@ -127,7 +127,7 @@ def hopper() -> Section:
 
 def piston_silo(height: float, seed: int, wall_friction: float = 0.5, **fields: Any) -> wg.Scene:
     """Return a silo whose bottom moves down like a piston; its filling has a height [widths]."""
-    side, bottom = {"friction": wall_friction}, {"velocity": (0.0, -SPEED), "from_time": SETTLING}
+    side, bottom = {"friction": wall_friction}, {"velocity": (0.0, -SPEED), "start_time": SETTLING}
     domain = wg.Box((0.0, SIDE), (0.0, 2.0 * height * SIDE), left=side, right=side, bottom=bottom)
     return filled(domain, round(height * SIDE**2 / room(1)), seed, **fields)
 

@@ -34,7 +34,7 @@ def way_on_a_slope(tangent: float, friction: float, scheme: str = "leapfrog", dt
 def way_when_tilted(friction: float, dt: float) -> float:
     """Return the distance that a disc moves on a floor in 2 s, while gravity turns by 1 rad [m]."""
     start, wall = np.array([0.0, RADIUS]), wg.Segment((-15.0, 0.0), (15.0, 0.0))
-    fields = {"radius_out": 20.0, "gravity": {"rotate": TILT}, "scheme": "leapfrog"}
+    fields = {"radius_out": 20.0, "gravity": {"angular_velocity": TILT}, "scheme": "leapfrog"}
     return way(start, wall, 2.0, friction=friction, dt=dt, **fields)
 
 
@@ -59,7 +59,7 @@ def slope() -> Section:
     numbers: Numbers = {"leapfrog: worst error of the acceleration [m/s2]": worst}
     for name, tangent, friction in (("rolls", 0.5, 0.3), ("slides", 1.5, 0.3)):
         exact = 0.125 * acceleration_on_a_slope(tangent, friction)
-        errors = [abs(way_on_a_slope(tangent, friction, "text", dt) - exact) for dt in STEPS]
+        errors = [abs(way_on_a_slope(tangent, friction, "euler", dt) - exact) for dt in STEPS]
         numbers[f"text, {name}: order in dt"] = float(np.log2(errors[-2] / errors[-1]))
     for friction, marker in zip(FRICTIONS, "osd", strict=True):
         exact = exact_way_when_tilted(friction)

@@ -154,7 +154,7 @@ def exact_step() -> Section:
         method: [{"tolerance": 0.0, "max_iterations": sweeps} for sweeps in BUDGETS]
         for method in ("gauss-seidel", "accelerated")
     }
-    ways["exact"] = [{"tolerance": tolerance, "exact_time": 1e3} for tolerance in TOLERANCES]
+    ways["exact"] = [{"tolerance": tolerance, "exact_budget": 1e3} for tolerance in TOLERANCES]
     for method, changes in ways.items():
         found = [timed(scene, state, method=method, **one) for one in changes]
         axes.loglog(*np.transpose(found), "o-", label=method)

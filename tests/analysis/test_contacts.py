@@ -7,7 +7,7 @@ import networkx
 import numpy as np
 import pytest
 from moments import EPS, frictional
-from schemes import SCHEMES, SECOND_ORDER, TEXTS, contact_mass, without_contacts
+from schemes import EULER, SCHEMES, SECOND_ORDER, contact_mass, without_contacts
 
 from warpgrains import Scene, Simulation, analysis
 from warpgrains.scene.scheme import free_spin
@@ -150,13 +150,13 @@ AT_REST = {"angular_velocity_out": 0.0, "angular_velocity_in": 0.0}
 @pytest.mark.parametrize(
     "scene",
     [
-        pytest.param(Scene.load("annulus").replace(**TEXTS), id="no friction"),
+        pytest.param(Scene.load("annulus").replace(**EULER), id="no friction"),
         pytest.param(Scene.load("annulus").replace(**SECOND_ORDER), id="no friction, second order"),
-        pytest.param(frictional(**TEXTS), id="friction"),
+        pytest.param(frictional(**EULER), id="friction"),
         pytest.param(frictional(**SECOND_ORDER), id="friction, second order"),
         pytest.param(frictional(**SECOND_ORDER, spin_drag=0.0, drag=0.0), id="no drag"),
-        pytest.param(frictional(**TEXTS, **AT_REST), id="walls at rest"),
-        pytest.param(frictional(**TEXTS, friction=0.0, wall_friction=0.5), id="smooth grains"),
+        pytest.param(frictional(**EULER, **AT_REST), id="walls at rest"),
+        pytest.param(frictional(**EULER, friction=0.0, wall_friction=0.5), id="smooth grains"),
         pytest.param(frictional(**SECOND_ORDER, wall_friction=0.0, **AT_REST), id="smooth walls"),
         pytest.param(frictional(**SECOND_ORDER, method="accelerated"), id="accelerated"),
     ],

@@ -51,7 +51,7 @@ def box(*walls, **sides):
         ({"walls": [Line((0.0, -0.5), (0.0, 1.0), 2.0)]}, pi - CAP, np.inf),
         (box(), 0.48, np.inf),
         (box(left={"velocity": (0.1, 0.3)}, top={"velocity": (0.2, 0.0)}), 0.32, np.inf),
-        (box(left={"velocity": (-0.1, 0.0), "to_time": 1.0}), 0.56, np.inf),
+        (box(left={"velocity": (-0.1, 0.0), "end_time": 1.0}), 0.56, np.inf),
         (box(periodic="x", bottom={"velocity": (0.3, -0.1)}), 0.6, np.inf),
         (box(Disc((-0.25, 0.1), 0.1, velocity=(-0.2, 0.0)), periodic="x"), 0.48 - DISC, np.inf),
         (box(Disc((0.3, 0.4), 0.1), periodic="xy"), 0.48 - DISC, np.inf),

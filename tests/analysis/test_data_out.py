@@ -78,7 +78,9 @@ def test_a_file_that_is_replaced_is_read_anew(tmp_path, suffix):
 def test_a_frame_within_a_step_has_its_time(tmp_path):
     """And so have its walls and its gravity."""
     paddle = Segment((-0.9, -0.4), (0.9, -0.4), angular_velocity=0.5)
-    scene = Scene.load("annulus").replace(walls=[paddle], gravity={"vector": (0.0, -9.81), "rotate": 1.0})
+    scene = Scene.load("annulus").replace(
+        walls=[paddle], gravity={"vector": (0.0, -9.81), "angular_velocity": 1.0}
+    )
     Simulation(scene).run(duration=2.0, record=tmp_path / "run.usdc", forces=True)
     recording = wg.Recording(tmp_path / "run.usdc")
     contacts = recording.to_pandas("wall_contacts")

@@ -43,7 +43,7 @@ def test_torques_are_about_pivots_or_the_origin() -> None:
 
 
 def test_quantities_of_walls_have_the_name_after_a_colon() -> None:
-    lid = {"pressure": 30.0, "mass": 1.0, "velocity": (0.5, 0.0), "to_time": 0.1, "roughness": BUMPS}
+    lid = {"pressure": 30.0, "mass": 1.0, "velocity": (0.5, 0.0), "end_time": 0.1, "roughness": BUMPS}
     simulation = Simulation(boxed("rough lid", top=lid, drag=0.3, max_iterations=1000))
     simulation.advance(1200)
     names = [f"{kind}:top" for kind in ("force_x", "force_y", "torque", "position_x", "position_y")]

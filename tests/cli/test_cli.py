@@ -105,9 +105,9 @@ def test_a_rate_that_cannot_be_met_is_said(scene, tmp_path, capfd, name, fps, sa
     ("asked", "form"),
     [
         ("", "Points"),
-        ("--as points", "Points"),
-        ("--as discs", "PointInstancer"),
-        ("--as spheres --forces --color-by speed", "PointInstancer"),
+        ("--draw-as points", "Points"),
+        ("--draw-as discs", "PointInstancer"),
+        ("--draw-as spheres --forces --color-by speed", "PointInstancer"),
     ],
 )
 def test_form_of_the_grains(scene, tmp_path, asked, form):

@@ -10,7 +10,7 @@ from bench.flow import ACCELERATED, flowing
 from residual_twin import free_velocity, twin_residual
 from same_bits import at_annulus, dense_pair_correction
 from sample_scenes import bullet, chain, crowd, explosion, random_scene
-from schemes import SECOND_ORDER, TEXTS
+from schemes import EULER, SECOND_ORDER
 
 from warpgrains import Scene, Simulation, StepReport
 from warpgrains.solver import tuning
@@ -93,7 +93,7 @@ def test_against_all_pairs(case: str, lists: str, monkeypatch: pytest.MonkeyPatc
     for name, value in LISTS[lists].items():
         monkeypatch.setattr(tuning, name, value)
     (make, steps), turn = CASES[case], [*CASES].index(case) + [*LISTS].index(lists)
-    how = (TEXTS, SECOND_ORDER)[turn // 2 % 2] | {"stop": ("residual", "zeta")[turn % 2]}
+    how = (EULER, SECOND_ORDER)[turn // 2 % 2] | {"stop": ("residual", "zeta")[turn % 2]}
     if case in LEAVING:
         how |= {"wall": "tangent"}
     scene, rebuilds = make().replace(method="accelerated", **how), 0
@@ -127,11 +127,11 @@ def steps_measured(simulation: Simulation, steps: int) -> list[StepReport]:
 
 
 MEASURED = [
-    ("annulus", "gauss-seidel", TEXTS),
+    ("annulus", "gauss-seidel", EULER),
     ("annulus", "accelerated", SECOND_ORDER),
     ("polydisperse", "gauss-seidel", SECOND_ORDER),
-    ("polydisperse", "accelerated", TEXTS),
-    ("no_inner_wall", "gauss-seidel", TEXTS),
+    ("polydisperse", "accelerated", EULER),
+    ("no_inner_wall", "gauss-seidel", EULER),
     ("no_inner_wall", "accelerated", SECOND_ORDER),
 ]
 

@@ -33,7 +33,7 @@ def test_a_snapshot_has_the_normals_of_the_step() -> None:
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
 def test_a_rough_lid_moves_as_one(method: str) -> None:
     """Its rows stay where they are on the line, and once grains rest, line and rows carry the pressure."""
-    lid = {"pressure": 30.0, "mass": 1.0, "velocity": (0.5, 0.0), "to_time": 0.1, "roughness": BUMPS}
+    lid = {"pressure": 30.0, "mass": 1.0, "velocity": (0.5, 0.0), "end_time": 0.1, "roughness": BUMPS}
     scene = boxed("rough lid", top=lid, drag=0.3, method=method, max_iterations=1000)
     simulation = Simulation(scene)
     simulation.advance(1200)

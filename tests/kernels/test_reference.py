@@ -10,7 +10,7 @@ import pytest
 from random_scenes import random_scene as random_scene_of_all
 from same_bits import assert_same_bits
 from sample_scenes import SUDDEN, random_scene
-from schemes import SECOND_ORDER, TEXTS
+from schemes import EULER, SECOND_ORDER
 from swept_order import Followed, follow_reference, full_order, residual_in_c
 from walled_scenes import BOUNCY, DRIVEN, ROLLING, ROUGH, WALLED, cloud, pressed
 
@@ -168,7 +168,7 @@ def test_bits_and_residual_of_every_law(c_library: ctypes.CDLL, seed: int) -> No
 
 
 PYTHON: dict[str, Callable[[], Scene]] = {
-    "text": changed(Scene.load, "annulus", mass=np.geomspace(0.1, 3.0, 15), **TEXTS),
+    "text": changed(Scene.load, "annulus", mass=np.geomspace(0.1, 3.0, 15), **EULER),
     "second order": changed(Scene.load, "annulus", mass=np.geomspace(0.1, 3.0, 15), **SECOND_ORDER),
     "friction": partial(cloud, **LEAPFROG, **ROLLING),
     "driven": partial(pressed, walls=[DRIVEN], restitution=0.5, **LEAPFROG),

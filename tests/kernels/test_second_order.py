@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from schemes import SECOND_ORDER, TEXTS
+from schemes import EULER, SECOND_ORDER
 
 from warpgrains import Batch, Scene, Simulation, SimulationError
 
@@ -53,7 +53,7 @@ def test_a_grain_that_leaves_the_circle_is_refused(iterations: int) -> None:
             simulation.step()
         assert np.array_equal(simulation.position, simulation.scene.position)
         assert not simulation.state().staggered
-    Simulation(fast(**TEXTS)).step()
+    Simulation(fast(**EULER)).step()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         summaries = Batch([fast(**SECOND_ORDER), Scene.load("annulus").replace(duration=0.1)]).run()

@@ -78,7 +78,7 @@ def test_steps_are_solved_and_no_overlap_exceeds_dt_eta(which: str) -> None:
 @pytest.mark.parametrize("which", WALLED)
 def test_momentum_and_energy_are_accounted_for(which: str) -> None:
     """What grains gain in a step is what contacts carry, in the directions that the host finds."""
-    scheme = ("text", "leapfrog")[[*WALLED].index(which) % 2]
+    scheme = ("euler", "leapfrog")[[*WALLED].index(which) % 2]
     simulation = Simulation(WALLED[which](max_iterations=60, scheme=scheme))
     scene, mass = simulation.scene, contact_mass(simulation.scene)[:, np.newaxis]
     if scene.has_driven_walls or scene.has_rolling_friction:
@@ -120,7 +120,7 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
         [list(a), list(b)] for a, b in pairwise(corners)
     ]
     assert scene.walls[7] == Segment(
-        corners[2], corners[0], velocity=(0.0, -1.0), from_time=0.0, name="polyline3"
+        corners[2], corners[0], velocity=(0.0, -1.0), start_time=0.0, name="polyline3"
     )
     in_python = [DISCS[0], ARC, Polyline(corners, name="hopper")]
     in_python.append(Polyline(corners[:3], closed=True, velocity=(0.0, -1.0)))

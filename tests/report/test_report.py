@@ -158,7 +158,7 @@ def test_trajectories_of_free_fall():
     for row in rows:
         assert row.horizon == pytest.approx(0.08)
         assert row.cpu_time > 0.0
-        expected = 0.5 * 9.81 * 0.08 * row.dt if row.scheme == "text" else 0.0
+        expected = 0.5 * 9.81 * 0.08 * row.dt if row.scheme == "euler" else 0.0
         assert row.error == pytest.approx(expected, abs=rounding)
         assert row.finest_error <= rounding
     assert fitted_order(rows[: len(FRACTIONS)]) == pytest.approx(1.0, abs=1e-6)
@@ -176,7 +176,7 @@ def test_steps_that_are_too_long():
 @pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
 def test_order_of_a_power(order):
     def path(dt, error):
-        return PathRow("power", "text", 1.0, dt, error, 0.0, 1.0)
+        return PathRow("power", "euler", 1.0, dt, error, 0.0, 1.0)
 
     rows = [path(dt, 3.0 * dt**order) for dt in (1e-1, 1e-2, 1e-3)]
     for unfit in ([], [path(1e-4, 0.0)], [path(1e-4, np.nan)]):

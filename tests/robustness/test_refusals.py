@@ -177,7 +177,7 @@ WALL = "[[walls]]\nkind = 'segment'\nfrom = [0.5, 0]\nto = [0.7, 0]\n"
 WALLED = {
     "walled": WALL,
     "spun": f"physics.spin_drag = 0.01\n{WALL}friction = 0.3\n",
-    "turning": "physics.gravity = {rotate = 0.1}\n",
+    "turning": "physics.gravity = {angular_velocity = 0.1}\n",
 }
 
 
@@ -201,7 +201,7 @@ def running(tmp_path_factory):
     return {
         **{"s": s, "b": b, "state": s.state(), "one": analysis.snapshot(alone, first_state(alone))},
         "kept": kept.read_bytes(),
-        "turning": Batch([s.scene, s.scene.replace(gravity={"rotate": 1.0})]),
+        "turning": Batch([s.scene, s.scene.replace(gravity={"angular_velocity": 1.0})]),
     }
 
 

@@ -27,7 +27,7 @@ CASES = {
     "an open box": ({"walls": OPEN}, INSIDE),
     "an open box without gravity": ({"walls": OPEN, "gravity": (0.0, 0.0)}, WHOLE),
     "an open box, gravity up": ({"walls": OPEN, "gravity": (0.0, 9.81)}, WHOLE),
-    "an open box, gravity that turns": ({"walls": OPEN, "gravity": {"rotate": 1.0}}, WHOLE),
+    "an open box, gravity that turns": ({"walls": OPEN, "gravity": {"angular_velocity": 1.0}}, WHOLE),
     "an open box, a grain that flies out": ({"walls": OPEN, "velocity": [(0.0, 5.0)]}, WHOLE),
     "an open box, a grain that stays": ({"walls": OPEN, "velocity": [(0.0, 2.0)]}, INSIDE),
     "a closed box": ({"walls": CLOSED, "velocity": [(0.0, 5.0)], "gravity": (0.0, 0.0)}, INSIDE),
@@ -43,7 +43,7 @@ CASES = {
     "a grain above a box": ({"walls": OPEN, "position": [(0.0, 1.0)]}, WHOLE),
     "a box as the domain": (box(), INSIDE),
     "a piston that moves out": (
-        box(left={"velocity": (-0.1, 0.0), "to_time": 2.0}),
+        box(left={"velocity": (-0.1, 0.0), "end_time": 2.0}),
         (-0.5, -0.4, 0.3, 0.6),
     ),
     "a side that oscillates by 0.1 m, sixteen times": (

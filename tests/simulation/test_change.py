@@ -33,15 +33,15 @@ def pile(**changes):
 
 
 CHANGES = {
-    "gravity": ({"gravity": (1.0, -9.0)}, "text", "sequential"),
-    "turning": ({"gravity": {"rotate": 1.0}}, "leapfrog", "color"),
+    "gravity": ({"gravity": (1.0, -9.0)}, "euler", "sequential"),
+    "turning": ({"gravity": {"angular_velocity": 1.0}}, "leapfrog", "color"),
     "friction": ({"friction": 0.1, "wall_friction": 0.5, "tolerance": 1e-4}, "leapfrog", "sequential"),
-    "surface": ({"angular_velocity_out": 1.0, "on_unconverged": "raise"}, "text", "color"),
+    "surface": ({"angular_velocity_out": 1.0, "on_unconverged": "raise"}, "euler", "color"),
     "drag": ({"drag": 3.0}, "leapfrog", "sequential"),
     "rough wall": ({"walls": lambda floor: [replace(floor, friction=0.9)]}, "leapfrog", "color"),
-    "motion": ({"walls": lambda floor: [replace(floor, velocity=(0.0, 0.3))]}, "text", "sequential"),
+    "motion": ({"walls": lambda floor: [replace(floor, velocity=(0.0, 0.3))]}, "euler", "sequential"),
     "dt": ({"dt": 1e-3}, "leapfrog", "color"),
-    "scheme": ({"dt": 0.01, "drag": 0.1, "scheme": "text"}, "leapfrog", "sequential"),
+    "scheme": ({"dt": 0.01, "drag": 0.1, "scheme": "euler"}, "leapfrog", "sequential"),
     "a wall more": ({"walls": lambda floor: [floor, Disc((0.0, 0.8), 0.05)]}, "leapfrog", "sequential"),
 }
 ELSEWHERE = ("drag", "dt", "scheme", "a wall more")

@@ -154,7 +154,7 @@ def test_numbers_are_never_used_twice(tmp_path):
         assert each.id.tolist() == [*range(1, 14), 16]
 
 
-@pytest.mark.parametrize("scheme", ["text", "leapfrog"])
+@pytest.mark.parametrize("scheme", ["euler", "leapfrog"])
 def test_an_added_grain_falls_as_one_of_the_start(scheme):
     """It has its velocity where it is: half a step behind in the leapfrog scheme, as the others are."""
     fields = {

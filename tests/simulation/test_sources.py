@@ -68,8 +68,8 @@ def flow(simulation):
         ({"count": 7}, {1: 7, 100: 7}),
         ({"rate": 10.0}, {1: 0, 10: 0, 11: 1, 20: 1, 21: 2, 91: 9, 100: 9}),
         ({"rate": 10.0, "count": 3}, {1: 3, 11: 4}),
-        ({"rate": 10.0, "from_time": 0.42, "count": 2}, {45: 0, 46: 2, 51: 2, 61: 3}),
-        ({"rate": 10.0, "from_time": 0.4, "to_time": 0.64}, {41: 0, 51: 1, 61: 2, 100: 2}),
+        ({"rate": 10.0, "start_time": 0.42, "count": 2}, {45: 0, 46: 2, 51: 2, 61: 3}),
+        ({"rate": 10.0, "start_time": 0.4, "end_time": 0.64}, {41: 0, 51: 1, 61: 2, 100: 2}),
         ({"rate": 10.0, "interval": 0.2}, {11: 0, 20: 0, 21: 2, 41: 4}),
         ({"rate": 100.0, "interval": 0.001}, {1: 0, 2: 1, 3: 2}),
     ],
@@ -235,9 +235,9 @@ def test_scene_files_and_recordings_have_the_same_sources(tmp_path):
     scene = Scene.load(path, ["sources.0.rate=20", "sinks.0.interval=0.1"])
     lognormal = {"distribution": "lognormal", "mean": 0.02, "deviation": 0.005, "largest": 0.04}
     own = {"radius": lognormal, "name": "top"}
-    expected = Source(**TOP | own, rate=20.0, from_time=0.0)
+    expected = Source(**TOP | own, rate=20.0, start_time=0.0)
     assert scene.sources == (expected,)
-    assert scene.sinks == (Sink(region={"distance": (0.5, 1.0)}, into="top", interval=0.1, from_time=0.0),)
+    assert scene.sinks == (Sink(region={"distance": (0.5, 1.0)}, into="top", interval=0.1, start_time=0.0),)
     again = Scene(**GRAIN, **read_parameters(parameters_text(scene)))
     assert (again.sources, again.sinks) == (scene.sources, scene.sinks)
     assert exit_code("init", tmp_path / "other.toml", "--from", path) == 0

@@ -42,10 +42,10 @@ def floor(**motion):
 
 PISTON = Segment((-0.5, -0.5), (0.5, -0.5), force=-0.1, mass=1.0)
 STIRRED = {
-    "a gate that will open": (floor(velocity=(0.0, -0.5), from_time=3.0, to_time=3.5), 3.5),
+    "a gate that will open": (floor(velocity=(0.0, -0.5), start_time=3.0, end_time=3.5), 3.5),
     "a floor that creeps": (floor(velocity=(0.0, -4e-4)), np.inf),
-    "a plate that will turn": (floor(angular_velocity=0.1, from_time=30.0), np.inf),
-    "gravity that turns": ({"gravity": {"rotate": 1e-5}}, np.inf),
+    "a plate that will turn": (floor(angular_velocity=0.1, start_time=30.0), np.inf),
+    "gravity that turns": ({"gravity": {"angular_velocity": 1e-5}}, np.inf),
     "a piston that falls": ({"walls": [*floor()["walls"], PISTON]}, np.inf),
     "nothing": (floor(), 0.0),
 }

@@ -64,7 +64,7 @@ def test_a_summary_is_that_of_its_steps():
 @pytest.mark.parametrize("kept", ["", "kept.npz"])
 def test_a_run_warns_once_and_counts(tmp_path, kept):
     """The grains are free before its end, and it says the same whatever it writes."""
-    leaving = Disc((0.0, 0.0), 0.5, velocity=(0.0, 1.0), from_time=0.07)
+    leaving = Disc((0.0, 0.0), 0.5, velocity=(0.0, 1.0), start_time=0.07)
     wedged = chain(5, 1e-3, max_iterations=300).replace(radius_in=0.0, walls=[leaving])
     with pytest.warns(UserWarning, match="grains overlap"):
         simulation = Simulation(wedged)

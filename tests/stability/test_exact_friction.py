@@ -150,7 +150,7 @@ def test_an_answer_that_throws_grains_out_of_the_domain_is_declined(speed, monke
     """Where grains cannot fit, a path leads to a smaller residual with velocities beyond all bounds."""
     simulation = Simulation(couette(tolerance=1e-17, max_iterations=30))
     simulation.advance(5)
-    swept = Simulation(simulation.scene.replace(method="accelerated", exact_time=None))
+    swept = Simulation(simulation.scene.replace(method="accelerated", exact_budget=None))
     swept.restore(simulation.state())
     found = FrictionStep.velocity
     monkeypatch.setattr(friction, "NEAR", 1e9)  # no contact is left out
@@ -188,7 +188,7 @@ def test_an_answer_is_kept_until_the_last_sweep_for_its_walls(swapped, monkeypat
     answer = friction.PathSolver._answer
     monkeypatch.setattr(friction, "ListedContacts", swapping)
     monkeypatch.setattr(friction.PathSolver, "_answer", lambda *own: answers.append(own) or answer(*own))
-    simulation = Simulation(couette(exact_time=1e-6))
+    simulation = Simulation(couette(exact_budget=1e-6))
     while len(asked) < 2:
         simulation.step()
     assert len(asked) == 2  # after 300 sweeps, and after the last one
@@ -198,13 +198,13 @@ def test_an_answer_is_kept_until_the_last_sweep_for_its_walls(swapped, monkeypat
 @pytest.mark.parametrize("make", [drum, couette])
 def test_a_step_that_is_not_solved_ends_no_worse_than_by_sweeps(make):
     """With a budget too small for one factorization the bits are those of sweeps alone."""
-    scene = make(exact_time=1e-6)
-    one, other = Simulation(scene), Simulation(scene.replace(exact_time=None, method="accelerated"))
+    scene = make(exact_budget=1e-6)
+    one, other = Simulation(scene), Simulation(scene.replace(exact_budget=None, method="accelerated"))
     for _ in range(20):
         assert one.step().residual == other.step().residual
     state = other.state()
     for tight in (0.1, 1.0, 10.0):
-        one = Simulation(scene.replace(exact_time=tight))
+        one = Simulation(scene.replace(exact_budget=tight))
         one.restore(state)
         other.restore(state)
         assert one.step().residual <= other.step().residual

@@ -11,7 +11,7 @@ from warpgrains.walls.annulus import Annulus
 
 RADIUS_OUT = 1.0  # m
 ROUGH: dict[str, Any] = {"method": "exact", "tolerance": 1e-9, "max_iterations": 320}
-ROUGH |= {"friction": 0.5, "exact_time": 1e3}
+ROUGH |= {"friction": 0.5, "exact_budget": 1e3}
 """Friction by the exact method, which uses the host solver after 320 sweeps at most."""
 SOON: dict[str, Any] = {"method": "exact", "tolerance": 1e-10, "max_iterations": 3}
 """The exact method, which uses the host solver after 3 sweeps."""

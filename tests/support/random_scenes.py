@@ -52,7 +52,7 @@ def random_scene(rng: np.random.Generator, kind: str | None = None, **fixed: Any
         "max_iterations": int(rng.choice([1, 10, 50, 200, 1000], p=[0.3, 0.3, 0.25, 0.13, 0.02])),
         "order": str(rng.choice(ORDERS)),
         "method": method,
-        "scheme": str(rng.choice(["text", "leapfrog"])),
+        "scheme": str(rng.choice(["euler", "leapfrog"])),
         "wall": str(rng.choice(["tangent", "round"])),
         "stop": "residual" if method == "exact" else str(rng.choice(["zeta", "residual"])),
     }
@@ -91,8 +91,8 @@ def random_motion(rng: np.random.Generator, fastest: float) -> dict[str, Any]:
         "velocity": tuple(rng.uniform(-fastest, fastest, 2).tolist()),
         "angular_velocity": float(rng.choice([0.0, fastest])),
         **rng.choice([{}, {"frequency": 8.0, "phase": 1.0}]),
-        "from_time": rng.choice([0.0, 0.013, 0.016]),
-        "to_time": rng.choice([None, 0.053, 0.056]),
+        "start_time": rng.choice([0.0, 0.013, 0.016]),
+        "end_time": rng.choice([None, 0.053, 0.056]),
         "pivot": (0.1, -0.2) if rng.random() < 0.5 else None,
     }
 

@@ -6,11 +6,11 @@ import pytest
 from warpgrains import Scene
 from warpgrains.base.arrays import FloatArray
 
-TEXTS = {"scheme": "text", "wall": "tangent"}
+EULER = {"scheme": "euler", "wall": "tangent"}
 SECOND_ORDER = {"scheme": "leapfrog", "wall": "round"}
-SCHEMES = [pytest.param(TEXTS, id="text"), pytest.param(SECOND_ORDER, id="second order")]
+SCHEMES = [pytest.param(EULER, id="euler"), pytest.param(SECOND_ORDER, id="second order")]
 MIXED = [
-    pytest.param(TEXTS | {"wall": "round"}, id="text, round wall"),
+    pytest.param(EULER | {"wall": "round"}, id="text, round wall"),
     pytest.param(SECOND_ORDER | {"wall": "tangent"}, id="leapfrog, tangents"),
 ]
 
@@ -18,7 +18,7 @@ MIXED = [
 def without_contacts(scene: Scene, v: FloatArray, staggered: bool) -> FloatArray:
     """Return velocities after a step without contacts [m/s]: Euler, or leapfrog with midpoint drag."""
     g, rate = np.array(scene.gravity), (scene.drag / scene.mass)[:, None]
-    if scene.scheme == "text":
+    if scene.scheme == "euler":
         return v + scene.dt * (g - rate * v)
     old, kick = (0.5 * v, scene.dt) if staggered else (0.0 * v, 0.5 * scene.dt)
     return (v + kick * g - scene.dt * rate * old) / (1.0 + 0.5 * scene.dt * rate)

@@ -99,11 +99,11 @@ def cloud(n: int = 90, **changes: Any) -> Scene:
     return scattered(n, 1, (0.1, 0.95), DISCS, spinning=5.0, **rough | turning | changes)
 
 
-PISTON = Segment((-0.95, -0.5), (-0.3, -0.5), velocity=(0.1, 0.3), from_time=0.1, to_time=0.8)
+PISTON = Segment((-0.95, -0.5), (-0.3, -0.5), velocity=(0.1, 0.3), start_time=0.1, end_time=0.8)
 BLADE = Segment((0.1, 0.0), (0.5, -0.1), angular_velocity=2.0, pivot=(0.1, 0.1))
-ROLLER = Disc((0.4, -0.6), 0.15, angular_velocity=-3.0, from_time=0.2)
+ROLLER = Disc((0.4, -0.6), 0.15, angular_velocity=-3.0, start_time=0.2)
 STONE = Disc((0.1, -0.7), 0.1, velocity=(0.0, 0.1), angular_velocity=0.5, pivot=(0.0, 0.0))
-SCOOP = Arc((-0.3, 0.2), 0.2, 3.0, 5.5, angular_velocity=1.0, velocity=(0.1, -0.1), to_time=0.7)
+SCOOP = Arc((-0.3, 0.2), 0.2, 3.0, 5.5, angular_velocity=1.0, velocity=(0.1, -0.1), end_time=0.7)
 SHAKER = Disc(
     (-0.5, 0.5), 0.1, velocity=(0.9, 0.4), angular_velocity=2.0, pivot=(-0.4, 0.5), frequency=3.0, phase=0.4
 )
@@ -118,7 +118,7 @@ OWN_LAWS = (
     SHAKER,
 )
 OF_ALL_LAWS: dict[str, Any] = {**ROUGH, **ROLLING, **BOUNCY, "walls": OWN_LAWS, "angular_velocity_out": 0.5}
-TURNING: dict[str, Any] = {**OF_ALL_LAWS, "gravity": {"vector": (3.0, -9.0), "rotate": -4.0}}
+TURNING: dict[str, Any] = {**OF_ALL_LAWS, "gravity": {"vector": (3.0, -9.0), "angular_velocity": -4.0}}
 
 
 def stirred(n: int = 90, seed: int = 1, walls: Sequence[Wall] = MOVING, **changes: Any) -> Scene:
@@ -169,7 +169,7 @@ BOXES: dict[str, dict[str, Any]] = {
         **FALL,
     },
     "everywhere": {"periodic": "xy"},
-    "piston": {"left": {"velocity": (0.4, 0.0), "to_time": 0.2}, **FALL},
+    "piston": {"left": {"velocity": (0.4, 0.0), "end_time": 0.2}, **FALL},
     "lid": {"periodic": "x", "top": LID, "friction": 0.4},
     "rough lid": {"periodic": "x", "top": {**LID, "roughness": BUMPS}, "friction": 0.4},
     "smooth lid": {"periodic": "x", "top": {"pressure": 30.0, "mass": 1.0}},

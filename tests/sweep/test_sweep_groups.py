@@ -143,7 +143,7 @@ LID = """
 kind = "box"
 x = [0.0, 1.0]
 y = [0.0, 1.0]
-top = {velocity = [0.0, -0.1], from_time = 0.0}
+top = {velocity = [0.0, -0.1], start_time = 0.0}
 
 [physics]
 drag = 0.0

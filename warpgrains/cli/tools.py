@@ -20,7 +20,7 @@ from warpgrains.simulation.options import FLAGS
 
 if TYPE_CHECKING:
     from warpgrains.packings.compress import Packing
-    from warpgrains.packings.pack import Rest
+    from warpgrains.packings.pack import Settled
 
 _PACKED = {name: f"--{name}" for name in ("pressure", "duration", "steps", "threads")}
 """Options of `compress` and `pack`, by name of the parameter."""
@@ -106,7 +106,7 @@ def _scene_to_pack(arguments: Namespace, kind: str, *suffixes: str) -> Scene:
     return scene
 
 
-def _print_packing(arguments: Namespace, packing: "Packing | Rest", seconds: float) -> bool:
+def _print_packing(arguments: Namespace, packing: "Packing | Settled", seconds: float) -> bool:
     time = {"time": f"{seconds:.2f} s", "output": arguments.output or "none (-o saves one)"}
     results = packing.results() | {"output": arguments.output}
     print(json.dumps(results) if arguments.json else in_columns(packing.summary() | time))

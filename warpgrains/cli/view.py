@@ -60,10 +60,10 @@ def _homework(arguments: Namespace, held: ExitStack) -> Homework:
 def _require_the_texts(scene: Scene) -> None:
     others = len(scene.written_walls)
     lacking = {
-        f"scheme is {scene.scheme!r}": scene.scheme != "text",
+        f"scheme is {scene.scheme!r}": scene.scheme != "euler",
         f"wall is {scene.wall!r}": scene.wall != "tangent",
         f"radius_in is {scene.radius_in} m": scene.radius_in == 0.0,
-        f"gravity.rotate is {scene.gravity_rate} rad/s": scene.gravity_rate,
+        f"gravity.angular_velocity is {scene.gravity_rate} rad/s": scene.gravity_rate,
         f"friction is {scene.friction}": scene.friction,
         f"wall_friction is {scene.wall_friction}": scene.wall_friction,
         f"restitution is {scene.restitution}": scene.restitution,
@@ -76,7 +76,7 @@ def _require_the_texts(scene: Scene) -> None:
     for what, is_lacking in lacking.items():
         if is_lacking:
             raise InputError(
-                f"{what}: --homework needs scheme text, wall tangent, an inner wall, constant gravity, no"
+                f"{what}: --homework needs scheme euler, wall tangent, an inner wall, constant gravity, no"
                 f" friction, restitution, pressure or other walls, and at most {MOST_GRAINS} grains"
             )
 

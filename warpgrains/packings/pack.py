@@ -31,7 +31,7 @@ MOST_TESTS = 3  # number of tests of rest; after a failed test, grains settle ag
 
 @fields_in_help
 @dataclass(frozen=True, repr=False)
-class Rest(Shown):
+class Settled(Shown):
     """Result of `pack`: a packing at rest.
 
     Examples
@@ -105,7 +105,7 @@ class Rest(Shown):
         write_atomically(path, table_text(rows).encode())
 
 
-def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: int | None = None) -> Rest:
+def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: int | None = None) -> Settled:
     """Let grains settle under gravity, strongly damped, until their forces balance.
 
     Parameters
@@ -121,7 +121,7 @@ def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: i
 
     Returns
     -------
-    Rest
+    Settled
         The packing. With the settings of the scene, the mean kinetic energy of a grain is at most 1e-9 m g d,
         or that at 30 tolerances if it is larger, after each of the first 10 steps.
 
@@ -161,7 +161,7 @@ def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: i
     net = distance(weight + contact_forces(now)) / (scene.mass * settling.gravity)
     contacts, rattlers = carrying_contacts(now)
     test.simulation.restore(test.start)
-    return Rest(
+    return Settled(
         simulation=test.simulation,
         energy=test.energy,
         largest_force=float(net.max()),

@@ -73,7 +73,7 @@ class Settling:
         self._tolerance, dt = FALLS[0].tolerance, FALLS[0].dt * self._time
         start = scene.replace(
             velocity=np.zeros((scene.n, 2)),
-            scheme="text",
+            scheme="euler",
             wall="tangent",
             stop="residual",
             max_iterations=ITERATIONS,

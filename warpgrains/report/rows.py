@@ -11,7 +11,7 @@ SWEEPING = ("gauss-seidel", "accelerated")
 """Methods whose number of iterations can be prescribed."""
 SECOND_ORDER = "leapfrog, round wall"
 SCHEMES: dict[str, dict[str, Any]] = {
-    "text": {"scheme": "text", "wall": "tangent"},
+    "euler": {"scheme": "euler", "wall": "tangent"},
     SECOND_ORDER: {"scheme": "leapfrog", "wall": "round"},
 }
 """Fields of a scene by the name of the scheme in the report."""

@@ -105,9 +105,10 @@ def _of_walls(scene: Scene) -> Iterator[str]:
         if isinstance(wall, Line) and any(way and own for way, own in zip(wall.normal, periods, strict=True)):
             yield f"{which} its normal is {wall.normal}: it must be at a right angle to that direction"
         if isinstance(wall, Row):
-            for own, along, across in zip(periods, wall.step, wall.step[::-1], strict=True):
+            for own, along, across in zip(periods, wall.spacing, wall.spacing[::-1], strict=True):
                 if own and (across != 0.0 or abs(own / along - round(own / along)) > ROUNDED):
-                    yield f"{which} its step is {wall.step}: the period, {own} m, must be some whole steps"
+                    told = f"the period, {own} m, must be a whole number of spacings"
+                    yield f"{which} its spacing is {wall.spacing}: {told}"
         if wall.angular_velocity != 0.0 and period < inf:
             yield f"{which} angular_velocity is {wall.angular_velocity} rad/s: no wall can turn there"
         for own, width in zip(periods, wall.widths, strict=True):
@@ -120,7 +121,7 @@ def _of_steps(scene: Scene) -> Iterator[str]:
     dt, mass, smallest = scene.dt, float(scene.mass.min()), scene.smallest_radius
     lost = scene.drag * dt / mass  # fraction of a velocity that one step of the text's scheme removes
     lightest = int(np.argmin(scene.mass))
-    if lost >= 1.0 and scene.scheme == "text":
+    if lost >= 1.0 and scene.scheme == "euler":
         yield (
             f"dt is {dt} s: in one step, drag {scene.drag} kg/s would reverse grain {lightest}"
             f' of mass {mass} kg; dt must be less than {mass / scene.drag} s, or scheme "leapfrog"'
@@ -155,8 +156,8 @@ def _of_steps(scene: Scene) -> Iterator[str]:
             )
     if not abs(scene.gravity_rate) * dt < pi:
         yield (
-            f"gravity.rotate is {scene.gravity_rate} rad/s: in a step of {dt} s gravity turns by half a"
-            f" turn or more; dt must be less than {pi / abs(scene.gravity_rate)} s"
+            f"gravity.angular_velocity is {scene.gravity_rate} rad/s: in a step of {dt} s gravity turns by"
+            f" half a turn or more; dt must be less than {pi / abs(scene.gravity_rate)} s"
         )
 
 
@@ -182,7 +183,7 @@ def _of_friction(scene: Scene) -> Iterator[str]:
             yield f"{_rolling_friction(scene)}: grains rotate only with friction; give friction"
         return
     lost = scene.spin_drag * scene.dt / scene.inertia
-    if scene.scheme == "text" and (lost >= 1.0).any():
+    if scene.scheme == "euler" and (lost >= 1.0).any():
         yield (
             f"spin_drag is {scene.spin_drag} kg m2/s: in a step of {scene.dt} s it would reverse the"
             f" rotation of grain {int(lost.argmax())}; dt must be less than"

@@ -114,9 +114,9 @@ class SceneFields:
         default=(),
     )
     gravity: tuple[float, float] | TurningGravity = _key(
-        "Acceleration of gravity, two components [m/s2]; or ``{vector = [0.0, -9.81], rotate = 0.05}``,"
-        " gravity that turns: ``vector`` at time 0, by default that of the Earth, and its angular velocity"
-        " ``rotate``, counterclockwise [rad/s].",
+        "Acceleration of gravity, two components [m/s2]; or"
+        " ``{vector = [0.0, -9.81], angular_velocity = 0.05}``, gravity that turns: ``vector`` at time 0, by"
+        " default that of the Earth, and its angular velocity, counterclockwise [rad/s].",
         "physics",
         checked_gravity,
         default=EARTH,
@@ -184,11 +184,12 @@ class SceneFields:
     dt: float = _key("Time step [s].", "time", checks.positive, default=0.01)
     duration: float = _key("Simulated time of a whole run [s].", "time", checks.positive, default=1.0)
     scheme: str = _key(
-        'Time integration: "text", of first order in dt, or "leapfrog", of second order, whose'
+        'Time integration: "euler", the semi-implicit Euler scheme of the course text, of first order in'
+        ' dt, or "leapfrog", of second order, whose'
         " velocities are those of the middle of a step (see `State`).",
         "time",
         SCHEMES,
-        default="text",
+        default="euler",
     )
     tolerance: float = _key(
         "Bound at which the contact iteration stops [m/s], see `stop`.",
@@ -219,7 +220,7 @@ class SceneFields:
         STOPS,
         default="default",
     )
-    exact_time: float | None = _key(
+    exact_budget: float | None = _key(
         'Most time that method "exact" takes for a step with friction besides its iterations, in units of the'
         " time of `max_iterations` iterations; by default 500.",
         "solver",
@@ -274,7 +275,7 @@ class SceneOptions(TypedDict, total=False):
     order: str
     method: str
     stop: str
-    exact_time: float | None
+    exact_budget: float | None
     on_unconverged: str
     name: str
     text: str

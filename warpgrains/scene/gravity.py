@@ -24,7 +24,7 @@ class TurningGravity(Sequence[float]):
 
     vector: Vector
     """Acceleration of gravity at time 0 [m/s2]."""
-    rotate: float
+    angular_velocity: float
     """Angular velocity at which it turns, counterclockwise [rad/s]."""
 
     def __len__(self) -> int:
@@ -36,11 +36,11 @@ class TurningGravity(Sequence[float]):
     @property
     def table(self) -> dict[str, Any]:
         """Keys and values of the table `gravity` in a scene file."""
-        return {"vector": list(self.vector), "rotate": self.rotate}
+        return {"vector": list(self.vector), "angular_velocity": self.angular_velocity}
 
     def at(self, time: float) -> Vector:
         """Return the acceleration at a time [s]."""
-        (x, y), angle = self.vector, self.rotate * time
+        (x, y), angle = self.vector, self.angular_velocity * time
         c, s = cos(angle), sin(angle)
         return c * x - s * y, s * x + c * y
 
@@ -52,12 +52,12 @@ def checked_gravity(field: str, value: Any) -> Vector | TurningGravity:
     if not isinstance(value, Mapping):
         return checks.vector(field, value)
     for key in value:
-        checks.one_of(f"key in {field}", key, ("vector", "rotate"))
-    if "rotate" not in value:
-        raise InputError(f"{field}.rotate is missing: give the angular velocity of gravity [rad/s]")
+        checks.one_of(f"key in {field}", key, ("vector", "angular_velocity"))
+    if "angular_velocity" not in value:
+        raise InputError(f"{field}.angular_velocity is missing: give the angular velocity of gravity [rad/s]")
     vector = checks.vector(f"{field}.vector", value.get("vector", EARTH))
-    rotate = checks.number(f"{field}.rotate", value["rotate"])
-    return TurningGravity(vector, rotate) if rotate else vector
+    angular_velocity = checks.number(f"{field}.angular_velocity", value["angular_velocity"])
+    return TurningGravity(vector, angular_velocity) if angular_velocity else vector
 
 
 def upwards(gravity: ArrayLike) -> FloatArray:

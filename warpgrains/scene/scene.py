@@ -265,7 +265,7 @@ class Scene(SceneFields, Shown):
     @property
     def gravity_rate(self) -> float:
         """Angular velocity at which gravity turns, counterclockwise [rad/s]; 0 if it is constant."""
-        return self.gravity.rotate if isinstance(self.gravity, TurningGravity) else 0.0
+        return self.gravity.angular_velocity if isinstance(self.gravity, TurningGravity) else 0.0
 
     def gravity_at(self, time: float) -> tuple[float, float]:
         """Return the acceleration of gravity at a time [m/s2] (MODEL.md, eq. 31)."""
@@ -372,12 +372,12 @@ class Scene(SceneFields, Shown):
     @property
     def rim_mass(self) -> FloatArray:
         """Impulse at the rim that changes the rim speed by 2 m/s [kg], shape (n,) (MODEL.md, eq. 22)."""
-        return self.mass if self.scheme == "text" else self.mass + self.spin_drag * self.dt / self.radius**2
+        return self.mass if self.scheme == "euler" else self.mass + self.spin_drag * self.dt / self.radius**2
 
     @property
     def contact_mass(self) -> FloatArray:
         """Contact impulse per change of a grain's velocity [kg], shape (n,) (MODEL.md, eq. 17b)."""
-        return self.mass if self.scheme == "text" else self.mass + self.drag * self.dt / 2.0
+        return self.mass if self.scheme == "euler" else self.mass + self.drag * self.dt / 2.0
 
     @property
     def boundary(self) -> Boundary:

@@ -11,7 +11,7 @@ from warpgrains.base.arrays import FloatArray
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
-SCHEMES = ("text", "leapfrog")
+SCHEMES = ("euler", "leapfrog")
 
 
 def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool, time: float = 0.0) -> FloatArray:
@@ -20,7 +20,7 @@ def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool, time: flo
     """
     dt, gravity, drag = scene.dt, np.array(scene.gravity_at(time)), scene.drag
     mass = scene.mass[:, np.newaxis]
-    if scene.scheme == "text":
+    if scene.scheme == "euler":
         return velocity + dt * (gravity - drag / mass * velocity)
     a = drag * dt / (2.0 * mass)
     kicked = (1.0 - a) * velocity + dt * gravity if staggered else velocity + 0.5 * dt * gravity
@@ -30,7 +30,7 @@ def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool, time: flo
 def free_spin(scene: Scene, spin: FloatArray, staggered: bool) -> FloatArray:
     """Return the angular velocities after drag, before contacts act, [rad/s], shape (n,) (eq. 21)."""
     dt, drag, inertia = scene.dt, scene.spin_drag, scene.inertia
-    if scene.scheme == "text":
+    if scene.scheme == "euler":
         return spin - dt * (drag / inertia * spin)
     a = drag * dt / (2.0 * inertia)
     return ((1.0 - a) * spin if staggered else spin) / (1.0 + a)
@@ -88,7 +88,7 @@ def _kick(
 ) -> Kick:
     """Return the kick for an acceleration and a drag rate [1/s]; the step ends with the velocities `now`."""
     dt = scene.dt
-    if scene.scheme == "text":
+    if scene.scheme == "euler":
         before = (free - dt * gravity) / (1.0 - dt * rate)
         return Kick(before, dt, dt * before)
     a = 0.5 * dt * rate

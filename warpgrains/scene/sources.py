@@ -103,19 +103,19 @@ class Exchange:
     interval: float = described(
         "Time between two exchanges [s], rounded to whole steps.", check=checks.positive, default=0.05
     )
-    from_time: float | None = described(
+    start_time: float | None = described(
         "Time at which it begins [s]; by default the start of the scene.", check=checks.number, default=None
     )
-    to_time: float | None = described(
+    end_time: float | None = described(
         "Time at which it ends [s]; by default it does not.", check=checks.number, default=None
     )
 
     def __post_init__(self) -> None:
         for name, own in described_fields(type(self)).items():
             vars(self)[name] = checked(name, own, getattr(self, name))
-        if self.to_time is not None and self.from_time is not None and self.to_time <= self.from_time:
+        if self.end_time is not None and self.start_time is not None and self.end_time <= self.start_time:
             raise InputError(
-                f"to_time is {self.to_time} s: it must be later than from_time, {self.from_time} s"
+                f"end_time is {self.end_time} s: it must be later than start_time, {self.start_time} s"
             )
 
     @property
@@ -127,16 +127,16 @@ class Exchange:
     @property
     def begin(self) -> float:
         """Time at which it begins [s]."""
-        return self.from_time or 0.0
+        return self.start_time or 0.0
 
     @property
     def end(self) -> float:
         """Time at which it ends [s]."""
-        return inf if self.to_time is None else self.to_time
+        return inf if self.end_time is None else self.end_time
 
     def starting(self, time: float) -> Self:
-        """Return a copy that begins at `time` [s], or self if `from_time` is given."""
-        return replace(self, from_time=time) if self.from_time is None else self
+        """Return a copy that begins at `time` [s], or self if `start_time` is given."""
+        return replace(self, start_time=time) if self.start_time is None else self
 
     def steps(self, dt: float) -> int:
         """Return the number of steps between two exchanges."""

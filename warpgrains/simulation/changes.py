@@ -85,7 +85,7 @@ def change_of(
 
 
 def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
-    """Return the scene with changed fields. Time continues; walls without `from_time` begin to move now."""
+    """Return the scene with changed fields. Time continues; walls without `start_time` begin to move now."""
     for name in fields:
         checks.one_of("field of a scene", name, FIELDS)
         if name in OF_START:

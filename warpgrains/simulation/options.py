@@ -77,7 +77,7 @@ class RunOptions(Look):
         "Form of the grains in a USD file: points, discs or spheres.",
         checks.text,
         "FORM",
-        flag="--as",
+        flag="--draw-as",
         default="points",
         needs="record",
     )

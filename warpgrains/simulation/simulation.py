@@ -288,8 +288,8 @@ class Simulation(LoadedScene, Shown):
         the change moves are dropped at once; so are tangential forces and spins if friction is turned off.
 
         Time continues: after a change of `dt`, `scene.time` is the present time less `steps` new steps. New
-        walls without `from_time` begin to move now. A driven wall keeps place and speed if its ends are as in
-        `scene`, the outer wall if `radius_out` is not given; else it begins at rest at its given place.
+        walls without `start_time` begin to move now. A driven wall keeps place and speed if its ends are as
+        in `scene`, the outer wall if `radius_out` is not given; else it begins at rest at its given place.
 
         Raises
         ------

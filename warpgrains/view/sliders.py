@@ -97,4 +97,4 @@ def _gravity(pull: Slider, towards: Slider, rate: float) -> dict[str, Any]:
     Gravity turns at the rate [rad/s].
     """
     size, angle = value_of(pull), np.radians(value_of(towards))
-    return {"vector": (float(size * np.cos(angle)), float(size * np.sin(angle))), "rotate": rate}
+    return {"vector": (float(size * np.cos(angle)), float(size * np.sin(angle))), "angular_velocity": rate}

@@ -71,13 +71,13 @@ class Motion:
         check=checks.vector,
         default=None,
     )
-    from_time: float | None = described(
+    start_time: float | None = described(
         "Time at which the wall begins to move from the place that is given [s]; by default the start of the"
         " scene or, in `Simulation.change`, the present.",
         check=checks.number,
         default=None,
     )
-    to_time: float | None = described(
+    end_time: float | None = described(
         "Time at which the wall stops [s]; by default it moves until the end.",
         check=checks.number,
         default=None,
@@ -96,12 +96,12 @@ class Motion:
     @property
     def starts_at(self) -> float:
         """Time at which the motion begins [s]."""
-        return self.from_time or 0.0
+        return self.start_time or 0.0
 
     @property
     def stops_at(self) -> float:
         """Time at which the motion ends [s]; inf if it does not end."""
-        return inf if self.to_time is None else self.to_time
+        return inf if self.end_time is None else self.end_time
 
     @property
     def moves(self) -> bool:
@@ -114,15 +114,16 @@ class Motion:
         if not self.moves:
             return dict.fromkeys(MOTION_NUMBERS, 0.0)
         values = {own.name: getattr(self, own.name) for own in fields(Motion)}
-        values |= {"from_time": self.starts_at, "to_time": self.stops_at}
+        values |= {"start_time": self.starts_at, "end_time": self.stops_at}
         values["pivot"] = self.about if self.angular_velocity else (0.0, 0.0)
         return dict(zip(MOTION_NUMBERS, np.hstack([*values.values()]).tolist(), strict=True))
 
     def require_motion(self, what: str) -> None:
         """Raise InputError if a value has no effect, or the motion would end before it begins."""
-        if self.to_time is not None and self.from_time is not None and self.to_time <= self.from_time:
+        if self.end_time is not None and self.start_time is not None and self.end_time <= self.start_time:
             raise InputError(
-                f"to_time of {what} is {self.to_time} s: it must be later than from_time, {self.from_time} s"
+                f"end_time of {what} is {self.end_time} s: it must be later than start_time,"
+                f" {self.start_time} s"
             )
         if self.frequency and not self.moves:
             raise InputError(f"frequency of {what} is {self.frequency} Hz: give the velocity that oscillates")
@@ -164,7 +165,7 @@ class Motion:
         """Return the fields of the motion that continues from the place at `time` [s], or `AT_REST`."""
         if time >= self.stops_at:
             return AT_REST
-        return {"from_time": time, "phase": self.phase + 2.0 * pi * self.frequency * (time - self.starts_at)}
+        return {"start_time": time, "phase": self.phase + 2.0 * pi * self.frequency * (time - self.starts_at)}
 
     def times(self, begin: float, end: float) -> FloatArray:
         """Return times from begin to end [s], including the turning points of an oscillation."""

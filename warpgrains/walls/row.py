@@ -39,17 +39,17 @@ class Row(InfiniteWall):
 
     Examples
     --------
-    >>> walls = [wg.Row(point=(x, -1.0), step=(0.2, 0.0), radius=0.05, length=4.0) for x in (0.0, 0.1)]
+    >>> walls = [wg.Row(point=(x, -1.0), spacing=(0.2, 0.0), radius=0.05, length=4.0) for x in (0.0, 0.1)]
     >>> grain = {"position": [[0.0, 0.5]], "radius": 0.1, "mass": 0.1}
     >>> wg.Scene(**grain, radius_out=2.0, walls=walls).walls[1]
-    Row(point=(0.1, -1.0), step=(0.2, 0.0), radius=0.05, length=4.0)
+    Row(point=(0.1, -1.0), spacing=(0.2, 0.0), radius=0.05, length=4.0)
     """
 
     kind: ClassVar[str] = "row"
     kind_number: ClassVar[int] = 5
     takes_joints: ClassVar[bool] = False
     point: Vector = described("Center of one of the discs [m], two components.", check=checks.vector)
-    step: Vector = described(
+    spacing: Vector = described(
         "Way from a center to the next [m], two components, at least a diameter long.", check=checks.vector
     )
     radius: float = described("Radius of the discs [m].", check=checks.positive)
@@ -59,44 +59,44 @@ class Row(InfiniteWall):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not hypot(*self.step) >= 2.0 * self.radius:
+        if not hypot(*self.spacing) >= 2.0 * self.radius:
             raise InputError(
-                f"step of a row is {self.step}: discs of radius {self.radius} m would overlap; it must be at"
-                f" least {2.0 * self.radius} m long"
+                f"spacing of a row is {self.spacing}: discs of radius {self.radius} m would overlap; it must"
+                f" be at least {2.0 * self.radius} m long"
             )
-        if self.length > MOST_SHOWN * hypot(*self.step):
+        if self.length > MOST_SHOWN * hypot(*self.spacing):
             raise InputError(
-                f"length of a row is {self.length} m: it must be at most {MOST_SHOWN:g} steps of"
-                f" {hypot(*self.step)} m"
+                f"length of a row is {self.length} m: it must be at most {MOST_SHOWN:g} times"
+                f" {hypot(*self.spacing)} m"
             )
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        return (*self.point, *self.step, self.radius)
+        return (*self.point, *self.spacing, self.radius)
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
-        (x, y), (dx, dy) = (position - self.point).T, self.step
+        (x, y), (dx, dy) = (position - self.point).T, self.spacing
         discs = np.rint((x * dx + y * dy) / (dx * dx + dy * dy))[:, np.newaxis]
-        return Side.at(self.point + discs * self.step, position, radius + self.radius)
+        return Side.at(self.point + discs * self.spacing, position, radius + self.radius)
 
     def discs_at(self, time: float, middle: Vector) -> FloatArray:
         """Return the centers [m], (k, 2), at a time [s] of the discs in the `length` about `middle`."""
         point = np.add(self.point, self.pose(time).shift)
-        step, half = np.array(self.step), 0.5 * self.length + self.radius
+        step, half = np.array(self.spacing), 0.5 * self.length + self.radius
         way = float((point - middle) @ step) / hypot(*step)
         first, last = np.ceil((-half - way) / hypot(*step)), np.floor((half - way) / hypot(*step))
         return np.asarray(point + np.arange(first, last + 1.0)[:, np.newaxis] * step)
 
     def fills_gaps_of(self, other: Wall) -> bool:
         """Return whether each disc lies in the middle between two discs of a row `other`, equal otherwise."""
-        if not isinstance(other, Row) or (self.step, self.radius, self.motion_numbers) != (
-            other.step,
+        if not isinstance(other, Row) or (self.spacing, self.radius, self.motion_numbers) != (
+            other.spacing,
             other.radius,
             other.motion_numbers,
         ):
             return False
-        way = np.subtract(self.point, other.point) / hypot(*self.step)
-        along = np.array(self.step) / hypot(*self.step)
+        way = np.subtract(self.point, other.point) / hypot(*self.spacing)
+        along = np.array(self.spacing) / hypot(*self.spacing)
         steps = float(way @ along) - 0.5
         return (
             abs(steps - round(steps)) < _ROUNDED
@@ -109,9 +109,11 @@ class Row(InfiniteWall):
     def drawn_about(self, middle: Vector, time: float) -> Band:
         """Return the drawing, at a time [s], of the discs in the `length` about a point."""
         angle = np.linspace(np.pi, 0.0, _POINTS)
-        along = self.radius * np.outer(np.cos(angle), self.step) / hypot(*self.step)
-        across = self.radius * np.outer(np.sin(angle), left_of(np.array([self.step]))) / hypot(*self.step)
+        along = self.radius * np.outer(np.cos(angle), self.spacing) / hypot(*self.spacing)
+        across = (
+            self.radius * np.outer(np.sin(angle), left_of(np.array([self.spacing]))) / hypot(*self.spacing)
+        )
         disc = Band(along + across, along - across, is_closed=False)
         centers = self.discs_at(time, middle)
-        most = int((self.length + 2.0 * self.radius) / hypot(*self.step)) + 1
+        most = int((self.length + 2.0 * self.radius) / hypot(*self.spacing)) + 1
         return disc.copied(np.concatenate([centers, np.tile(centers[-1:], (most - len(centers), 1))]))

@@ -194,8 +194,8 @@ class Wall(Motion):
         return {name: getattr(self, name) for name in names if getattr(self, name, None)}
 
     def starting(self, time: float) -> Self:
-        """Return the wall with `from_time` set to `time` [s], if the wall moves and has none."""
-        return self.changed({"from_time": time}) if self.moves and self.from_time is None else self
+        """Return the wall with `start_time` set to `time` [s], if the wall moves and has none."""
+        return self.changed({"start_time": time}) if self.moves and self.start_time is None else self
 
     def at(self, time: float) -> Self:
         """Return the wall at its place at `time` [s], with the motion that continues from there."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 ASKED = 0.9  # requested residual, in tolerances; leaves a margin for rounding in the kernels
 NEAR = 0.1  # clearance up to which contacts are included at first, in mean corrections of active contacts
-EXACT_TIME = 500.0  # default of `Scene.exact_time`
+EXACT_BUDGET = 500.0  # default of `Scene.exact_budget`
 
 
 class PathSolver:
@@ -101,8 +101,8 @@ class PathSolver:
         dvt = np.concatenate([np.where(dv > 0.0, listed.read(name), 0.0) for name in self._tangential])
         near, reach = dv > 0.0, NEAR * dv.sum() / max(1, np.count_nonzero(dv))
         closing = constraints.normal_speed(velocity) - constraints.gap_rate
-        exact_time = EXACT_TIME if scene.exact_time is None else scene.exact_time
-        left = exact_time * scene.max_iterations * len(dv) - self._work
+        exact_budget = EXACT_BUDGET if scene.exact_budget is None else scene.exact_budget
+        left = exact_budget * scene.max_iterations * len(dv) - self._work
         work, factorizations = 0, 0
         while True:
             near = near | (closing > -reach)
