@@ -23,9 +23,9 @@ class MotionOf(IntEnum):
     VELOCITY_Y = 3
     ANGULAR_VELOCITY = 4  # [rad/s]
     FREQUENCY = 5  # of the oscillation [Hz]; 0: no oscillation
-    PHASE = 6  # of the oscillation at FROM_TIME [rad]
-    FROM_TIME = 7  # at which the motion begins [s]
-    TO_TIME = 8  # at which the motion ends [s]
+    PHASE = 6  # of the oscillation at START_TIME [rad]
+    START_TIME = 7  # at which the motion begins [s]
+    END_TIME = 8  # at which the motion ends [s]
     SPEED = 9  # largest speed of a wall point [m/s]; rotation that maps a wall onto itself does not count
 
 

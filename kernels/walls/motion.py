@@ -17,8 +17,8 @@ TURN = wp.constant(f64(2.0 * pi))
 @wp.func
 def moving_time(motion: Motion, time: f64) -> f64:
     """Return the time for which a wall has moved until `time` [s]."""
-    begin = motion[MotionOf.FROM_TIME]
-    return wp.min(wp.max(time, begin), motion[MotionOf.TO_TIME]) - begin
+    begin = motion[MotionOf.START_TIME]
+    return wp.min(wp.max(time, begin), motion[MotionOf.END_TIME]) - begin
 
 
 @wp.func
@@ -36,7 +36,7 @@ def share_of_step(motion: Motion, begin: f64, end: f64) -> f64:
     """Return the mean velocity of a wall from time begin to time end [s], divided by its velocities."""
     if motion[MotionOf.FREQUENCY] > f64(0.0):
         return (progress(motion, end) - progress(motion, begin)) / (end - begin)
-    moved = wp.min(end, motion[MotionOf.TO_TIME]) - wp.max(begin, motion[MotionOf.FROM_TIME])
+    moved = wp.min(end, motion[MotionOf.END_TIME]) - wp.max(begin, motion[MotionOf.START_TIME])
     return wp.max(f64(0.0), moved) / (end - begin)
 
 

@@ -56,7 +56,7 @@ def oblique_impact(friction: float, slip: float = 1.0) -> tuple[FloatArray, floa
     It starts 10 steps of 1 nm before the wall. Until the contact, the normal turns by 1e-8.
     """
     start = {"position": [[1.0 - 1e-8, 0.0]], "velocity": [[1.0, slip]]}
-    simulation = wg.Simulation(disc(**start, friction=friction, dt=1e-9, **SCHEMES["text, tangent"]))
+    simulation = wg.Simulation(disc(**start, friction=friction, dt=1e-9, **SCHEMES["euler, tangent"]))
     simulation.advance(20)
     return simulation.velocity[0], RADIUS * float(simulation.spin[0])
 

@@ -110,7 +110,7 @@ EXPECTED = {
     },
     "bowl": {
         "order, leapfrog, round wall": approx(2.0, abs=0.05),
-        "order, text, tangent": approx(1.0, abs=0.1),
+        "order, euler, tangent": approx(1.0, abs=0.1),
     },
     "bullet": {
         "momentum of the bullet [kg m/s]": 10.0,

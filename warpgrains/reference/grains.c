@@ -16,7 +16,7 @@ enum { DISC = 1, SEGMENT = 2, ARC = 3, LINE = 4, ROW = 5, SHAPE = 10 };
 
 /* The duration for which a wall moves at its given velocities to reach its place at a time [s]. */
 static double progress(const double *motion, double time) {
-    double moved = fmin(fmax(time, motion[FROM_TIME]), motion[TO_TIME]) - motion[FROM_TIME];
+    double moved = fmin(fmax(time, motion[START_TIME]), motion[END_TIME]) - motion[START_TIME];
     double rate = 2.0 * M_PI * motion[FREQUENCY];
     return rate > 0.0 ? (sin(rate * moved + motion[PHASE]) - sin(motion[PHASE])) / rate : moved;
 }
@@ -404,7 +404,7 @@ static int isDriven(const femGrains *g, int k) {
 /* The factor of its given velocities with which a wall moves in a step. */
 static double shareOfStep(const double *motion, double begin, double end) {
     if (motion[FREQUENCY] > 0.0) return (progress(motion, end) - progress(motion, begin)) / (end - begin);
-    return fmax(0.0, fmin(end, motion[TO_TIME]) - fmax(begin, motion[FROM_TIME])) / (end - begin);
+    return fmax(0.0, fmin(end, motion[END_TIME]) - fmax(begin, motion[START_TIME])) / (end - begin);
 }
 
 /* The radius of curvature of a wall where a grain at (x, y) touches it: > 0 if hollow, < 0 if it bulges, 0 if straight. */
