@@ -73,9 +73,8 @@ def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     now = snapshot(of)
     up, counted = now.scene.up_at(now.time), _counted(now, region)
     edges = np.linspace(*now.container.region.span(up), checks.whole_number("bins", bins) + 1)
-    spaces = [counted.between(up, low, high).area for low, high in pairwise(edges)]
-    weight = counted.slice_areas(up, edges, now.position, now.scene.radius)
-    return _means(now, edges, (weight, np.array(spaces)), np.broadcast_to(up, (now.n, 2)))
+    areas = counted.slices(up, edges, now.position, now.scene.radius)
+    return _means(now, edges, areas, np.broadcast_to(up, (now.n, 2)))
 
 
 def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None) -> Profile:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 import numpy as np
 
 from warpgrains.scene.snapshot import Snapshot
-from warpgrains.solver.forces import contacts_of, start_of_step
+from warpgrains.solver.forces import contacts_at, start_of_step
+from warpgrains.solver.loaded_scene import LoadedScene
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.state import State
-    from warpgrains.solver.loaded_scene import LoadedScene
 
 
 class HasState(Protocol):
@@ -49,9 +49,12 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     """
     if isinstance(of, Snapshot):
         return of
-    scene, state = (of.scene, of.state()) if state is None else (of, state)
+    if state is None:
+        scene, state = of.scene, of.measured_state() if isinstance(of, LoadedScene) else of.state()
+    else:
+        scene = of
     start, start_scene = start_of_step(scene, state)
-    contacts, walls = contacts_of(scene, state)
+    contacts, walls = contacts_at(start, start_scene, state)
     places = None if state.driven is None else state.driven[:, 0]
     return Snapshot(
         scene=scene.placed(places),

@@ -99,9 +99,13 @@ def start_of_step(scene: Scene, state: State) -> tuple[FloatArray, Scene]:
 
 def contacts_of(scene: Scene, state: State) -> tuple[PairContacts, WallContacts]:
     """Return the contacts between grains and with walls that carry a correction after the last step."""
-    start, last = start_of_step(scene, state)
-    pairs = pair_contacts(last, start, state.corrections)
-    return pairs, wall_contacts(last, start, state.corrections, last.time_after(state.steps - 1))
+    return contacts_at(*start_of_step(scene, state), state)
+
+
+def contacts_at(start: FloatArray, scene: Scene, state: State) -> tuple[PairContacts, WallContacts]:
+    """Return the contacts of the last step, from what `start_of_step` returns."""
+    pairs = pair_contacts(scene, start, state.corrections)
+    return pairs, wall_contacts(scene, start, state.corrections, scene.time_after(state.steps - 1))
 
 
 def force_of(mass: FloatArray, correction: FloatArray, dt: float | FloatArray) -> FloatArray:

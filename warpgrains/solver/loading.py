@@ -52,17 +52,9 @@ def _bounded(scene: Scene) -> dict[str, str]:
     return names | ({"dvr": "rolling"} if scene.has_rolling_friction else {})
 
 
-def state_of(records: SceneRecords, k: int) -> State:
-    """Return the exact state of scene k."""
-    scene, record, (wall, _) = records.scenes[k], records.host[k], listed_walls(records, k)
-    wall[:, 1], _ = scene.bodies.carried(wall[:, 1], np.zeros(len(wall)))  # annulus -> outer circle
-    wall = wall[_in_order(wall)]
-    numbers = record["verlet"]["numbers"]
-    of_list: dict[str, Any] = {name: records.array(k, f"verlet.{name}").copy() for name in VERLET}
-    of_list |= {name: float(numbers[name]) for name in VERLET_NUMBERS}
-    lists = VerletList(
-        listed_pairs(records, k)[0], wall, frame_shift=numbers["frame_shift"].copy(), **of_list
-    )
+def state_of(records: SceneRecords, k: int, has_lists: bool = True) -> State:
+    """Return the exact state of scene k. Without lists, bits of later steps would differ."""
+    scene, record = records.scenes[k], records.host[k]
     names = ("position", "velocity", *(("spin", "angle") if scene.has_friction else ()))
     own: dict[str, Any] = {name: records.array(k, f"grains.{name}")[: scene.n].copy() for name in names}
     if scene.has_driven_walls:
@@ -73,10 +65,23 @@ def state_of(records: SceneRecords, k: int) -> State:
     return State(
         int(record["steps"]),
         corrections=corrections_of(records, k),
-        lists=lists,
+        lists=_lists_of(records, k) if has_lists else None,
         last_scene=None if records.has_stepped(k) else records.last_scenes[k],
         **own,
     )
+
+
+def _lists_of(records: SceneRecords, k: int) -> VerletList:
+    """Return the listed contacts of scene k, and until when the list holds."""
+    wall, _ = listed_walls(records, k)
+    wall[:, 1], _ = records.scenes[k].bodies.carried(
+        wall[:, 1], np.zeros(len(wall))
+    )  # annulus -> outer circle
+    numbers = records.host[k]["verlet"]["numbers"]
+    own: dict[str, Any] = {name: records.array(k, f"verlet.{name}").copy() for name in VERLET}
+    own |= {name: float(numbers[name]) for name in VERLET_NUMBERS}
+    own["frame_shift"] = numbers["frame_shift"].copy()
+    return VerletList(listed_pairs(records, k)[0], wall[_in_order(wall)], **own)
 
 
 def driven_walls(records: SceneRecords, k: int) -> FloatArray:

@@ -20,10 +20,13 @@ FIXED = np.array([0.0, 1.0, 2.5, 4.1])  # extra cuts [rad], so that no arc has i
 
 
 class Part(NamedTuple):
-    """The part of a convex polygon that lies inside of some circles and outside of others."""
+    """The part of a convex polygon that lies inside of some circles and outside of others.
+
+    `cut_areas` also takes a polygon for each disc.
+    """
 
     corner: FloatArray
-    """Corners of the polygon [m], counter-clockwise, shape (k, 2)."""
+    """Corners of the polygon [m], counter-clockwise, shape (k, 2); or of that of each disc, (n, k, 2)."""
     circles: tuple[Circle, ...]
 
     @classmethod
@@ -36,14 +39,15 @@ class Part(NamedTuple):
 
     @property
     def along(self) -> FloatArray:
-        """Edges from corner to corner [m], shape (k, 2)."""
-        return np.roll(self.corner, -1, axis=0) - self.corner
+        """Edges from corner to corner [m], of the shape of the corners."""
+        return np.roll(self.corner, -1, axis=-2) - self.corner
 
     def contains(self, points: FloatArray, margin: float = 0.0) -> BoolArray:
         """Return which points [m], (..., 2), lie in the part or at most `margin` [m] outside, (...,)."""
-        found = np.ones(points.shape[:-1], bool)
-        for start, along in zip(self.corner, self.along, strict=True):
-            found &= cross(along, points - start) >= -margin * np.hypot(*along)
+        found, own = np.ones(points.shape[:-1], bool), self.corner
+        of_each = (own, self.along) if own.ndim == 2 else (own[:, np.newaxis], self.along[:, np.newaxis])
+        for start, along in zip(*(np.moveaxis(part, -2, 0) for part in of_each), strict=True):
+            found &= cross(along, points - start) >= -margin * np.hypot(along[..., 0], along[..., 1])
         for circle in self.circles:
             grown = circle.radius + (margin if circle.keeps_inside else -margin)
             found &= circle._replace(radius=grown).contains(points)
@@ -109,12 +113,13 @@ class Part(NamedTuple):
         middle, kept = 0.5 * (cut[:, :, 1:] + cut[:, :, :-1]), True
         for between, is_kept in zip(inside, [True, *(one.keeps_inside for one in self.circles)], strict=True):
             kept &= ((middle > between[..., :1]) & (middle < between[..., 1:])) == is_kept
-        point = start[:, :, np.newaxis] + cut[..., np.newaxis] * self.along[:, np.newaxis]
+        point = start[:, :, np.newaxis] + cut[..., np.newaxis] * self.along[..., np.newaxis, :]
         area += 0.5 * (cross(point[:, :, :-1], point[:, :, 1:]) * kept).sum(axis=(1, 2))
         for circle in self.circles:
             away = np.abs(np.hypot(*(center - circle[:2]).T) - circle.radius)
             near = np.flatnonzero(away < radius)
-            area[near] += self._along_circle(circle, center[near], radius[near])
+            part = self if self.corner.ndim == 2 else self._replace(corner=self.corner[near])
+            area[near] += part._along_circle(circle, center[near], radius[near])
         return area
 
     def angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
@@ -127,11 +132,11 @@ class Part(NamedTuple):
     def _cut_angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
         start = self.corner - center[:, np.newaxis]
         t = _roots(start, self.along, radius[:, np.newaxis])
-        met = start[:, :, np.newaxis] + t[..., np.newaxis] * self.along[:, np.newaxis]
+        met = start[:, :, np.newaxis] + t[..., np.newaxis] * self.along[..., np.newaxis, :]
         angle = np.arctan2(met[..., 1], met[..., 0])  # beyond the ends of edges, too: more cuts are harmless
         cuts = [
             np.broadcast_to(FIXED, (len(center), len(FIXED))),
-            angle.reshape(len(center), 2 * len(self.corner)),
+            angle.reshape(len(center), 2 * self.corner.shape[-2]),
         ]
         cuts += [_angles_at(center, radius, np.array(circle[:2]), circle.radius) for circle in self.circles]
         begin, end, middle = _arcs(np.concatenate(cuts, axis=1))
@@ -142,11 +147,9 @@ class Part(NamedTuple):
         """Return the integrals along the pieces of a circle inside the polygon and the discs [m2], (n,)."""
         middle_of, rho = np.array(circle[:2]), circle.radius
         others = tuple(other for other in self.circles if other != circle and other.meets(circle))
-        met = self.crossings(circle) - middle_of
-        cuts = [FIXED, np.arctan2(met[:, 1], met[:, 0])]
+        cuts = [FIXED, self._crossing_angles(circle)]
         cuts += [_angles_at(middle_of, rho, np.array(other[:2]), other.radius) for other in others]
-        common = np.concatenate(cuts)
-        common = np.broadcast_to(common, (len(center), len(common)))
+        common = np.concatenate([np.broadcast_to(own, (len(center), own.shape[-1])) for own in cuts], axis=1)
         # from the cuts of the discs' circles, so that both cuts agree where a disc just touches the circle
         of_disc = _angles_at(center, radius, middle_of, rho)
         to_cut = np.stack([np.cos(of_disc), np.sin(of_disc)], axis=-1) * radius[:, np.newaxis, np.newaxis]
@@ -160,6 +163,14 @@ class Part(NamedTuple):
         area: FloatArray = 0.5 * ((rho**2 * (end - begin) + rho * turned) * kept).sum(axis=1)
         return area if circle.keeps_inside else -area
 
+    def _crossing_angles(self, circle: Circle) -> FloatArray:
+        """Return the angles at which a circle meets lines of edges, (2 k,) or (n, 2 k); NaN if nowhere."""
+        t = self._fractions(circle)
+        met = (self.corner - circle[:2])[..., np.newaxis, :] + t[..., np.newaxis] * self.along[
+            ..., np.newaxis, :
+        ]
+        return np.asarray(np.arctan2(met[..., 1], met[..., 0])).reshape(*t.shape[:-2], 2 * t.shape[-2])
+
     def crossings(self, circle: Circle) -> FloatArray:
         """Return the points at which the lines of edges meet a circle [m], shape (m, 2)."""
         t = self._fractions(circle)
@@ -167,7 +178,7 @@ class Part(NamedTuple):
         return self.corner[edge] + t[edge, which, np.newaxis] * self.along[edge]
 
     def _fractions(self, circle: Circle) -> FloatArray:
-        """Return where lines along edges meet a circle, as fractions of the edges, (k, 2); NaN if nowhere."""
+        """Return where lines of edges meet a circle, as fractions of the edges, (..., k, 2), or NaN."""
         return _roots(self.corner - circle[:2], self.along, np.array(circle.radius))
 
 

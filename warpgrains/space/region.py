@@ -13,12 +13,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from warpgrains.base import checks
-from warpgrains.base.arrays import BoolArray, FloatArray
+from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.base.described import fields_in_help
 from warpgrains.base.errors import InputError, NoAreaError
 from warpgrains.space.geometry import Circle, Ends, Period, area_below
@@ -103,21 +103,28 @@ class Region:
         """Return the areas of discs inside the region [m2], of centers (n, 2) and radii (n,), shape (n,)."""
         return self._sums(Part.areas, position, radius)
 
-    def slice_areas(
+    def slices(
         self, direction: FloatArray, edges: FloatArray, center: FloatArray, radius: FloatArray
-    ) -> FloatArray:
-        """Return the areas of discs in slices between edges along a direction [m2], shape (slices, n).
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the areas of discs in slices between edges along a direction, and those of the slices [m2].
 
-        Discs near the border are cut by the border and the edges, all other discs by the edges alone.
+        The shapes are (slices, n) and (slices,). Discs near the border are cut by the border and the edges,
+        all other discs by the edges alone.
         """
-        slices = [self.between(direction, low, high) for low, high in pairwise(edges)]
+        slices = _slices(self, tuple(direction.tolist()), tuple(edges.tolist()))
         inner = self._are_clear(center, radius)
         inner &= not (direction[self.period.repeats] != 0.0).any()  # images at both ends of the cell count
+        found = np.zeros((len(edges) - 1, len(radius)))
         level = self.period.wrapped(center[inner]) @ direction
-        found = np.empty((len(slices), len(radius)))
         found[:, inner] = np.diff(area_below(radius[inner], edges[:, np.newaxis] - level), axis=0)
-        found[:, ~inner] = [one.areas(center[~inner], radius[~inner]) for one in slices]
-        return found
+        outer = np.flatnonzero(~inner)
+        places, disc = self.period.images(center[outer], radius[outer])
+        disc, level = outer[disc], places @ direction
+        low, high = edges[slices.number, np.newaxis], edges[slices.number + 1, np.newaxis]
+        k, near = np.nonzero((level + radius[disc] > low) & (level - radius[disc] < high))
+        areas = slices.polygons(k).cut_areas(places[near], radius[disc[near]])
+        np.add.at(found, (slices.number[k], disc[near]), areas)
+        return found, slices.area
 
     def _are_clear(self, center: FloatArray, radius: FloatArray) -> BoolArray:
         """Return which discs lie inside with all of their images, up to rounding, shape (n,)."""
@@ -199,6 +206,35 @@ class Region:
         """Return the smallest and the largest direction . x of the region and its discs inside [m]."""
         found = np.concatenate([part.outermost(direction) for part in self.parts]) @ direction
         return float(found.min()), float(found.max())
+
+
+class _Slices(NamedTuple):
+    """The slices of a region as convex polygons."""
+
+    number: IndexArray
+    """Slice of each polygon, shape (p,)."""
+    corner: FloatArray
+    """Corners of the polygons [m], shape (p, k, 2). The last corner of those with fewer is repeated."""
+    circles: tuple[Circle, ...]
+    area: FloatArray
+    """Areas of the slices [m2], shape (slices,)."""
+
+    def polygons(self, which: IndexArray) -> Part:
+        """Return one of the polygons for each disc."""
+        return Part(self.corner[which], self.circles)
+
+
+@lru_cache(64)  # a region at rest has the same slices at every step
+def _slices(region: Region, direction: Ends, edges: tuple[float, ...]) -> _Slices:
+    way = np.array(direction)
+    slices = [region.between(way, low, high) for low, high in pairwise(edges)]
+    parts = [(number, part) for number, one in enumerate(slices) for part in one.parts]
+    most = max((len(part.corner) for _, part in parts), default=1)
+    corner = [part.corner[np.minimum(np.arange(most), len(part.corner) - 1)] for _, part in parts]
+    circles = dict.fromkeys(circle for _, part in parts for circle in part.circles)
+    numbers = np.array([number for number, _ in parts], np.int64)
+    area = np.array([one.area for one in slices])
+    return _Slices(numbers, np.array(corner).reshape(-1, most, 2), tuple(circles), area)
 
 
 @lru_cache(256)  # the scenes of a sweep mostly share a region
