@@ -175,6 +175,7 @@ def test_a_hopper_flows_at_a_constant_rate(drawn):
     assert rate.min() > 0.6 * rate.max() > 0
 
 
+@pytest.mark.slow
 def test_a_silo_that_is_refilled_flows_at_a_constant_rate(drawn):
     *left, grains = drawn("silo")[0].values()
     rate = np.diff([0, *left])[1:]  # each second, once it flows
