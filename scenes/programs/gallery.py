@@ -14,7 +14,7 @@ import numpy as np
 from collapse import front, top
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Circle
-from sections import Row, Section, Sections, draw_sections, moments, panels
+from sections import Numbers, Row, Section, Sections, draw_sections, moments, panels
 
 import warpgrains as wg
 from warpgrains import analysis
@@ -161,14 +161,17 @@ def hopper() -> Section:
     return row.figure, numbers
 
 
-def silo() -> Section:
-    """Draw the silo, and count the grains that have left it, as many as have come."""
-    simulation, row, numbers = wg.Simulation(wg.Scene.load("silo")), Row(3), {}
-    for time in (1.0, 2.0, 3.0):
+def refilled(name: str, *times: float) -> Section:
+    """Draw a scene whose sinks feed its source at some times [s], and count the grains that have left it."""
+    simulation, row = wg.Simulation(wg.Scene.load(name)), Row(len(times))
+    numbers: Numbers = {"grains at the start": simulation.scene.n}
+    for time in times:
         simulation.run(duration=time - simulation.time)
         row.show(simulation, range="0,3")
-        numbers[f"grains that have left after {time} s"] = simulation.outflow[0].grains
-    return row.figure, numbers | {"grains in the end": simulation.scene.n}
+        numbers[f"grains that have left after {time} s"] = sum(own.grains for own in simulation.outflow)
+    return row.figure, numbers | {
+        "in the end, with those that wait": simulation.scene.n + simulation.inflow[0].waiting
+    }
 
 
 def collapse() -> Section:
@@ -276,7 +279,8 @@ SECTIONS: Sections = {
     "cradle": cradle,
     "gas": gas,
     "hopper": hopper,
-    "silo": silo,
+    "silo": partial(refilled, "silo", 1.0, 2.0, 3.0),
+    "hourglass": partial(refilled, "hourglass", 2.0, 4.0, 6.0),
     "collapse": collapse,
     "box": partial(shipped, "box", 1.0, 1.75, 2.5),
     "shear": partial(shipped, "shear", 1.0, 2.0, 4.0),

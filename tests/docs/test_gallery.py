@@ -176,11 +176,12 @@ def test_a_hopper_flows_at_a_constant_rate(drawn):
 
 
 @pytest.mark.slow
-def test_a_silo_that_is_refilled_flows_at_a_constant_rate(drawn):
-    *left, grains = drawn("silo")[0].values()
-    rate = np.diff([0, *left])[1:]  # each second, once it flows
+@pytest.mark.parametrize("name", ["silo", "hourglass"])
+def test_what_is_refilled_flows_at_a_constant_rate(drawn, name):
+    start, *left, end = drawn(name)[0].values()
+    rate = np.diff(left)  # between equal times, once it flows
     assert rate.min() > 0.6 * rate.max() > 0
-    assert grains == 300
+    assert end == start
 
 
 @pytest.mark.slow
