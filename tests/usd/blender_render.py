@@ -71,7 +71,7 @@ def render(width, height, samples, folder, view, frames):
 def numbers():
     """Return the numbers of the grains in the present frame, if these are points."""
     grains = bpy.data.objects["Grains"].evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    kinds = {own.name: own for own in grains.attributes if own.data_type == "FLOAT"}
+    kinds = {own.name: own for own in grains.attributes if own.data_type in ("FLOAT", "INT")}
     return {name: [one.value for one in own.data] for name, own in kinds.items()}
 
 

@@ -21,6 +21,7 @@ from warpgrains import Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colorings import speed_scale
 from warpgrains.drawing.colors import GrainColors, mark_color
+from warpgrains.usd.recording import Recording
 
 pytestmark = pytest.mark.blender
 
@@ -103,11 +104,23 @@ def test_reads_every_number_of_the_grains(rendered, tmp_path):
     assert (imported["frames"], imported["rate"]) == ([0, 48], 24)  # it plays in real time
     stage = Usd.Stage.Open(str(path))
     grains = stage.GetPrimAtPath(GRAINS)
-    names = {"angle", "force", "mass", "mobilized", "pressure", "radius", "speed", "spin"}
+    names = {"angle", "force", "id", "mass", "mobilized", "pressure", "radius", "speed", "spin"}
     assert imported["numbers"].keys() == names
     for name in names:
         assert imported["numbers"][name] == list(grains.GetAttribute(f"primvars:{name}").Get(30))
         assert any(imported["numbers"][name])
+
+
+def test_ids_follow_grains_that_come_and_go(rendered, tmp_path):
+    path, found = tmp_path / "run.usdc", []
+    Simulation("silo").run(steps=600, record=path)
+    for frame in (10, 28):
+        numbers = rendered(path, [frame], size=SMALL)[1]["numbers"]
+        assert numbers["id"] == Recording(path).frame(frame, contacts=False).id.tolist()
+        found.append(dict(zip(numbers["id"], numbers["mass"], strict=True)))
+    first, last = found
+    assert 200 < len(first.keys() & last.keys()) < len(last)
+    assert all(last[born] == mass for born, mass in first.items() if born in last)
 
 
 class TestAsOpened:

@@ -113,6 +113,7 @@ OF_POINTS = [
     ("Grains.velocities", put([Gf.Vec3f(np.inf)] * 5, 2), "are not all finite (frame 2)"),
     ("Grains.ids", put([0, 1]), f"hold 2 values, not 5 for 5 grains {ALL}"),
     ("Grains.ids", remove, f"hold 0 values, not 5 for 5 grains {ALL}"),
+    ("Grains.primvars:id", remove, f"hold 0 values, not 5 for 5 grains {ALL}"),
     ("Grains.ids", put([0, 1, 2, 3, 3]), "are not unique: 1 of 5 repeat another"),
     ("Grains.ids", put([4, 3, 2, 1, 0], 2), "change with time"),
     ("Grains.widths", put([0.1, 0.2]), f"hold 2 values, not 5 for 5 grains {ALL}"),

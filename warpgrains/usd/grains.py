@@ -31,6 +31,7 @@ The same fields are primvars, as floats, because Blender reads no primvar after 
 """
 PERIODS = "warpgrains:periods"
 """Attribute of grains in a periodic box: how many of its lengths a grain is away from its point, (n, 2)."""
+ID = "primvars:id"
 ANGLE = "angle"
 VELOCITIES = "velocities"
 
@@ -48,8 +49,9 @@ class Grains:
     table. Velocities [m/s] are divided by `slow`, as the recording is played. Further primvars hold the mass
     [kg], with friction the angle [rad], and the quantities of `COLORINGS`.
 
-    `ids` are numbers of birth. In a periodic box, the images of grains that cross a side follow the grains.
-    Where grains have images, come or go, their number changes, so every frame holds all arrays.
+    `ids` are numbers of birth, and so is the primvar `id`, because Blender does not read `ids`. In a periodic
+    box, the images of grains that cross a side follow the grains. Where grains have images, come or go, their
+    number changes, so every frame holds all arrays.
     """
 
     def __init__(self, painter: Painter, shape: Shape | None, slow: float) -> None:
@@ -79,6 +81,7 @@ class Grains:
         if self._is_periodic:
             prim.CreateAttribute(PERIODS, types.Int2Array)
         primvars, vertex = UsdGeom.PrimvarsAPI(prim), UsdGeom.Tokens.vertex
+        primvars.CreatePrimvar(ID, types.IntArray, vertex)
         color = primvars.CreatePrimvar("displayColor", types.Color3fArray, vertex)
         color.Set(Vt.Vec3fArray.FromNumpy(linear(self._colors.colors)))
         color.CreateIndicesAttr()
@@ -129,7 +132,8 @@ class Grains:
         `born` are the numbers of birth, shape (n,). Numbers above n are those of images.
         """
         images = born[-1] + 1 + np.arange(len(number) - len(born))
-        values: dict[str, NDArray[Any]] = {"ids": np.concatenate([born, images])}
+        ids = np.concatenate([born, images])
+        values: dict[str, NDArray[Any]] = {"ids": ids, ID: ids.astype(np.int32)}
         for name in OF_GRAINS:
             own = as_float32(f"the {name} of a grain", getattr(scene, name))
             values[f"primvars:{name}"] = own[number]
@@ -182,10 +186,10 @@ def position_of(grains: Usd.Prim) -> Usd.Attribute:
 
 
 def numbers_of(grains: Usd.Prim) -> dict[str, Usd.Attribute]:
-    """Return the primvars with one number per grain, which are all except the color, by name."""
+    """Return the primvars with a quantity of each grain, by name."""
     primvars = UsdGeom.PrimvarsAPI(grains).GetPrimvarsWithAuthoredValues()
     names = {primvar.GetPrimvarName(): primvar.GetAttr() for primvar in primvars}
-    return {name: attribute for name, attribute in names.items() if name != "displayColor"}
+    return {name: attribute for name, attribute in names.items() if name not in ("displayColor", "id")}
 
 
 def quaternions(angle: FloatArray) -> NDArray[np.float32]:
