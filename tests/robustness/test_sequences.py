@@ -21,6 +21,7 @@ from same_bits import contents
 from trimmed import few_or_many, trimmed
 
 from warpgrains import Scene, Simulation
+from warpgrains.base.files import read_table
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.recorder import log_of, recover
 from warpgrains.usd.recording import Recording
@@ -137,7 +138,7 @@ def test_sequences(how):
     run_state_machine_as_test(Sequences, settings=how)
 
 
-ORDERED = ["annulus", "--order", "color", "--forces"]
+POURED = ["silo", "--steps", 500, "--forces", "--measure", "flow,kinetic_energy"]  # in the order of colors
 
 
 def start(*arguments):
@@ -151,17 +152,21 @@ def test_processes(tmp_path, count):
 
     One of them does, or they do one after the other; those that are refused say so in one line.
     """
-    whole, end = tmp_path / "run.usdc", tmp_path / "run.npz"
-    assert exit_code("run", *ORDERED, "-o", whole, "--checkpoint", end) == 0
+    names = "run.usdc", "run.npz", "run.csv"
+    whole, end, series = (tmp_path / name for name in names)
+    assert exit_code("run", *POURED, "-o", whole, "--checkpoint", end, "--series", series, "--every", 5) == 0
     expected = read_checkpoint(end)
+    rows = read_table(series)
+    assert float(rows[-1]["inflow_count"]) > 30
     for number in range(count):
         rng = np.random.default_rng(number)
         folder = tmp_path / str(number)
         folder.mkdir()
-        kept, output = folder / "run.npz", folder / "run.usdc"
-        options = ["-o", output, "--checkpoint", kept, "--every", rng.integers(3, 40)]
-        processes = [start(*ORDERED, *options)]
-        for step in sorted(rng.integers(0, 800, 1 + number % 3)):
+        output, kept, measured = (folder / name for name in names)
+        every = int(rng.integers(1, 8))
+        options = ["-o", output, "--checkpoint", kept, "--series", measured, "--every", 5 * every]
+        processes = [start(*POURED, *options)]
+        for step in sorted(rng.integers(0, expected.statistics.steps, 1 + number % 3)):
             while None in [process.poll() for process in processes] and not (
                 kept.exists() and read_checkpoint(kept).statistics.steps >= step
             ):
@@ -176,7 +181,8 @@ def test_processes(tmp_path, count):
         assert all(code == 0 or (code == 2 and said.count("\n") == 1) for said, code in ends)
         found = read_checkpoint(kept)
         assert output.read_bytes() == whole.read_bytes()
+        assert read_table(measured) == rows[::every]
         assert contents(found.state) == contents(expected.state)
         assert replace(found.statistics, seconds=0.0) == replace(expected.statistics, seconds=0.0)
         left = {path.name for path in folder.iterdir() if path.suffix != ".lock"}
-        assert left == {kept.name, output.name}
+        assert left == {*names}
