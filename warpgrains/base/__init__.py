@@ -1,1 +1,1 @@
-"""What all rooms need: checks, errors, files, locks, tables, and the start of Warp."""
+"""Parts that all packages use: checks, errors, files, locks, tables, and the start of Warp."""

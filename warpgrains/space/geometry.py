@@ -39,7 +39,7 @@ class Period:
 
     @cached_property
     def repeats(self) -> BoolArray:
-        """Whether the scene repeats along x and y, shape (2,)."""
+        """True in the directions x and y along which the scene repeats, shape (2,)."""
         return np.array([self.x is not None, self.y is not None])
 
     @cached_property

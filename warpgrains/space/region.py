@@ -84,7 +84,7 @@ class Region:
 
     @property
     def is_box(self) -> bool:
-        """Whether the region is one rectangle along the axes, apart from its discs."""
+        """True if the region is one rectangle along the axes, apart from its discs."""
         corner = np.concatenate([np.zeros((0, 2)), *self._corners])
         return len(corner) == 4 and bool((corner[:, np.newaxis] == self.outer_box).any(axis=1).all())
 

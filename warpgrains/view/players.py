@@ -99,7 +99,7 @@ class Live:
 
     @property
     def has_ended(self) -> bool:
-        """Whether a step has failed."""
+        """True if a step has failed."""
         return self.error is not None
 
     def advance(self, steps: int) -> None:
@@ -201,7 +201,7 @@ class Replay:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the last frame is shown."""
+        """True if the last frame is shown."""
         return self.steps >= self.last
 
     def advance(self, steps: int) -> None:

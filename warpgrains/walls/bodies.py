@@ -197,7 +197,7 @@ class Bodies:
 
     @property
     def is_round(self) -> bool:
-        """Whether there is an outer circle that is round within a step, instead of its tangent."""
+        """True if there is an outer circle that is round within a step, instead of its tangent."""
         return self.outer is not None and self.outer.is_round
 
     @property
