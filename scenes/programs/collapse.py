@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 from sections import Section, panels
-from silos import G, filled, opened, room, straight_line
+from silos import G, filled, room, straight_line
 
 import warpgrains as wg
 from warpgrains.base.arrays import FloatArray
@@ -31,6 +31,14 @@ def column(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -> t
     domain = wg.Box((0.0, reach), (0.0, 2.0 * height))
     gate = wg.Segment((width, 0.0), (width, domain.y[1]))
     return filled(domain, count, seed, (0.0, width), [gate], **fields), width
+
+
+def opened(scene: wg.Scene, settling: float) -> wg.Simulation:
+    """Let grains settle for a time [s]; return a simulation from then on without the gate, the first wall."""
+    closed = wg.Simulation(scene, threads=1)
+    closed.run(duration=settling)
+    state = {"position": closed.position, "velocity": closed.velocity, "spin": closed.spin}
+    return wg.Simulation(scene.replace(**state, walls=scene.walls[1:]), threads=1)
 
 
 def front(simulation: wg.Simulation) -> float:

@@ -9,6 +9,7 @@ from sections import Numbers, Section, panels
 
 import warpgrains as wg
 from warpgrains import analysis
+from warpgrains.analysis.series import block_average
 from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.layouts import random_layout
 
@@ -21,9 +22,8 @@ LOOSER = 1.3  # area at the start, over that at rest
 
 OPENINGS = (7.0, 9.0, 11.0, 13.0, 15.0)  # in diameters
 COUNT = 2000
-FIRST, LAST = 100, 600  # grains between whose departures the rate is measured
-K = 1.4  # Beverloo's reduction of the opening, in diameters
-HALF, TOP, BELOW = 0.9, 2.7, -1.2  # of the silo, whose floor is at y = 0, and of what is below [m]
+STEADY, END, BLOCKS = 2.0, 12.0, 10  # the measurement begins, ends [s]; parts of it that the errors are from
+HALF, TOP, BELOW = 0.9, 2.4, -0.6  # of the silo, whose floor is at y = 0, and of what is below [m]
 EVERY = 0.02  # time between two counts [s]
 
 HEIGHTS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # of the filling, in widths
@@ -63,66 +63,76 @@ def filled(
     return wg.Scene(**{**grains, "domain": domain, "walls": walls, **defaults, **fields})
 
 
-def opened(scene: wg.Scene, settling: float) -> wg.Simulation:
-    """Let grains settle for a time [s]; return a simulation from then on without the gate, the first wall."""
-    closed = wg.Simulation(scene, threads=1)
-    closed.run(duration=settling)
-    state = {"position": closed.position, "velocity": closed.velocity, "spin": closed.spin}
-    return wg.Simulation(scene.replace(**state, walls=scene.walls[1:]), threads=1)
-
-
 def straight_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
     """Return intercept and slope of the line of least squares."""
     intercept, slope = np.polynomial.Polynomial.fit(x, y, 1).convert().coef
     return float(intercept), float(slope)
 
 
-def hopper_silo(opening: float, seed: int, count: int = COUNT) -> wg.Scene:
-    """Return a silo with a flat floor, which has an opening [diameters] in its middle, closed by a gate."""
+def beverloo(opening: FloatArray, factor: float, k: float, exponent: float = 1.5) -> FloatArray:
+    """Return the number of grains that leave per second [1/s] through openings [diameters]."""
+    return factor * (opening - k) ** exponent
+
+
+def hopper_silo(opening: float, count: int = COUNT) -> wg.Scene:
+    """Return a silo with an opening [diameters] in its flat floor, whose grains fall in again at the top."""
     half = 0.5 * opening * DIAMETER
-    ends = (-half, half), (-HALF, -half), (half, HALF)
-    walls = [wg.Segment((left, 0.0), (right, 0.0)) for left, right in ends]
-    return filled(wg.Box((-HALF, HALF), (BELOW, TOP)), count, seed, walls=walls)
+    walls = [wg.Segment((left, 0.0), (right, 0.0)) for left, right in ((-HALF, -half), (half, HALF))]
+    above = {"region": {"y": (TOP - 0.5, TOP)}, "radius": RADII, "density": DENSITY}
+    source = wg.Source(name="top", interval=EVERY, **above)
+    sink = wg.Sink(region={"y": (BELOW, -0.1)}, into="top", interval=EVERY)
+    domain = wg.Box((-HALF, HALF), (BELOW, TOP))
+    return filled(domain, count, 0, walls=walls, sources=[source], sinks=[sink])
 
 
-def departures(scene: wg.Scene, last: int = LAST, longest: float = 8.0) -> tuple[FloatArray, FloatArray]:
-    """Return times since the gate opened [s], and the numbers of grains that have left, up to `last`."""
-    simulation, left = opened(scene, 0.6), [0]
-    while left[-1] < last and simulation.time < longest:
-        simulation.advance(round(EVERY / scene.dt))
-        left.append(int((simulation.position[:, 1] < 0.0).sum()))
-    return EVERY * np.arange(len(left)), np.array(left)
+def departures(scene: wg.Scene, end: float = END) -> tuple[FloatArray, FloatArray, int]:
+    """Return times [s], how many grains have left until then, and how many there are in the end."""
+    simulation = wg.Simulation(scene, threads=1)
+    rows = simulation.measure("outflow_count", every=scene.steps_in(EVERY), duration=end).rows
+    time, left = np.array([(row["time"], row["outflow_count"]) for row in rows]).T
+    return time, left, simulation.scene.n + simulation.inflow[0].waiting
 
 
-def rate(time: FloatArray, left: FloatArray, first: int = FIRST) -> float:
-    """Return the number of grains that leave per second, after the first ones [1/s]."""
-    steady = left >= first
-    return straight_line(time[steady], left[steady])[1]
+def rate(time: FloatArray, left: FloatArray, blocks: int = BLOCKS) -> tuple[float, float]:
+    """Return the number of grains that leave per second in the steady state, and its standard error [1/s]."""
+    mean, error = block_average(np.diff(left[time >= STEADY]) / EVERY, blocks)
+    return float(mean), float(error)
 
 
 def hopper() -> Section:
-    """Empty silos through openings of several widths, and fit Beverloo's law."""
-    figure, (counts, law) = panels(1, 2)
-    mean, numbers = [], {}
+    """Let grains go round through silos with openings of several widths, and fit Beverloo's law."""
+    figure, (counts, law, differences) = panels(1, 3)
+    openings, rates, numbers, lost = np.array(OPENINGS), [], {}, 0
     for opening in OPENINGS:
-        runs = [departures(hopper_silo(opening, seed)) for seed in range(2)]
-        rates = [rate(*run) for run in runs]
-        mean.append(np.mean(rates))
-        counts.plot(*runs[-1], label=f"D = {opening:g} d")
-        numbers[f"D = {opening:g} d: grains a second"] = float(mean[-1])
-        numbers[f"D = {opening:g} d: difference of the seeds"] = float(np.ptp(rates))
+        time, left, count = departures(hopper_silo(opening))
+        rates.append(rate(time, left))
+        lost += abs(COUNT - count)
+        counts.plot(time, left, label=f"D = {opening:g} d")
+        numbers[f"D = {opening:g} d: grains a second"], numbers[f"D = {opening:g} d: error"] = rates[-1]
     counts.set(xlabel="t [s]", ylabel="grains that have left")
     counts.legend()
-    power = np.array(mean) ** (2.0 / 3.0)
-    intercept, slope = straight_line(np.array(OPENINGS), power)
-    law.plot(OPENINGS, power, "o", label="grains")
-    law.axline((0.0, intercept), slope=slope, color="k", linestyle=":", label="(D - k d)$^{3/2}$")
+    mean, error = np.transpose(rates)
+    (factor, k), spread = curve_fit(beverloo, openings, mean, (15.0, 2.0), error, absolute_sigma=True)
+    free, other = curve_fit(beverloo, openings, mean, (factor, k, 1.5), error, absolute_sigma=True)
+    fitted = beverloo(openings, factor, k)
+    law.plot(openings, mean ** (2 / 3), "o", label="grains")
+    law.axline((k, 0.0), slope=factor ** (2 / 3), color="k", linestyle=":", label="(D - k d)$^{3/2}$")
     law.set(xlabel="opening [diameters]", ylabel="(grains a second)$^{2/3}$")
     law.set(xlim=(0.0, None), ylim=(0.0, None))
     law.legend()
-    numbers["k of the fit with exponent 3/2"] = -intercept / slope
-    numbers["exponent with k = 1.4"] = straight_line(np.log(np.array(OPENINGS) - K), np.log(mean))[1]
-    return figure, numbers
+    differences.errorbar(
+        openings, 100.0 * (mean / fitted - 1.0), 100.0 * error / fitted, fmt="o", capsize=3.0
+    )
+    differences.axhline(0.0, color="k", linestyle=":")
+    differences.set(xlabel="opening [diameters]", ylabel="grains a second / fit - 1 [%]")
+    return figure, numbers | {
+        "grains lost": lost,
+        "k of the fit with exponent 3/2": float(k),
+        "error of k": float(np.sqrt(spread[1, 1])),
+        "worst difference from the fit / error": float(np.abs((mean - fitted) / error).max()),
+        "exponent of the fit with any k": float(free[2]),
+        "error of the exponent": float(np.sqrt(other[2, 2])),
+    }
 
 
 def piston_silo(height: float, seed: int, wall_friction: float = 0.5, **fields: Any) -> wg.Scene:
