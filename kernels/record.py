@@ -48,7 +48,7 @@ class Phase(IntEnum):
     """The next part of a step. Stages of stopping.py and attempt.py choose the phase, and step.py reads it.
 
     Stages that build the list also choose SEARCH, START and FULL. `contact_list.keep_pair` repeats a search.
-    The host answers steps that are FULL or SLOW.
+    The host answers steps that are FULL, or ENDED with the outcome SLOW.
     """
 
     ENDED = 0  # no step has begun, or the last one has its outcome; the host solves a SLOW step

@@ -1,8 +1,8 @@
 """One step: a list of stages that reads as the algorithm (MODEL.md, "One step").
 
 A step returns to the host in two cases: the list exceeds its capacity (WITHOUT_ROOM), or sweeps converge too
-slowly and the host solves the step (SLOW). Conditions read the phase of the step, which attempt.py and
-stopping.py choose.
+slowly or reach their limit, and the host solves the step (SLOW). Conditions read the phase of the step, which
+attempt.py and stopping.py choose.
 
 If the list expires during accelerated sweeps, these resume with another list (`Control.resuming`) and keep
 velocities, corrections and momentum. Plain sweeps may have missed a contact: they start again from the free
@@ -13,7 +13,6 @@ not iterate and asks for a list.
 """
 
 from functools import cache
-from itertools import product
 
 import warp as wp
 
@@ -192,7 +191,6 @@ def exact(kind: Kind) -> list[Stage]:
 
 
 METHODS = {"gauss-seidel": plain_sweeps, "accelerated": accelerated_sweeps, "exact": exact}
-KINDS = [Kind(*own) for own in product(METHODS, *[(False, True)] * 3)]
 
 SAVE = [Each(grain_count, contact_list.save_row), Each(contact_list.listed_count, contact_list.save_contact)]
 """Save the list and the corrections of its contacts, from which the next list starts."""

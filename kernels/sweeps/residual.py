@@ -7,7 +7,7 @@ round wall the gap depends on them. No contact closes faster than gap/dt + eta. 
 solution of a step with slightly different data: gaps that differ by at most dt * eta, and free velocities
 that differ by the corrections of contacts that should carry none, at most eta each.
 
-If sweeps converge too slowly, the step ends as SLOW (stopping.py), and the host solves it
+If sweeps converge too slowly, the step ends as SLOW (attempt.py), and the host solves it
 (warpgrains/solver/exact). Velocities are then recomputed from the host's corrections, and sweeps continue
 until they meet the tolerance; mostly no sweep is needed. If the host finds no better corrections, the sweeps
 resume. The way in which corrections were found does not matter: a contact that is not listed and that the

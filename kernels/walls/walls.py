@@ -147,8 +147,8 @@ def joint_reach(walls: Walls, radius: f64) -> f64:
 
 
 @wp.func
-def place_at_joint(b: int, k: int, x: wp.vec2d, place: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return a point x in the frame of wall joint[k], given its position `place` in the frame of wall b [m].
+def place_at_joint(k: int, x: wp.vec2d, place: wp.vec2d, walls: Walls) -> wp.vec2d:
+    """Return a point x in the frame of wall joint[k], given its position `place` in that of its joint [m].
 
     It has the same bits as if computed for the joined wall alone, so that both agree which wall is nearer.
     """
@@ -177,14 +177,14 @@ def contact_at_joint(
     nearest, least, first = int(-1), f64(gap), 2 * (b - 1) + end
     for k in range(at(walls.joint_start, first), at(walls.joint_start, first + 1)):
         joined = at(walls.joint, k)
-        its = shape_gap(place_at_joint(b, k, at_grain, x, walls), radius, at(walls.shape, joined[0]))
+        its = shape_gap(place_at_joint(k, at_grain, x, walls), radius, at(walls.shape, joined[0]))
         if its < least or (its == least and nearest < 0 and joined[1] != 0):
             nearest, least = k, its
     if nearest < 0:
         return n, gap
     other_shape = at(walls.shape, at(walls.joint, nearest)[0])
     moved = at(walls.joint_way, nearest)
-    y, p = place_at_joint(b, nearest, at_grain, x, walls), nearest_on(x, shape)
+    y, p = place_at_joint(nearest, at_grain, x, walls), nearest_on(x, shape)
     along = inwards(end, p, shape)
     shorter = wp.min(shape[CIRCLE_RADIUS], other_shape[CIRCLE_RADIUS])
     rises = wp.dot(along, face_normal(p - moved, y, other_shape)) < -FLUSH and f64(2.0) * shorter >= radius

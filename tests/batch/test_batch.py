@@ -164,6 +164,7 @@ def test_rest_is_that_of_the_scene_alone(threads: int) -> None:
             expected = simulation.run(until=until)
         assert replace(summary, seconds=0.0) == replace(expected, seconds=0.0)
         assert contents(batch.state(k)) == contents(simulation.state())
+    assert [own.steps for own in Batch(scenes).run(steps=0, until=until)] == [0] * len(scenes)
     again = batch.run(until=until, steps=60)[:3]  # two rest from the first test to that after 35 steps
     assert [(summary.steps, summary.met) for summary in again] == [(50, True), (50, True), (60, False)]
 

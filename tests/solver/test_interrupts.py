@@ -43,6 +43,28 @@ def test_one_endless_step(method, threads):
     assert np.array_equal(started.velocity, run_of(scene, 61).velocity)
 
 
+def test_steps_that_the_host_solves_are_completed_by_a_cancel_between_steps(monkeypatch):
+    """So no bits depend on when runs of a sweep are cut, also in color order, whose lists have a history."""
+    scene = Scene.load("collapse").replace(method="exact", order="color", tolerance=1e-9)
+    cut, whole = (Simulation(scene, threads=1) for _ in range(2))
+    service, canceled_in = engine.Engine.service, set()
+
+    def serve_and_cancel(self):
+        going_on = service(self)
+        if cut.steps in canceled_in:
+            return going_on
+        canceled_in.add(cut.steps)
+        self.cancel(abandon=False)
+        return False
+
+    with monkeypatch.context() as serving:
+        serving.setattr(engine.Engine, "service", serve_and_cancel)
+        while cut.steps < 300:
+            cut.advance(300 - cut.steps)
+    whole.advance(300)
+    assert contents(cut.state()) == contents(whole.state())
+
+
 @pytest.mark.parametrize(
     ("scene", "method", "phase"),
     [

@@ -9,11 +9,11 @@ import numpy as np
 
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.solver.forces import contacts_at, start_of_step
-from warpgrains.solver.loaded_scene import LoadedScene
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.state import State
+    from warpgrains.solver.loaded_scene import LoadedScene
 
 
 class HasState(Protocol):
@@ -50,7 +50,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     if isinstance(of, Snapshot):
         return of
     if state is None:
-        scene, state = of.scene, of.measured_state() if isinstance(of, LoadedScene) else of.state()
+        scene, state = of.scene, getattr(of, "measured_state", of.state)()
     else:
         scene = of
     start, start_scene = start_of_step(scene, state)

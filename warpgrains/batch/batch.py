@@ -253,7 +253,7 @@ class Batch(Shown):
                 self._loaded.set_gravity(given)
             for _ in advance_runs(runs, self._loaded.scenes, advance) if runs else [advance(steps)]:
                 pass
-        return last[0]
+        return last[0] if last else self._loaded.advance([0] * len(steps))
 
     def _checked_gravity(self, gravity: ArrayLike) -> FloatArray:
         one = np.iterable(gravity) and not any(map(np.iterable, gravity))

@@ -39,6 +39,7 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
     is_brief = all(engine.is_brief for engine in engines)
     if is_brief and threads > 1 and sum(engine.work() for engine in engines) < SLIGHT:
         threads = 1
+    has_failed = True
     try:
         going_on = True
         while going_on:
@@ -47,9 +48,10 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
             run_threads(tasks, None if is_brief else poll, cancel)
             going_on = sum(engine.service() for engine in engines) > 0
         poll()
+        has_failed = False
     finally:
         for engine in engines:
-            engine.finish_open_steps()
+            engine.finish_open_steps(has_failed)
 
 
 def _left(engines: Sequence[Engine]) -> int:

@@ -204,14 +204,19 @@ class Engine:
         """Enlarge full lists, and solve slow steps on the host; return True if a scene can continue."""
         if not np.count_nonzero(self._outcome):  # all are solved
             return bool(np.count_nonzero(self.left) and not self._cancel[0])
-        slow = np.flatnonzero(self._outcome == SLOW).tolist()
-        for k in slow:
-            start = perf_counter()
-            self._exact[k].solve()
-            self.seconds[k] += perf_counter() - start
-        waiting = self._grow() + slow
+        waiting = self._solve_slow() + self._grow()
         self._outcome[waiting] = SOLVED
         return bool((self.left[self._outcome == SOLVED] > 0).any() and not self._cancel[0])
+
+    def _solve_slow(self) -> list[int]:
+        """Solve slow steps on the host, unless they are solved already; return their scenes k."""
+        slow = np.flatnonzero(self._outcome == SLOW).tolist()
+        for k in slow:
+            if self.records.host["control"]["phase"][k] == Phase.ENDED:
+                start = perf_counter()
+                self._exact[k].solve()
+                self.seconds[k] += perf_counter() - start
+        return slow
 
     def _grow(self) -> list[int]:
         """Enlarge the lists that are full; return the scenes k for which there was enough memory."""
@@ -223,19 +228,24 @@ class Engine:
                 self._errors[k] = error
         return sorted(full - self._errors.keys())
 
-    def finish_open_steps(self) -> None:
-        """Finish or undo all open steps, and store the errors of failed scenes."""
+    def finish_open_steps(self, has_failed: bool) -> None:
+        """Finish or undo all open steps, and store the errors of failed scenes.
+
+        Slow steps are undone if they are abandoned or if an exception `has_failed` to be handled.
+        """
         if CHECKED:
             self._raise_violation()
+        control = self.records.host["control"]
+        undoes_slow = has_failed or bool(control["cancelled"].any())
         if self._cancel[0]:
             self._cancel[0] = 0
-            self.records.host["control"]["cancelled"] = 0
+            control["cancelled"] = 0
         if np.count_nonzero(self.left):  # a step may not have continued since its request was served
-            phase = self.records.host["control"]["phase"]
+            phase = control["phase"]
             self._outcome[phase == Phase.FULL] = WITHOUT_ROOM
             self._outcome[np.isin(phase, (Phase.CORRECTED, Phase.DECLINED))] = SLOW
         if np.count_nonzero(self._outcome):  # not all are solved
-            self._solve_open_steps()
+            self._continue_open_steps(undoes_slow)
             for k in np.flatnonzero(np.isin(self._outcome, FAILURES)).tolist():
                 self._errors[k] = failure(self.records, k, self._outcome[k], self._errors.get(k))
             for k in np.flatnonzero(np.isin(self._outcome, (*FAILURES, CANCELLED, SLOW))).tolist():
@@ -249,9 +259,9 @@ class Engine:
                 step = self.scenes[k].steps + 1
                 raise SimulationError(f"step {step}: {violation}: please report this defect with the scene")
 
-    def _solve_open_steps(self) -> None:
-        """Finish the open steps that wait for longer lists, and do no further steps."""
-        while amid := self._grow():
+    def _continue_open_steps(self, undoes_slow: bool) -> None:
+        """Finish the open steps that wait for the host, except slow ones to be undone, and do no further."""
+        while amid := self._grow() + ([] if undoes_slow else self._solve_slow()):
             left = self.left.copy()
             self.left[:] = 0
             self.left[amid], self._outcome[amid] = 1, SOLVED
