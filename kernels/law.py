@@ -189,9 +189,10 @@ def wall_residual(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
 
 @wp.func
 def wall_cost(dv: f64, gap_rate: f64, back_rate: f64) -> f64:
-    """Return the term of phi that is linear in dv, of a contact with a wall, per unit mass [m2/s2] (eq. 14).
+    """Return the linear term of phi at a wall, per unit mass [m2/s2], for a correction dv [m/s] (eq. 14).
 
-    For dv < 0 the slope is -back_rate; without another side it is gap_rate (momentum may yield dv < 0).
+    It is dv gap_rate for dv >= 0, and -dv back_rate for dv < 0, where the other side acts. With one side, it
+    is dv gap_rate also for dv < 0, which momentum may yield.
     """
     back = wp.where(back_rate < f64(wp.inf), back_rate, -gap_rate)
     return wp.where(dv >= f64(0.0), dv * gap_rate, -dv * back)

@@ -145,7 +145,7 @@ class Tuning:
     """Lengths from which lists are built, and limits within which the proof of verlet.py holds."""
 
     smallest_radius: f64  # [m]
-    room: f64  # largest path of a grain, relative to the mean, in the lifetime of a list [m]
+    room: f64  # how far a grain may move from the mean motion before the list is renewed [m]
     acceleration: f64  # |gravity| [m/s2]
     rounding: f64  # bound on the rounding error of a position [m]
     reserve: f64  # part of the base skin that must be left before the iteration starts

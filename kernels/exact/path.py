@@ -277,7 +277,10 @@ def find_excess(step: Step, path: Path, s: f64, sigma: f64, eps: f64):
 
 @wp.func
 def correct(step: Step, path: Path, factors: Factors, s: f64, sigma: f64, eps: f64):
-    """Solve the equations of the present pieces for the velocity, by a Newton step."""
+    """Write the velocities and rim speeds [m/s] that solve the equations of all contacts on their pieces.
+
+    These equations are linear, so one Newton step with `factors` solves them.
+    """
     find_excess(step, path, s, sigma, eps)
     for g in range(step.free.shape[0]):
         put(path.change, g, wp.cw_mul(at(step.inertia, g), at(path.velocity, g) - at(step.free, g)))

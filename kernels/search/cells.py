@@ -1,4 +1,4 @@
-"""Grains sorted by the cells of a grid, with the numbers that the search for pairs reads.
+"""Grains sorted by the cells of a grid, with copies, in this order, of what the search reads of each grain.
 
 Cells (cx, cy), (cx + width, cy) and (cx, cy + width) share a bucket, so that the grid has no bounds.
 """

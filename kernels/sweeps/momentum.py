@@ -147,7 +147,10 @@ def roll_back_velocity(s: Scene, i: int):
 
 @wp.func
 def take_recomputed_velocity(s: Scene, i: int):
-    """Replace velocity and rim speed of body i by the recomputed ones; shift the last ones by the change."""
+    """Replace velocity and rim speed of body i by the recomputed ones.
+
+    Those kept from before the sweep are shifted by the same amount.
+    """
     recomputed = at(s.grains.recomputed_velocity, i)
     last = at(s.momentum.last_velocity, i)
     put(s.momentum.last_velocity, i, last + (recomputed - at(s.grains.next_velocity, i)))

@@ -129,7 +129,11 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
 
 @wp.func
 def rise_of_phi(x: f64, y: f64, dv: f64, excess: f64, gap_rate: f64, back_rate: f64, compliance: f64) -> f64:
-    """Return the rise of phi from x to y minus the fall by the correction dv, per unit mass (eq. 14)."""
+    """Return the part of a contact in the test of eq. 14, per unit mass [m2/s2]; < 0 is for the sweep.
+
+    Momentum takes the correction from x to y, and the visit takes it from y to y + dv. The part is the change
+    of phi by momentum minus `ENOUGH` times the decrease by the visit.
+    """
     cost_y = law.wall_cost(y, gap_rate, back_rate)
     linear = law.wall_cost(y + dv, gap_rate, back_rate) - cost_y
     gain = dv * (excess + gap_rate - f64(0.5) * compliance * dv) - linear

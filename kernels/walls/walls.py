@@ -230,9 +230,9 @@ def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> 
 
 @wp.func
 def is_image_near(b: int, place: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
-    """Return whether the gap of wall b and a grain at `place` in its frame is at most `reach` [m], or NaN.
+    """Return whether the gap of wall b and a grain at `place`, in its frame, is at most `reach` [m], or NaN.
 
-    If the gap exceeds `reach` by at most `joint_reach`, a joined wall within reach suffices.
+    At a joint, a gap of `reach` + `joint_reach` suffices if a joined wall is within `reach`.
     """
     gap = shape_gap(place, radius, at(walls.shape, b - 1))
     if gap > reach and gap <= reach + joint_reach(walls, radius) and have_joints(walls):

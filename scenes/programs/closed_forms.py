@@ -237,7 +237,10 @@ def heap() -> Section:
 
 
 def bowl() -> Section:
-    """Draw the slides of both schemes in a bowl, next to the pendulum, and return their orders in dt."""
+    """Draw how a grain swings in a bowl, by each scheme and as an exact pendulum.
+
+    Return the order in dt of the error of the angle, for each scheme.
+    """
     scene = wg.Scene.load("bowl")
     steps = scene.dt * 2.0 ** -np.arange(-3, 4)
     figure, (swings, errors) = panels(1, 2)

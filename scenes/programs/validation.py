@@ -56,7 +56,7 @@ def loose(friction: float, seed: int) -> wg.Scene:
 def packed(now: Snapshot) -> list[float]:
     """Return contacts per grain, packing fraction, sliding contacts per grain and the largest speed [m/s].
 
-    The first two are those more than three mean diameters from the top and the bottom.
+    The first two are without rattlers and grains nearer than three mean diameters to the top or the bottom.
     """
     bottom, top = now.container.region.outer_box[:, 1] + np.array([0.15, -0.15])
     bulk = {"y": (bottom, top)}

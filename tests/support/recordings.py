@@ -92,7 +92,7 @@ def opened(path, frames, scene=None, **options):
 
 
 def bands_of(path, code):
-    """Return middles of both ends, (m, 2, 2), and widths, (m,), of the m force chains of a file [m]."""
+    """Return middles of both ends, (m, 2, 2), and widths, (m,), of the bands of m force chains [m]."""
     stage = Usd.Stage.Open(str(path))
     points = np.array(stage.GetAttributeAtPath("/World/Forces.points").Get(code), np.float64)
     a, b, c, d = points.reshape(-1, 4, 3)[:, :, :2].swapaxes(0, 1)

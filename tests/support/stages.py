@@ -100,7 +100,10 @@ def listed(pairs: IntArray, at_walls: IntArray) -> IntArray:
 
 
 def record_of_graph(pairs: IntArray, at_walls: IntArray) -> OneRecord:
-    """Return a record whose list has these pairs and contacts with walls, and whose outputs are poisoned."""
+    """Return a record whose list has pairs, shape (m, 2), and `at_walls[i]` contacts of grain i with walls.
+
+    Arrays that stages must write hold invalid numbers.
+    """
     contacts, scene = listed(pairs, at_walls), grains_apart(len(at_walls))
     record = OneRecord(scene.replace(wall="round"), len(contacts) + 1)  # round walls have limits
     record["neighbors.start"][:] = np.searchsorted(contacts[:, 0], np.arange(scene.n + 1))

@@ -71,7 +71,10 @@ def _write(source: Recording, output: Path) -> None:
 
 
 def _blocks(source: Recording, k: int) -> dict[str, bytes]:
-    """Return the content of the files of frame k by block. If no wall moves, only frame 0 has walls."""
+    """Return the content of the VTK files of frame k by block: grains, contacts if recorded, and walls.
+
+    If no wall moves, only frame 0 has walls.
+    """
     frame = source.frame(k, contacts=source.has_forces)
     (places, number), scene = frame.images, frame.scene
     own: Arrays = {**frame.recorded, "radius": scene.radius, "mass": scene.mass}

@@ -1,4 +1,4 @@
-"""Kernels that one thread of the host runs on NumPy arrays."""
+"""Functions that run Warp kernels with one thread of the host, on the memory of NumPy arrays."""
 
 from functools import cache
 from typing import Any

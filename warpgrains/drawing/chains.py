@@ -30,7 +30,10 @@ class ChainScale(NamedTuple):
 
     @classmethod
     def of(cls, scene: Scene) -> ChainScale:
-        """Return the scale of a scene, whose force is `pressure_scale` times the mean diameter."""
+        """Return the scale of a scene: the full width is its smallest radius.
+
+        It stands for the force `pressure_scale` times the mean diameter.
+        """
         return cls(pressure_scale(scene) * 2.0 * float(scene.radius.mean()), float(scene.radius.min()))
 
     def described(self) -> dict[str, str | float]:

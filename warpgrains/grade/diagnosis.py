@@ -202,7 +202,7 @@ class Model:
         function
             The function in which mistakes are searched.
         probes
-            Those that the homework answered, then those at which it ended.
+            Calls of the function: first those that the homework answered, then those at which it ended.
         found
             Its answers to the first of them.
         wrong
@@ -230,9 +230,10 @@ class Model:
         return Explanation((), False)
 
     def _named(self, chosen: Sequence[int], row: np.ndarray, when: tuple[int, int]) -> list[Mistake]:
-        """Return the mistakes of a row that `search` found.
+        """Return the one or two mistakes of an explanation.
 
-        A mistake that occurs in some iterations only has these in its name.
+        `row` holds their indices among the searched mistakes, and `when` in which iterations each occurs. If
+        that is not in all, the name of the mistake says so.
         """
         pairs = zip(row, when, strict=True)
         return [

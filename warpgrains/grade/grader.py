@@ -76,7 +76,7 @@ class Grader:
     limits
         Time and memory of a homework.
     processes
-        The processes to which those of homeworks are added.
+        Collection to which each process of a homework is added, so that the caller can end them.
     seed
         Seed of the random calls; by default, it is random.
     """

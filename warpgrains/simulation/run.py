@@ -116,8 +116,8 @@ class SceneRun:
     def opened(self) -> Iterator[None]:
         """Lock the checkpoint, and open and lock the outputs. At the end, complete and unlock the outputs.
 
-        The log of a resumed run is truncated to `statistics.frames` frames; this can be repeated.
-        InputError if a file cannot be written, or the scene cannot have a measured quantity.
+        The log of a resumed run is truncated to `statistics.frames` frames; doing so twice is harmless.
+        InputError if a file cannot be written, or if the scene lacks a measured quantity, such as a wall.
         """
         with ExitStack() as held:
             self._lock(held)

@@ -103,7 +103,7 @@ def contacts_of(scene: Scene, state: State) -> tuple[PairContacts, WallContacts]
 
 
 def contacts_at(start: FloatArray, scene: Scene, state: State) -> tuple[PairContacts, WallContacts]:
-    """Return the contacts of the last step, from what `start_of_step` returns."""
+    """Return the contacts of the last step, whose start had centers `start` [m], (n, 2), and this scene."""
     pairs = pair_contacts(scene, start, state.corrections)
     return pairs, wall_contacts(scene, start, state.corrections, scene.time_after(state.steps - 1))
 

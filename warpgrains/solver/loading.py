@@ -210,9 +210,10 @@ def _write_list(
 
 
 def give_up_step(records: SceneRecords, k: int) -> None:
-    """Undo an unfinished step. If it waited for memory for a new list, the next step makes this list.
+    """Undo an unfinished step: restore the corrections at its start.
 
-    A repeated search may have written rows of the new list already, so the rows of the old list are restored.
+    If the step waited for memory for a new list, its search may have overwritten rows of the old list, so
+    these are restored, too, and the next step searches again.
     """
     record = records.host[k]
     count, control = record["contacts"]["count"], record["control"]

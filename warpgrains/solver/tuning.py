@@ -43,7 +43,7 @@ def cell_size(scene: Scene) -> float:
 
 
 def room(scene: Scene) -> float:
-    """Return the largest path of a grain, relative to the mean, in the lifetime of a list [m]."""
+    """Return how far a grain may move from the mean motion of all grains before the list is renewed [m]."""
     return 0.5 * scene.typical_radius
 
 

@@ -25,7 +25,10 @@ _SLOWED = 1.0 / 30.0  # duration of a stage on the page [s]
 
 
 class _Painter(Painter):
-    """Painter that colors grains from blue to red by their velocity difference over the largest one."""
+    """Painter that colors grains by how much homework and reference differ in velocity.
+
+    Colors go from blue to red, which is the largest difference of all grains.
+    """
 
     def color(self, now: Snapshot) -> FloatArray:
         difference = now.recorded["difference"]

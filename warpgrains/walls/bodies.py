@@ -292,6 +292,9 @@ class Bodies:
         return np.where(wall == self._inner, -1.0, 1.0)
 
     def carried(self, body: IntArray, correction: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return walls and |correction| [m/s]. On body 0, corrections < 0 belong to the inner circle."""
+        """Return the walls in `Scene.walls` and |correction| [m/s] of contacts, given by body and correction.
+
+        Body 0 is both circles of an annulus: a correction < 0 is at the inner one.
+        """
         wall = np.array(self.walls, np.int32)[body]
         return np.where((body == 0) & (correction < 0.0), self._inner, wall), np.abs(correction)

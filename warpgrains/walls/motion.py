@@ -162,7 +162,10 @@ class Motion:
         return share * np.array(self.velocity) + along * arm + across * left_of(arm)
 
     def from_then(self, time: float) -> dict[str, Any]:
-        """Return the fields of the motion that continues from the place at `time` [s], or `AT_REST`."""
+        """Return the fields of the motion of a wall that is put where it is at `time` [s], and moves on.
+
+        They are those of `AT_REST` if the motion has ended.
+        """
         if time >= self.stops_at:
             return AT_REST
         return {"start_time": time, "phase": self.phase + 2.0 * pi * self.frequency * (time - self.starts_at)}

@@ -107,7 +107,7 @@ class Row(InfiniteWall):
         return self.drawn_about(self.point, time)
 
     def drawn_about(self, middle: Vector, time: float) -> Band:
-        """Return the drawing, at a time [s], of the discs in the `length` about a point."""
+        """Return the drawing of the discs that, at a time [s], lie within `length` / 2 of a point [m]."""
         angle = np.linspace(np.pi, 0.0, _POINTS)
         along = self.radius * np.outer(np.cos(angle), self.spacing) / hypot(*self.spacing)
         across = (

@@ -56,7 +56,10 @@ class BorderedMatrix:
         return self._rows is rows
 
     def factor(self, rows: sparse.csr_array, base: BoolArray) -> None:
-        """Factor the matrix of a base, a mask of shape (m,)."""
+        """Factor I + rho A_B^T A_B, where A_B has the rows that the mask `base`, shape (m,), selects.
+
+        All borders are dropped.
+        """
         self._rows, self.base = rows, base
         most = min(MOST, len(base))
         if most > self._borders.most:

@@ -35,7 +35,10 @@ class Projection(NamedTuple):
     """Bound on |u| of a solution."""
 
     def target(self, q: FloatArray) -> FloatArray:
-        """Return q - s, whose positive part equals q at the solution."""
+        """Return q - s for multipliers q and the slacks s of the rows, shape (m,).
+
+        At the solution, its positive part is q.
+        """
         return q - self.bound + self.rows @ (self.free - self.rows.T @ q)
 
     def residual(self, q: FloatArray) -> float:
