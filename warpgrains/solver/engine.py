@@ -126,7 +126,7 @@ class Engine:
         return scene.method != "exact" and same_kind and self.records.sizes.fits(k, scene)
 
     def ends(self, which: IndexArray, done: Sums) -> FinalStates:
-        """Return the final states of scenes `which`, with equally many grains, and the sums `done`; on a CPU."""
+        """Return the final states of scenes `which`, all of n grains, and the sums `done`; on a CPU."""
         records, scenes = self.records, [scene_with_walls(self.records, k) for k in which.tolist()]
         dt = records.host["dt"][which]
         contact_mass = records.stacked("grains.contact_mass", which)
