@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 _OUTLINE = 0.3  # line width [points]; less for small grains
 _EDGE = (0.25, 0.2, 0.15)  # color of the outlines of grains (sRGB)
-_LEAST_MARK = 5.0  # radius of a grain with a mark [pixels]
+_LEAST_MARK = 5.0  # mean radius of grains with marks [pixels]
 _TEXT: dict[str, Any] = {"fontsize": "x-small"}
 _CASING = 0.15  # width of the white border of a force chain, in widths of the chain
 DOTS_PER_INCH = 120
@@ -76,7 +76,7 @@ class FrameArtists:
         self._time = axes.text(0.0, 1.0, "t", transform=axes.transAxes, va=side, **_TEXT, color=painter.ink)
         self._time.set_visible(not painter.look.clean)
         self._has_marks = painter.scene.has_friction and (
-            painter.scene.exchanges_grains or bool((radius * pixels >= _LEAST_MARK).any())
+            painter.scene.exchanges_grains or bool(radius.mean() * pixels >= _LEAST_MARK)
         )
         marks = [self._marks] if self._has_marks else []
         collections = self._grains, *marks, self._chains
@@ -98,7 +98,7 @@ class FrameArtists:
         line = np.minimum(_OUTLINE, 6.0 * radius / self._painter.view.half)
         self._grains.set(offsets=places, facecolor=color, widths=width, heights=width, linewidth=line)
         if self._has_marks:
-            seen = radius * self._pixels >= _LEAST_MARK
+            seen = np.full(len(radius), radius.mean() * self._pixels >= _LEAST_MARK)  # all grains or none
             turned = marks(places[seen], radius[seen], now.angle[grain[seen]])
             self._marks.set(verts=turned, facecolor=mark_color(color[seen]))
         if chains is not None:
