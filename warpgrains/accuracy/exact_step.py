@@ -53,7 +53,7 @@ REACH = 1.5  # in known speeds: speed of a grain up to which the constraints are
 
 @dataclass(frozen=True, eq=False)
 class StepProblem:
-    """Start of a step: centers [m] and velocities [m/s], shape (n, 2), and the time."""
+    """Input of a step: its scene, and centers [m] and velocities [m/s] at its start, shape (n, 2)."""
 
     scene: Scene
     position: FloatArray
@@ -77,9 +77,10 @@ class StepProblem:
         return self.scene.radius * free_spin(self.scene, spin, self.staggered)
 
     def constraints(self, speed: FloatArray, sliding: FloatArray) -> StepConstraints:
-        """Return the constraints that grains can violate if each has at most its `speed` [m/s], shape (n,).
+        """Return the constraints J v <= b of all contacts that grains can violate at limited speeds.
 
-        At a round wall, gaps follow from the velocities `sliding` [m/s], shape (n, 2) (eq. 18).
+        `speed` is the largest speed of each grain [m/s], shape (n,). The gaps at a round wall are those of
+        grains that move with the velocities `sliding` [m/s], shape (n, 2) (eq. 18).
         """
         scene, position = self.scene, self.position
         pair = pairs_within(scene, position, scene.dt * speed)
@@ -161,7 +162,7 @@ def solve_exactly(problem: StepProblem, motion: FloatArray) -> ExactStep:
 
 
 def _project(rows: sparse.csr_array, bound: FloatArray) -> tuple[FloatArray, float]:
-    """Return a point y with rows y <= bound, and a bound of its distance from the point nearest to 0."""
+    """Return a y with rows y <= bound, and a bound on its distance from the y of least norm."""
     nothing = np.zeros(rows.shape[1])
     if not (bound < 0.0).any():
         return nothing, 0.0
@@ -182,10 +183,10 @@ def _project(rows: sparse.csr_array, bound: FloatArray) -> tuple[FloatArray, flo
 def projection_with_frozen_slip(
     step: StepConstraints, motion: FloatArray, root: FloatArray, free: FloatArray
 ) -> Projection:
-    """Return a step with its slip frozen at that of `motion` as a projection, see the head of this module.
+    """Return the projection problem of a step, with slip frozen at that of `motion` (head of this module).
 
-    `motion` and `free` hold velocities and rim speeds [m/s], shape (n, 3). The unknown is y = root *
-    (velocity, rim speed).
+    `motion` and `free` hold velocities and rim speeds [m/s], and `root` the square roots of their masses,
+    shape (n, 3) each. The unknown is y = root * (velocity, rim speed).
     """
     friction, surface = step.friction, step.surface_speed
     normal, slip = _rows(step, step.normal, 0.0), _rows(step, left_of(step.normal), 1.0)
@@ -199,7 +200,11 @@ def projection_with_frozen_slip(
 
 
 def _rows(step: StepConstraints, along: FloatArray, rim: float) -> sparse.csr_array:
-    """Return the matrix from (v, u) of all grains to velocities of contacts along directions, (m, 2)."""
+    """Return the matrix that maps velocities and rim speeds of all grains to contact velocities, (m, 3 n).
+
+    Row c yields the relative velocity of contact c along the vector along[c], plus `rim` times the rim
+    speeds.
+    """
     contacts, pairs = len(step.first), len(step.second)
     own = np.column_stack([along, np.full(contacts, rim)])
     entry = np.concatenate([own, own[:pairs] * np.array([-1.0, -1.0, 1.0])])
