@@ -19,7 +19,7 @@ OnProgress = Callable[[int], object]
 def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | None = None) -> None:
     """Do the submitted steps of all engines; a scene that fails stops, and the other scenes continue.
 
-    If no team shares a scene, at most `threads` CPU threads run; a team has its own number (`Engine.tasks`).
+    If no team shares a scene, at most `threads` CPU threads run; otherwise, the threads of the team run.
     The calling thread polls the other threads, so that an interrupt can cancel them. If the work is short, it
     takes part instead; if the work is very short and no team shares a scene, it works alone. `on_progress` is
     also called at the end.

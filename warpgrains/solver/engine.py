@@ -126,7 +126,11 @@ class Engine:
         return scene.method != "exact" and same_kind and self.records.sizes.fits(k, scene)
 
     def ends(self, which: IndexArray, done: Sums) -> FinalStates:
-        """Return the final states of scenes `which`, all of n grains, and the sums `done`; on a CPU."""
+        """Return the final states of the scenes with indices `which`, on a CPU.
+
+        All these scenes must have the same number of grains. `done` holds sums over the steps of each scene,
+        which become part of the result.
+        """
         records, scenes = self.records, [scene_with_walls(self.records, k) for k in which.tolist()]
         dt = records.host["dt"][which]
         contact_mass = records.stacked("grains.contact_mass", which)
@@ -152,7 +156,7 @@ class Engine:
         self._errors.clear()
 
     def work(self) -> float:
-        """Return the work left, in grains times iterations, if steps take as many iterations as the last."""
+        """Estimate the remaining work, in grains times iterations, from the iterations of the last steps."""
         return float(self._grains * self.left @ (self.records.host["step"]["iterations"] + MOVES))
 
     def tasks(self, threads: int) -> list[Callable[[], None]]:
@@ -194,7 +198,7 @@ class Engine:
         """Start no further step. Steps in progress are completed or, with `abandon`, given up on a CPU.
 
         An abandoned step has changed the list, and the numbers from which the next list is made. In color
-        order, later steps may therefore have other bits.
+        order, later steps may therefore differ in the last bits from those of a run that was not cancelled.
         """
         self._cancel[0] = 1
         if abandon:
@@ -209,7 +213,7 @@ class Engine:
         return bool((self.left[self._outcome == SOLVED] > 0).any() and not self._cancel[0])
 
     def _solve_slow(self) -> list[int]:
-        """Solve slow steps on the host, unless they are solved already; return their scenes k."""
+        """Solve slow steps on the host, unless they are solved already; return the indices of slow scenes."""
         slow = np.flatnonzero(self._outcome == SLOW).tolist()
         for k in slow:
             if self.records.host["control"]["phase"][k] == Phase.ENDED:
@@ -219,7 +223,7 @@ class Engine:
         return slow
 
     def _grow(self) -> list[int]:
-        """Enlarge the lists that are full; return the scenes k for which there was enough memory."""
+        """Enlarge the full lists; return the indices k of the scenes for which there was enough memory."""
         full = set(np.flatnonzero(self._outcome == WITHOUT_ROOM).tolist()) - self._errors.keys()
         for k in full:
             try:
@@ -231,7 +235,8 @@ class Engine:
     def finish_open_steps(self, has_failed: bool) -> None:
         """Finish or undo all open steps, and store the errors of failed scenes.
 
-        Slow steps are undone if they are abandoned or if an exception `has_failed` to be handled.
+        Slow steps are undone after `cancel(abandon=True)`, or if an exception is being handled
+        (`has_failed`).
         """
         if CHECKED:
             self._raise_violation()
@@ -260,7 +265,10 @@ class Engine:
                 raise SimulationError(f"step {step}: {violation}: please report this defect with the scene")
 
     def _continue_open_steps(self, undoes_slow: bool) -> None:
-        """Finish the open steps that wait for the host, except slow ones to be undone, and do no further."""
+        """Finish the open steps that wait for the host, and begin no further step.
+
+        Slow steps stay open if `undoes_slow`, because the caller undoes them.
+        """
         while amid := self._grow() + ([] if undoes_slow else self._solve_slow()):
             left = self.left.copy()
             self.left[:] = 0

@@ -103,7 +103,10 @@ def contacts_of(scene: Scene, state: State) -> tuple[PairContacts, WallContacts]
 
 
 def contacts_at(start: FloatArray, scene: Scene, state: State) -> tuple[PairContacts, WallContacts]:
-    """Return the contacts of the last step, whose start had centers `start` [m], (n, 2), and this scene."""
+    """Return the contacts that carry a correction after the last step, from the start of this step.
+
+    `start` holds the centers [m], shape (n, 2), and `scene` the walls at that time, see `start_of_step`.
+    """
     pairs = pair_contacts(scene, start, state.corrections)
     return pairs, wall_contacts(scene, start, state.corrections, scene.time_after(state.steps - 1))
 
@@ -114,7 +117,10 @@ def force_of(mass: FloatArray, correction: FloatArray, dt: float | FloatArray) -
 
 
 def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> PairContacts:
-    """Return the contacts between grains, whose centers were at `position` [m], shape (n, 2)."""
+    """Return the pairs that carry these corrections, with forces and gaps.
+
+    `position` holds the centers at the start of the step [m], shape (n, 2).
+    """
     i, j = corrections.pair.T
     normal, gap = scene.pair_frames(position, corrections.pair)
     mass = scene.contact_mass
@@ -135,9 +141,10 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
 def wall_contacts(
     scene: Scene, position: FloatArray, corrections: Corrections, time: float = 0.0
 ) -> WallContacts:
-    """Return the contacts with the walls of the step that began at a time [s].
+    """Return the wall contacts that carry these corrections, with forces and gaps.
 
-    The centers of the grains were at `position` [m], shape (n, 2).
+    `position` holds the centers at the start of the step [m], shape (n, 2), and `time` is that of the start
+    [s].
     """
     # free=0.0, because these contacts exist; rounding may pick either of two equally near walls at a joint
     normal, gap = scene.wall_frames(position, corrections.wall, time=time, free=0.0)

@@ -67,7 +67,7 @@ class UnilateralConstraints(StepConstraints):
 
     @classmethod
     def of(cls, scene: Scene, start: Start, corrections: Corrections, time: float = 0.0) -> Self:
-        """Collect the constraints of a step that starts at a time [s]."""
+        """Return the constraints of a step that starts at `time` [s], for the corrections after sweeps."""
         wall, key = every_wall(scene), np.array([len(scene.walls), 1])
         every = cls.at(scene, start, corrections.pair, wall, time)
         carry = np.isin(wall @ key, (corrections.wall @ key)[corrections.wall_correction > 0.0])
@@ -170,7 +170,10 @@ def _least_along(excess: FloatArray, change: FloatArray) -> FloatArray:
 
 
 def _smallest(contacts: UnilateralConstraints, weight: FloatArray, too_fast: float) -> InfeasibilityProof:
-    """Return a proof with fewer grains: contacts of small weight are dropped while it remains a proof."""
+    """Return a proof with fewer grains.
+
+    Contacts of small weight are dropped, as long as the bound on the speed exceeds `too_fast` [m/s].
+    """
     for share in SHARES:
         kept = np.where(weight >= share * weight.max(), weight, 0.0)
         speed = contacts.least_speed(kept, contacts.imbalance(kept))

@@ -26,7 +26,7 @@ class LoadedScene:
         self._records, self._k = records, k
 
     def observed(self) -> AbstractContextManager[None]:
-        """Return the context manager within which callbacks of a run may read the scene."""
+        """Return a context in which callbacks of a run can read the scene; here it does nothing."""
         return nullcontext()
 
     def replace_state(self, state: State) -> None:

@@ -47,13 +47,16 @@ def _in_order(contact: IntArray) -> IndexArray:
 
 
 def _bounded(scene: Scene) -> dict[str, str]:
-    """Return the corrections that friction bounds: {name in the records: name in `Corrections`}."""
+    """Return the corrections that friction bounds, as {name in the records: name in `Corrections`}."""
     names = {"dvt": "friction"} if scene.has_friction else {}
     return names | ({"dvr": "rolling"} if scene.has_rolling_friction else {})
 
 
 def state_of(records: SceneRecords, k: int, has_lists: bool = True) -> State:
-    """Return the exact state of scene k. Without lists, bits of later steps would differ."""
+    """Return the exact state of scene k.
+
+    Without lists, steps that continue from this state may differ in the last bits.
+    """
     scene, record = records.scenes[k], records.host[k]
     names = ("position", "velocity", *(("spin", "angle") if scene.has_friction else ()))
     own: dict[str, Any] = {name: records.array(k, f"grains.{name}")[: scene.n].copy() for name in names}
@@ -72,7 +75,7 @@ def state_of(records: SceneRecords, k: int, has_lists: bool = True) -> State:
 
 
 def _lists_of(records: SceneRecords, k: int) -> VerletList:
-    """Return the listed contacts of scene k, and until when the list holds."""
+    """Return the Verlet list of scene k: its contacts, and the numbers that bound how long it is valid."""
     wall, _ = listed_walls(records, k)
     wall[:, 1], _ = records.scenes[k].bodies.carried(
         wall[:, 1], np.zeros(len(wall))
@@ -85,7 +88,10 @@ def _lists_of(records: SceneRecords, k: int) -> VerletList:
 
 
 def driven_walls(records: SceneRecords, k: int) -> FloatArray:
-    """Return coordinates [m] and speeds [m/s] of the walls of scene k, in which a force drives a wall."""
+    """Return coordinate [m] and speed [m/s] of every wall of scene k, shape (walls, 2).
+
+    A force must drive at least one wall of the scene; walls that no force drives keep the speed 0.
+    """
     scene = records.scenes[k]
     arrays = (records.array(k, f"grains.{name}")[scene.n :, 0] for name in ("position", "velocity"))
     return np.stack([array[scene.bodies.of_walls] for array in arrays], axis=1)
@@ -147,9 +153,10 @@ def change_scene(records: SceneRecords, k: int, scene: Scene, keeps_list: bool) 
 
 
 def _place_outer_circle(records: SceneRecords, k: int) -> None:
-    """Write the radius of the outer circle, which is the coordinate of body 0.
+    """Write the radius of the outer circle to the record of scene k.
 
-    If there is no outer wall, both become the very large radius of `scene.bodies.circles`.
+    The radius is the coordinate of body 0, the annulus. Without an outer wall, both become the very large
+    radius of `scene.bodies.circles`.
     """
     scene, annulus = records.scenes[k], records.host[k]["walls"]["annulus"]
     coordinate = records.array(k, "grains.position")[scene.n : scene.n + 1, 0]
@@ -169,7 +176,11 @@ def _forget_list(records: SceneRecords, k: int) -> None:
 def _write_list(
     records: SceneRecords, k: int, pair: IntArray, wall: IntArray, corrections: Corrections
 ) -> None:
-    """Write the list: pairs in lexicographic order and wall contacts, with their corrections."""
+    """Write listed contacts and their corrections to the arrays of scene k.
+
+    `pair` holds grains i < j in lexicographic order, `wall` grain and wall of contacts with walls, shape (m,
+    2).
+    """
     count, scene = len(pair) + len(wall), records.scenes[k]
     of_walls = scene.bodies.of_walls
     wall = wall[_in_order(np.stack([wall[:, 0], of_walls[wall[:, 1]]], axis=1))]

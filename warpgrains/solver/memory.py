@@ -15,7 +15,10 @@ from warpgrains.base.errors import SimulationError
 PROC, CGROUPS = Path("/proc"), Path("/sys/fs/cgroup")
 VERSION_1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
 VERSION_2 = ("memory.max", "memory.current", "inactive_file")
-"""Files with limit and use of a control group, and the entry of memory.stat that the system can reclaim."""
+"""Names in control groups of version 2: file with the limit, file with the use, entry of reclaimable memory.
+
+The entry is in the file memory.stat.
+"""
 
 
 class OutOfMemoryError(SimulationError):

@@ -49,7 +49,7 @@ class SceneRecords:
     last_scenes : list
         The scene of the step before this state if its parameters were different; otherwise None.
     populations : list of dict
-        The fields `OF_POPULATION` of the state of every scene.
+        Numbers of birth, and of exchanged grains, of every scene: fields `OF_POPULATION` of its state.
     """
 
     def __init__(self, scenes: Sequence[Scene], sizes: Sizes, device: wp.Device):
@@ -117,7 +117,7 @@ class SceneRecords:
         return bool(self.host["steps"][k] != self.loaded_steps[k])
 
     def write_parameters(self, which: slice = slice(None)) -> None:
-        """Write to some records all parameters of their scenes, and the arrays of walls."""
+        """Write all parameters and the walls of the scenes in the range `which` to their records."""
         host, scenes, sizes = self.host[which], self.scenes[which], self.sizes
         host["start_time"] = [scene.time for scene in scenes]
         numbers = "drag spin_drag friction rolling_friction restitution restitution_speed dt"
@@ -183,12 +183,12 @@ class SceneRecords:
             self.array(k, "walls.rolling")[:] = bodies.rolling
 
     def set_gravity(self, gravity: ArrayLike, which: slice = slice(None)) -> None:
-        """Write the gravity of some scenes [m/s2], shape (scenes, 2)."""
+        """Write the gravity of the scenes in the range `which` [m/s2], shape (scenes, 2)."""
         self.host["gravity"][which] = gravity
         self.host["tuning"]["acceleration"][which] = np.hypot(*self.host["gravity"][which].T)
 
     def _write_grains(self) -> None:
-        """Write the initial grains of all scenes, without a list, to memory that is zero."""
+        """Write the initial grains of all scenes to zeroed memory, and mark that no scene has a list."""
         names = ["radius", "mass", "contact_mass", "position", "velocity"]
         for name in names + (["rim_mass", "spin"] if self.sizes.friction else []):
             self._write(f"grains.{name}", [getattr(scene, name) for scene in self.scenes])
@@ -198,7 +198,7 @@ class SceneRecords:
         self.host["control"]["unordered"] = 1
 
     def _write(self, name: str, values: Sequence[FloatArray]) -> None:
-        """Write `values`, by scene, to the first rows of an array, which are those of the grains."""
+        """Write values[k], for every scene k, to the first rows of its array `name`: those of the grains."""
         whole = self.together(name)
         if whole is not None and whole[0].shape == values[0].shape:
             whole[:] = np.concatenate(values).reshape(whole.shape)
@@ -274,9 +274,9 @@ class SceneRecords:
         self._resize(k, replace(self.sizes, contacts=grown))
 
     def keep_history(self, k: int, iterations: int) -> None:
-        """Reserve memory for zeta and residual of that many iterations of each step of scene k.
+        """Reserve memory for zeta and residual of the first `iterations` iterations of a step of scene k.
 
-        Raises SimulationError if there is not so much.
+        Raises SimulationError if there is not enough memory.
         """
         if iterations != self.sizes.history[k]:
             history = self.sizes.history.copy()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def exact_solver(method: str) -> Callable[[SceneRecords, int], Any] | None:
-    """Return the function `(records, k)` that makes the host's solver of scene k; None if not "exact".
+    """Return a factory `(records, k)` of the host's solver of scene k; None for other methods than "exact".
 
     Raises MissingExtraError if the method is "exact" and its extra is not installed.
     """
@@ -39,7 +39,10 @@ def exact_solver(method: str) -> Callable[[SceneRecords, int], Any] | None:
 def failure(
     records: SceneRecords, k: int, outcome: int, why: SimulationError | None = None
 ) -> SimulationError:
-    """Return the error for the failed step of scene k, with the reason `why` or one from the outcome."""
+    """Return the error for the failed step of scene k.
+
+    Its reason is the error `why`, or follows from the outcome of the step (kernels/record.py).
+    """
     scene, done = records.scenes[k], int(records.host["steps"][k])
     error = why or SimulationError(_reason(records, k, outcome))
     return type(error)(f"step {done + 1}, from t = {scene.time_after(done)} s: {error}")
@@ -97,7 +100,7 @@ def _wall_without_normal(records: SceneRecords, k: int, grain: int, path: float)
 
 
 def _across(records: SceneRecords, k: int, grain: int) -> int | None:
-    """Return a grain that meets an image, other than the nearest, of the given grain in a step, or None."""
+    """Return a grain that meets, in this step, an image of `grain` other than the nearest one, or None."""
     scene = records.scenes[k]
     position, velocity = (records.array(k, f"grains.{name}") for name in ("position", "next_velocity"))
     way = scene.period.nearest(position[: scene.n] - position[grain])

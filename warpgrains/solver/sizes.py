@@ -90,7 +90,7 @@ class Sizes:
 
 
 def _of_walls(scene: Scene) -> tuple[int, ...]:
-    """Return `walls` to `weighted` of `Sizes` for one scene."""
+    """Return the fields of `Sizes` from `walls` to `weighted`, in order, for one scene."""
     bodies = scene.bodies
     has_equal_shares = scene.has_equal_masses and not scene.has_driven_walls
     if scene.has_friction:
@@ -107,7 +107,7 @@ def _of_walls(scene: Scene) -> tuple[int, ...]:
 
 
 def kind_of(scene: Scene) -> Kind:
-    """Return the kind of a scene."""
+    """Return the options of a scene that choose its kernels: method, friction, restitution and rolling."""
     return Kind(scene.method, scene.has_friction, scene.has_restitution, scene.has_rolling_friction)
 
 

@@ -233,5 +233,5 @@ class FinalStates(NamedTuple):
 
     grains: Snapshots
     dt: FloatArray
-    """[s], shape (m,)."""
+    """Time step of each scene [s], shape (m,)."""
     done: Sums

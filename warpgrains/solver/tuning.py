@@ -33,7 +33,7 @@ MANY = 200  # number of grains from which a scene has many
 
 
 def first_skin(scene: Scene) -> float:
-    """Return the initial base skin [m], about the deviation of a grain after which the list is rebuilt."""
+    """Return the initial base skin [m]. If a grain deviates by about this length, the list is rebuilt."""
     return BASE_SKIN * scene.smallest_radius
 
 
@@ -54,12 +54,12 @@ def rounding(scene: Scene) -> float:
 
 
 def monitor_threshold(scene: Scene) -> float:
-    """Return the change of velocity below which a grain needs no monitoring, over the base skin [1/s]."""
+    """Return the largest change of a velocity that needs no monitoring, divided by the base skin [1/s]."""
     return MONITOR_THRESHOLD / scene.dt
 
 
 def nearest(scene: Scene) -> float:
-    """Return the largest distance from violation [m/s] at which contacts are swept."""
+    """Return the largest gap / dt - vn [m/s] at which a wall contact without a correction is still swept."""
     return NEAREST * scene.smallest_radius / scene.dt
 
 
@@ -84,14 +84,17 @@ def block_size(scenes: Sequence[Scene]) -> int:
 
 
 def patience(scene: Scene) -> int:
-    """Return the number of sweeps that cost as much as the host's solution of a step; 0 without one."""
+    """Return the number of sweeps that cost as much as the host's solution; 0 if the host solves no steps."""
     if scene.method != "exact":
         return 0
     return int(HOST_FEW + HOST_MANY * scene.n)
 
 
 def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
-    """Return the number of CPU threads that share a scene, of `threads` or `paying_threads`; 1 for a GPU."""
+    """Return the number of CPU threads that share a scene; it is 1 for a GPU.
+
+    At most `threads` are used, or `paying_threads` if it is None or 0.
+    """
     if device.is_cuda:
         return 1
     return useful_threads(scene, threads or paying_threads(scene))

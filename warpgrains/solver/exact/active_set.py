@@ -31,7 +31,7 @@ NEGLIGIBLE = 1e-12  # [m/s]: contacts with smaller corrections leave W
 
 
 def most_solutions(grains: int) -> int:
-    """Return the number of solutions of the equations that cost as much as the interior point method."""
+    """Return the number of solutions of the equations that take as long as the interior point method."""
     return 20 + round(5.0 * sqrt(grains))
 
 
@@ -62,22 +62,22 @@ class _Dual:
         return arrays
 
     def move(self, q: FloatArray) -> None:
-        """Set q to another point, and compute its slack."""
+        """Set q to the given point, and compute the slack there."""
         rows, b, free, *_ = self._problem
         self.q[:] = q
         self.slack[:] = b - rows @ (free - self.across @ q)
 
     def descend(self, z: FloatArray, a: float) -> None:
-        """Move q towards z, clipped at 0, by the step a, which is doubled as long as the dual falls."""
+        """Move q towards z, clipped at 0, by the step a. The step is doubled as long as the dual falls."""
         self._target[:] = z
         self._arrays = self._arrays or self._shared()
         launch(kernels.descend, [self._arrays, a])
 
 
 class _Equations:
-    """The equations of a set W for rows A.
+    """The equations A_W u = b_W + (z - q*) / rho of a set W of contacts (head of this module).
 
-    If the matrix has factors of the same A, from a problem with other bounds, they are reused.
+    If `matrix` has factors for the same A, from a problem with other bounds, they are reused.
     """
 
     def __init__(self, rows: sparse.csr_array, matrix: BorderedMatrix, dual: _Dual):
@@ -93,24 +93,27 @@ class _Equations:
         self._matrix.factor(self._rows, self._carrying)
 
     def centre(self, q: FloatArray, slack: FloatArray) -> None:
-        """Set q* and its slack."""
+        """Set the center q* of the term (z - q*) / rho, and the slack b - A u at q*."""
         self._q, self._slack = q.copy(), slack.copy()
         short = np.where(self._carrying, slack, 0.0)
         self._push = q - PROXIMITY * short
         self._matrix.take(PROXIMITY * (self._across @ np.where(self._matrix.base, short, 0.0)))
 
     def change(self, carrying: BoolArray) -> None:
-        """Change W for the same q*. If a contact has joined, call `centre` next."""
+        """Set W to the mask `carrying`, shape (m,), for the same q*.
+
+        If a contact has joined W, `centre` must be called before `solve`.
+        """
         self._carrying = carrying
         if not self._matrix.change(carrying):
             self._factor()
             self.centre(self._q, self._slack)
 
     def solve(self) -> FloatArray:
-        """Return z, shape (m,), which is 0 for contacts outside W.
+        """Return the solution z of the equations, shape (m,), which is 0 for contacts outside W.
 
-        A contact that has joined the base adds an equation for its z. A contact that has left the base adds
-        an unknown force that cancels its z.
+        A contact in W, but not in the base of the matrix, adds an equation for its z. A contact in the base,
+        but not in W, adds an unknown force that cancels its z.
         """
         changed = self._matrix.changed
         joined, push = ~self._matrix.base[changed], self._push

@@ -19,7 +19,7 @@ FEW = 10_000  # up to this number of rows, the matrix has entries for all rows, 
 
 
 class BorderedMatrix:
-    """Factors for a base, and borders for the rows by which W differs from it.
+    """Factors for a base set of rows of A, and borders for the rows by which W differs from the base.
 
     Attributes
     ----------
@@ -86,7 +86,10 @@ class BorderedMatrix:
         self._are_shared = True
 
     def change(self, carrying: BoolArray) -> bool:
-        """Change W to a mask of shape (m,); return False, with no change, if it needs too many borders."""
+        """Set W to a mask of rows, shape (m,), and return True.
+
+        Return False, and change nothing, if this needs too many borders.
+        """
         wanted = carrying != self.base
         new = np.flatnonzero(wanted & (self._border < 0))
         if self._host["count"][0] + len(new) > self._borders.most:
@@ -118,13 +121,14 @@ class BorderedMatrix:
         self._border[new] = np.arange(first, first + len(new))
 
     def take(self, right: FloatArray) -> None:
-        """Set the right-hand side r, shape (2 n,)."""
+        """Set the right-hand side r, shape (2 n,), of M x = r - A^T f (`solve`)."""
         self._right, self._is_forward = right, False
 
     def solve(self, own: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Solve the system with W; `own` holds the right-hand sides of the changed rows.
+        """Return the forces f on the changed rows, and the x of M x = r - A^T f, shape (2 n,).
 
-        Returns the forces f on the changed rows, and x of M x = r - A^T f.
+        M = I + rho A_B^T A_B is the matrix of the base B. `own` holds the right-hand sides of the equations
+        that the changed rows add, in the order of `changed`.
         """
         count = len(own)
         if count == 0:

@@ -19,7 +19,7 @@ Start = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class StepConstraints:
-    """J v <= b. First k pairs, (J v)_c = (v_i - v_j) . n, then wall contacts, (J v)_c = v_i . n.
+    """J v <= b of k pairs, with (J v)_c = (v_i - v_j) . n, then of wall contacts, with (J v)_c = v_i . n.
 
     Attributes
     ----------
@@ -121,7 +121,11 @@ class StepConstraints:
         return np.append(np.ones(pairs), 1.0 + np.where(self.driver >= 0, at_walls, 0.0))
 
     def normal_speed(self, velocity: FloatArray) -> FloatArray:
-        """Return J v [m/s], shape (m,), for velocities of grains and then driven walls, (speed, 0) each."""
+        """Return J v [m/s], shape (m,).
+
+        `velocity` holds velocities of the grains, followed by (speed, 0) of every driven wall [m/s], shape (n
+        + s, 2).
+        """
         relative, pairs = velocity[self.first], len(self.second)
         relative[:pairs] -= velocity[self.second]
         found: FloatArray = (relative * self.normal).sum(axis=1)
@@ -129,7 +133,10 @@ class StepConstraints:
         return found
 
     def sliding(self, move: FloatArray) -> Self:
-        """Return the constraints with gaps at a round wall for displacements [m], shape (n, 2) (eq. 18)."""
+        """Return the constraints with the gaps at a round wall that a motion along the wall leaves (eq. 18).
+
+        `move` holds the displacements of the grains in the step [m], shape (n, 2).
+        """
         _, gap = self.scene.wall_frames(self.position, self.wall, move, self.time)
         pairs = len(self.second)
         at_walls = gap / self.scene.dt + self.wall_speed[:, 0] - self.rebound[pairs:]
@@ -137,7 +144,10 @@ class StepConstraints:
 
     @property
     def circle(self) -> FloatArray:
-        """A / dt of eq. 18 at a round outer wall, else inf [m/s], shape (m,)."""
+        """A / dt [m/s] of eq. 18 at contacts with a round outer wall, inf at other contacts, shape (m,).
+
+        A is the radius of the circle on which the center of a grain lies if the grain touches the wall.
+        """
         scene, found = self.scene, np.full(len(self.first), np.inf)
         for number, wall in enumerate(scene.walls):
             if isinstance(wall, Rim) and wall.is_round:

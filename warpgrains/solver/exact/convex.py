@@ -29,7 +29,7 @@ MOST = 100  # number of factorizations of a step after which no other problem is
 
 
 class Matrices(NamedTuple):
-    """Matrices of the two methods, which are kept so that their memory is reused."""
+    """Matrices of the active-set method and of the interior point method, kept to reuse their memory."""
 
     active: BorderedMatrix
     interior: NormalMatrix
@@ -94,7 +94,10 @@ class ConvexSolver:
 
 
 def _with_gaps_of(problem: Projection, constraints: StepConstraints, q: FloatArray) -> Projection:
-    """Return the problem with the gaps at round walls for the velocities that corrections q yield."""
+    """Return the problem with the gaps at round walls that follow from corrections q.
+
+    The gaps are those of grains that move with the velocities of these corrections.
+    """
     u = (problem.free - problem.rows.T @ q).reshape(-1, 2)
     move = constraints.scene.dt * (u / np.sqrt(constraints.mass)[:, np.newaxis])
     return problem._replace(bound=problem.unit * constraints.sliding(move).gap_rate)

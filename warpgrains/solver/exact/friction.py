@@ -68,7 +68,10 @@ class PathSolver:
         record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
 
     def _with_rolling(self, contacts: Contacts, wall: Indices) -> Contacts:
-        """Return contacts, with entries for rolling added if the scene has rolling friction."""
+        """Return the contacts; with rolling friction, they are followed by an entry for rolling of each.
+
+        `wall` holds grain and wall of the contacts with walls, which are the last ones, shape (m - k, 2).
+        """
         scene = self._records.scenes[self._k]
         if not scene.has_rolling_friction:
             return contacts

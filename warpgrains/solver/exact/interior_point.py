@@ -29,7 +29,7 @@ NEGLIGIBLE = 0.02  # in tolerances: contacts with smaller corrections are open
 
 
 class _Iterate(NamedTuple):
-    """A point q, s > 0 of the iteration, or a direction."""
+    """A point (u, q, s) of the iteration, with q, s > 0, or a direction (du, dq, ds)."""
 
     u: FloatArray
     q: FloatArray
@@ -44,7 +44,10 @@ class _Iterate(NamedTuple):
         return float(1.0 / max(1.0, (-way.q / self.q).max(), (-way.s / self.s).max()))
 
     def centred(self, mu: float) -> "_Iterate":
-        """Return the q, s > 0 with the same q - s and with q s = mu; the smaller one without cancelation."""
+        """Return the point with the same q - s for which q, s > 0 and q_c s_c = mu at every contact.
+
+        The smaller one of q_c and s_c is computed as mu over the larger one, to avoid cancelation.
+        """
         t = self.q - self.s
         large = 0.5 * (np.sqrt(t * t + 4.0 * mu) + np.abs(t))
         small = mu / large
@@ -56,7 +59,10 @@ class _Iterate(NamedTuple):
 
 
 def _begin(problem: Projection, q: FloatArray) -> tuple[_Iterate, float]:
-    """Return the centered start and its mu, which grows with the residual of q."""
+    """Return the start of the iteration, centered from corrections q, and its mu.
+
+    mu grows with the residual of q.
+    """
     across = problem.rows.T
     t = problem.target(q)
     error = np.maximum(t, 0.0) - q

@@ -21,14 +21,20 @@ def listed_pairs(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
 
 
 def listed_walls(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
-    """Return (grain, wall of the device) of the listed wall contacts, shape (m, 2), and their indices."""
+    """Return (grain, wall body) of the listed wall contacts, shape (m, 2), and their indices, shape (m,).
+
+    Wall bodies are numbered as in kernels/walls/walls.py: body 0 is the annulus.
+    """
     (body, index), n = _listed(records, k), records.scenes[k].n
     is_wall = body[:, 1] >= n
     return body[is_wall] - np.array([0, n], np.int32), index[is_wall]
 
 
 def _listed(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
-    """Return (grain, second body) of all listed contacts in lexicographic order, and their indices."""
+    """Return (grain, second body) of all listed contacts in lexicographic order, and their indices.
+
+    The second body is a grain, or n plus the number of a wall body.
+    """
     rows = np.diff(records.array(k, "neighbors.start"))
     first = np.repeat(np.arange(len(rows), dtype=np.int32), rows)
     body = np.stack([first, records.array(k, "neighbors.neighbor")[: len(first)]], axis=1)
@@ -60,12 +66,19 @@ class ListedContacts:
         self.constraints = StepConstraints.at(scene, start, pair, wall, time)
 
     def read(self, name: str) -> FloatArray:
-        """Return the corrections `name` [m/s], shape (m,); < 0 if the other circle carries the contact."""
+        """Return the corrections `name` [m/s], shape (m,).
+
+        Both circles of the annulus share one correction. It is < 0 for the circle that does not carry it.
+        """
         own = self._records.array(self._k, f"contacts.{name}")
         return np.concatenate([own[self._at_pair], self._sign * own[self._at_wall]])
 
     def write(self, name: str, correction: FloatArray) -> None:
-        """Write the corrections `name` [m/s]. A listed contact with both circles gets their signed sum."""
+        """Write the corrections `name` [m/s], shape (m,).
+
+        Both circles of the annulus share one correction: that of the outer circle minus that of the inner
+        one.
+        """
         own = self._records.array(self._k, f"contacts.{name}")
         pairs, walls = np.split(correction, [len(self._at_pair)])
         own[self._at_pair] = pairs

@@ -38,14 +38,17 @@ class Contacts(NamedTuple):
     gap_rate: FloatArray
     """gap / dt [m/s]."""
     circle: FloatArray
-    """A / dt of eq. 18 at a round wall, otherwise inf [m/s]."""
+    """A / dt at a round wall, with A = radius of the wall - radius of the grain (eq. 18), or inf [m/s]."""
     friction: FloatArray
     surface: FloatArray
     """Speed of the surface along the tangent [m/s]."""
     lever: FloatArray
-    """Velocity of a driven wall along normal and tangent, at unit speed; otherwise 0 (eq. 28)."""
+    """Velocity of a driven wall along normal and tangent, for a speed of 1 m/s; otherwise 0 (eq. 28)."""
     parts: FloatArray
-    """Factors of slip and both rim speeds: 1, 1, 1, or 0, c_i, -c_j in an entry for rolling (eq. 37)."""
+    """Factors of the centers' tangential velocity and of the rim speeds of both grains, shape (m, 3).
+
+    They are 1, 1, 1 for slip, and 0, c_i, -c_j in an entry for rolling (eq. 37).
+    """
 
     @classmethod
     def of(cls, constraints: StepConstraints) -> Contacts:
@@ -58,9 +61,10 @@ class Contacts(NamedTuple):
         )
 
     def with_rolling(self, mu: FloatArray, surface: FloatArray, radius: FloatArray) -> Contacts:
-        """Return the contacts, followed by an entry for rolling of each, with coefficients mu.
+        """Return the contacts, followed by an entry for the rolling of each contact.
 
-        Entries have the surface speeds [m/s] given, and grains the radii [m] given.
+        `mu` and `surface` hold coefficient of rolling friction and surface speed [m/s] of each entry, shape
+        (m,). `radius` holds the radii of all grains [m].
         """
         is_pair = (self.second >= 0) & (self.second < len(radius))
         r_i, r_j = radius[self.first], radius[np.where(is_pair, self.second, 0)]

@@ -30,7 +30,7 @@ class Projection(NamedTuple):
     free: FloatArray
     """u0, shape (2 n,)."""
     unit: FloatArray
-    """Value of s for 1 m/s, shape (m,). The value of q for a correction of 1 m/s is K times this (eq. 28)."""
+    """Factor from m/s to the scaled slack s, shape (m,). A correction of 1 m/s is q = K unit (eq. 28)."""
     widest: float = np.inf
     """Bound on |u| of a solution."""
 
