@@ -120,7 +120,7 @@ def compress(
         Fraction, contacts and forces, and the simulation. Its `at_rest` is True if, at ten tests in a row, 10
         steps apart, the forces of the walls under pressure p added up to p times their length within 0.1 %,
         and the kinetic energy of grains and walls, without rotation, was at most 1e-8 of p times the area, or
-        that of 30 tolerances.
+        that at a speed of 30 tolerances.
 
     Raises
     ------
@@ -156,7 +156,10 @@ def compress(
 
 
 def _under_pressure(scene: Scene, box: Box, pressure: float | None) -> Scene:
-    """Return a scene without gravity; if a pressure is given, set it on the box's sides under pressure."""
+    """Return the scene without gravity, with `pressure` [N/m] on those sides of the box that have a pressure.
+
+    If `pressure` is None, the sides keep their pressures. Raises InputError if no side has one.
+    """
     pressed = {name: own for name in box.sides if (own := getattr(box, name)) and "pressure" in own}
     if not pressed:
         raise InputError(
@@ -244,7 +247,10 @@ def carrying_contacts(now: Snapshot) -> tuple[float, int]:
 
 
 def _bulk_fraction(now: Snapshot) -> float:
-    """Return the packing fraction at least WALL_LAYER from circles and sides; NaN if little space is left."""
+    """Return the packing fraction at least WALL_LAYER mean diameters from circles and sides.
+
+    It is NaN if little space is left.
+    """
     layer = WALL_LAYER * 2.0 * float(now.scene.radius.mean())
     bulk = now.container.region.without_layer(layer)
     near, far = bulk.ring

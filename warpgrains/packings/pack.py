@@ -44,8 +44,10 @@ class Settled(Shown):
     simulation: Simulation = field(repr=False)
     """The packing before its first step, with the settings of the scene. It can be run, saved and drawn."""
     energy: float
-    """Mean kinetic energy of a grain, the largest value after steps with the scene's settings, in m g d.
-    Here d is the mean diameter."""
+    """Mean kinetic energy of a grain, in m g d with the mean diameter d.
+
+    It is the largest value after a step with the settings of the scene.
+    """
     largest_force: float
     """Largest net force on a grain, its weight included, in weights of the grain."""
     rms_force: float
@@ -123,7 +125,7 @@ def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: i
     -------
     Settled
         The packing. With the settings of the scene, the mean kinetic energy of a grain is at most 1e-9 m g d,
-        or that at 30 tolerances if it is larger, after each of the first 10 steps.
+        or that at a speed of 30 tolerances if it is larger, after each of the first 10 steps.
 
     Raises
     ------
@@ -182,7 +184,7 @@ class _Test(NamedTuple):
     simulation: Simulation
     """The simulation after the steps."""
     energy: float
-    """Mean kinetic energy of a grain, the largest value after a step, in m g d."""
+    """Mean kinetic energy of a grain, in m g d; the largest value after a step."""
     overlap: float
     """Largest overlap [m]."""
     iterations: int

@@ -61,7 +61,7 @@ class Settling:
     """Grains without friction that settle by gravity between walls at rest, in at most `most_steps` steps.
 
     Lengths are in mean diameters d, accelerations in g [m/s2], energies in m g d. At rest, the mean kinetic
-    energy of a grain is at most `most_energy`: 1e-9, or that at 30 tolerances if it is larger.
+    energy of a grain is at most `most_energy`: 1e-9, or that at a speed of 30 tolerances if it is larger.
     """
 
     def __init__(self, scene: Scene, most_steps: int, threads: int | None, bar: Progress):
@@ -150,7 +150,10 @@ class Settling:
         )
 
     def _depth(self) -> float:
-        """Return the depth of the center of mass along gravity [m], with the same bits in any order."""
+        """Return the depth of the center of mass along gravity [m].
+
+        Its bits do not depend on the order of the grains.
+        """
         (x, y), (gx, gy), mass = self._simulation.position.T, self._scene.gravity, self._scene.mass
         return fsum(mass * (gx * x + gy * y)) / (self.gravity * fsum(mass))
 
@@ -196,7 +199,7 @@ class Settling:
 
 
 def _scaled(corrections: Corrections, pairs: float | FloatArray, walls: float | FloatArray) -> Corrections:
-    """Return corrections multiplied by factors `pairs` and `walls` (numbers, or arrays by contact)."""
+    """Return corrections, multiplied by the factors `pairs` and `walls` (numbers, or arrays by contact)."""
     scaled: dict[str, Any] = {
         "pair_correction": pairs * corrections.pair_correction,
         "wall_correction": walls * corrections.wall_correction,
