@@ -36,8 +36,11 @@ CHECK = """
         return 0;
     };
 """
-"""C++ that returns the index if it is within the array, and 0 otherwise. It writes the first index outside to
-the `Violation`, to which the array's pointer to a gradient points, which has no other use here."""
+"""C++ that returns index i if it is within the array, and 0 otherwise.
+
+It writes the first index outside to the scene's `Violation`. The array's pointer to a gradient, which has no
+other use here, holds the address of the `Violation`.
+"""
 
 
 def named(name: str) -> Callable[[Callable[..., Any]], wp.Function]:
@@ -130,7 +133,10 @@ CONTIGUOUS = "__builtin_assume(i >= 0 && array.strides[0] == sizeof(*array.data)
 
 @wp.func_native((CHECK + "return within(array, i);") if CHECKED else CONTIGUOUS)
 def index_of(array: wp.array(dtype=Contact), i: int) -> int:
-    """Return i, tested in checked mode. A native function cannot return the record itself."""
+    """Return index i of a contact; in checked mode, test it first.
+
+    `contact_at` then reads the contact, because a native function cannot return a record.
+    """
     ...
 
 

@@ -51,7 +51,10 @@ def next_grain(s: Scene, c: int) -> int:
 
 @wp.func
 def range_of_set(team: Team, s: Scene, k: int, begin: int, end: int):
-    """Return this thread's range of [begin, end) in set k. One thread has all contacts with driven walls."""
+    """Return begin and end of this thread's part of the range [begin, end) of set k.
+
+    If a force drives a wall, the first thread has all contacts with walls.
+    """
     first, last = thread_range(team, begin, end)
     if is_driven(s) and is_wall_set(s, k):
         first = wp.where(team.rank == 0, begin, end)
@@ -61,7 +64,7 @@ def range_of_set(team: Team, s: Scene, k: int, begin: int, end: int):
 
 @wp.func
 def contacts_of(team: Team, s: Scene, k: int):
-    """Return first contact and end of this thread's range of set k."""
+    """Return first contact and end of this thread's range of the contacts in set k."""
     first, last = range_of_set(team, s, k, at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1))
     if is_wall_set(s, k):
         first, last = next_grain(s, first), next_grain(s, last)
@@ -82,13 +85,13 @@ def chunk_count(s: Scene) -> int:
 
 @wp.func
 def chunks_of_set(s: Scene, k: int):
-    """Return first chunk and end of set k."""
+    """Return the first chunk of set k, and the index after its last chunk."""
     return at(s.contacts.set_start, k) // CHUNK + k, chunks_in(at(s.contacts.set_start, k + 1)) + k
 
 
 @wp.func
 def contacts_of_chunk(s: Scene, k: int, chunk: int):
-    """Return first contact and end of a chunk of set k."""
+    """Return the first contact of a chunk of set k, and the index after its last contact."""
     begin = wp.max(at(s.contacts.set_start, k), (chunk - k) * CHUNK)
     end = wp.min(at(s.contacts.set_start, k + 1), (chunk - k + 1) * CHUNK)
     if is_wall_set(s, k):
@@ -98,7 +101,10 @@ def contacts_of_chunk(s: Scene, k: int, chunk: int):
 
 @wp.func
 def limits_at(limits: Vectors, w: int) -> wp.vec2d:
-    """Return the limits of the w-th contact with a wall [m/s] (types.Contacts); inf if the array is empty."""
+    """Return (gap / dt of the other side, A / dt of eq. 18) of the w-th contact with a wall [m/s].
+
+    Both are inf if the array is empty, because no wall of the scene has such a limit.
+    """
     if limits.shape[0] > 0:
         return at(limits, w)
     return wp.vec2d(f64(wp.inf), f64(wp.inf))
@@ -113,7 +119,7 @@ def gap_rates_now(contacts: Contacts, c: int, v: wp.vec2d):
 
 @wp.func
 def surface_of(s: Scene, c: int) -> wp.vec2d:
-    """Return the friction of the wall of contact c, and the wall's speed along the tangent [m/s] (eq. 23)."""
+    """Return (coefficient of friction, speed along the tangent [m/s]) of the wall of contact c (eq. 23)."""
     _, j = bodies_of(contact_at(s.contacts.contact, c))
     surface = at(s.walls.surface, j - grain_count(s))
     if s.contacts.wall_speed.shape[0] > 0:
@@ -150,7 +156,7 @@ def apply(s: Scene, velocity: Vectors, rim: Floats, contact: Contact, c: int, dv
 
 @wp.func
 def value_at(numbers: Floats, c: int) -> f64:
-    """Return element c, or 0 if the array is empty because the scene has no such number."""
+    """Return numbers[c], or 0 if the scene does not need these numbers, so that the array is empty."""
     if numbers.shape[0] > 0:
         return at(numbers, c)
     return f64(0.0)
@@ -158,7 +164,7 @@ def value_at(numbers: Floats, c: int) -> f64:
 
 @wp.func
 def rim_weights(s: Scene, c: int, at_wall: bool) -> wp.vec3d:
-    """Return 1 / K_t of contact c, and the shares of a tangential correction for both rims (eq. 22)."""
+    """Return (1 / K_t, changes of both rim speeds per tangential correction) of contact c (eq. 22)."""
     if has_weights(s):
         return at(s.contacts.rim_weights, c)
     if at_wall:

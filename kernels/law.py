@@ -96,7 +96,10 @@ def driven_change(excess: f64, dv: f64, compliance: f64) -> f64:
 
 @wp.func
 def inverse_kt(rim: f64, wall: f64) -> f64:
-    """Return 1 / K_t of a contact with a driven wall (eq. 30b); rim and wall are the terms that they add."""
+    """Return 1 / K_t = 1 / (1 + rim + wall) of a contact with a driven wall (eq. 30b).
+
+    `rim` is the term of the grain's rotation, k_i, and `wall` that of the wall's speed, g_t h_t.
+    """
     return f64(1.0) / (f64(1.0) + rim + wall)
 
 
@@ -136,13 +139,13 @@ def wall_slip(v: wp.vec2d, n: wp.vec2d, rim: f64, surface: f64) -> f64:
 
 @wp.func
 def rolling_part(radius_i: f64, radius_j: f64) -> f64:
-    """Return the part of grain i's rim speed that counts in its rolling on grain j (eq. 37)."""
+    """Return c_i = r_j / (r_i + r_j), the factor of grain i's rim speed in the rolling speed vr (eq. 37)."""
     return radius_j / (radius_i + radius_j)
 
 
 @wp.func
 def pair_roll(part: f64, rim_i: f64, rim_j: f64) -> f64:
-    """Return the rolling speed vr of two grains on each other [m/s] (eq. 37), from their rim speeds."""
+    """Return the rolling speed vr of two grains on each other [m/s] (eq. 37); `part` is c_i of eq. 37."""
     return part * rim_i - (f64(1.0) - part) * rim_j
 
 
@@ -163,10 +166,11 @@ def round_gap_rate(gap_rate: f64, along: f64, circle: f64) -> f64:
 
 @wp.func
 def rebound(gap_rate: f64, rate: f64, vn: f64, surface: f64, restitution: f64, least: f64) -> f64:
-    """Return gap / dt of a contact that may bounce [m/s] (eq. 35).
+    """Return gap / dt of a contact, which is smaller if the contact bounces [m/s] (eq. 35).
 
-    vn is the closing speed at the end of the last step, and surface the speed of a wall along the normal.
-    The contact bounces if vn > rate, so that the gap would close, and vn - surface > least.
+    `rate` is gap / dt for the speed along a round wall (eq. 18), otherwise gap_rate. vn is the closing speed
+    at the end of the last step, and surface the speed of a wall along the normal. The contact bounces if vn >
+    rate, so that the gap would close, and vn - surface > least.
     """
     if restitution > f64(0.0) and vn > rate and vn - surface > least:
         return wp.min(rate, surface - restitution * (vn - surface)) + (gap_rate - rate)

@@ -63,7 +63,7 @@ class Phase(IntEnum):
 
 
 class Asking(IntEnum):
-    """Times at which a step may still ask the host for a solution, set by the method and by answers."""
+    """Times at which a step may still ask the host for a solution. Method and host's answers set them."""
 
     NEVER = 0
     AT_LAST = 1  # after the last sweep
@@ -91,7 +91,7 @@ class StepState:
 
 @wp.struct
 class Control:
-    """The phase of the step, and flags that it does not imply."""
+    """The phase of the step, and flags that do not follow from the phase."""
 
     phase: wp.int32
     cancelled: wp.int32  # whether the host has cancelled the step
@@ -133,7 +133,7 @@ class StoppingCriterion:
 
 @wp.struct
 class TimeScheme:
-    """The times to which velocities belong, compared with the positions."""
+    """Offset in time between velocities and positions, which the leapfrog scheme has."""
 
     leapfrog: wp.int32  # whether velocities belong to the middle of a step
     staggered: wp.int32  # whether velocities are half a step behind the positions now
@@ -288,7 +288,7 @@ def is_cancelled(s: Scene) -> bool:
 
 @wp.func
 def has_swept(s: Scene) -> bool:
-    """Return whether the attempt has done a sweep, so that its list has not expired before the first one."""
+    """Return whether the attempt to solve the step has done at least one sweep."""
     return s.step.iterations > 0
 
 

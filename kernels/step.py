@@ -104,7 +104,10 @@ MONITOR_START = [Each(body_count, verlet.monitor_start)]
 
 
 def start(kind: Kind) -> list[Stage]:
-    """Return the stages that freeze the contacts and apply their corrections, unless sweeps resume."""
+    """Return the stages that compute normals and gaps of contacts, and apply corrections.
+
+    If sweeps resume, the corrections are part of the velocities already.
+    """
     return [
         If(fresh, [Each(body_count, warm_start.begin_velocity)]),
         Sets(warm_start.starting(kind)),

@@ -19,7 +19,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Factors:
-    """L without its diagonal of ones, by columns with ascending rows, and D."""
+    """Factors of M = L D L^T: D, and the columns of L below the diagonal of ones, with ascending rows."""
 
     start: Ints
     row: Ints
@@ -29,7 +29,10 @@ class Factors:
 
 @wp.struct
 class Borders:
-    """Vectors y_c, one after the other, the Schur complement of all borders, and factors for those in use."""
+    """Borders: the vectors y_c, one after the other, their Schur complement, and its factors.
+
+    The Schur complement includes all borders, its factors only the borders in use.
+    """
 
     most: int  # largest number of borders
     count: Ints  # number of borders, shape (1,)
@@ -69,7 +72,7 @@ def eliminate(factors: Factors, x: Floats, j: int):
 
 @wp.func
 def dot(borders: Borders, k: int, x: Floats) -> f64:
-    """Return y_k . x."""
+    """Return y_k . x for the sparse vector y_k of border k and a dense vector x."""
     total = f64(0.0)
     p = at(borders.start, k)
     end = at(borders.start, k + 1)
@@ -91,9 +94,10 @@ def forward(factors: Factors, borders: Borders):
 
 @wp.kernel
 def add_borders(factors: Factors, borders: Borders, column: Ints, entry: Floats, done: int):
-    """Add the given borders, from number `done` on, while there is memory for them.
+    """Append the given borders, from index `done` on, until none is left or the memory is full.
 
-    Each border has ENTRIES elements of `column` (indices) and `entry` (values); some values may be 0.
+    A given border is a row a_c with ENTRIES elements, indices `column` and values `entry`. Some values may be
+    0.
     """
     size = factors.pivot.shape[0]
     work = borders.work
@@ -130,13 +134,13 @@ def add_borders(factors: Factors, borders: Borders, column: Ints, entry: Floats,
 
 @wp.func
 def schur_at(borders: Borders, c: int, d: int) -> f64:
-    """Return y_c . D^-1 y_d."""
+    """Return y_c . D^-1 y_d of borders c and d, an element of the Schur complement."""
     return at(borders.schur, wp.max(c, d) * borders.most + wp.min(c, d))
 
 
 @wp.func
 def factor_row(borders: Borders, k: int):
-    """Factor row k of the Schur complement of the borders in use."""
+    """Factor row k of the Schur complement of the borders in use, after the rows before it."""
     row = k * borders.most
     border = at(borders.used, k)
     for c in range(k):
@@ -156,7 +160,10 @@ def factor_row(borders: Borders, k: int):
 
 @wp.func
 def solve_borders(borders: Borders, count: int):
-    """Replace the right-hand sides `force` of the `count` borders in use by the unknowns f."""
+    """Replace `force` by the unknowns f of the `count` borders in use.
+
+    Before, `force` holds the right-hand sides of the equations of these borders.
+    """
     force = borders.force
     for k in range(count):
         total = at(force, k) + dot(borders, at(borders.used, k), borders.scaled)
@@ -174,9 +181,10 @@ def solve_borders(borders: Borders, count: int):
 
 @wp.kernel
 def solve(factors: Factors, borders: Borders, factored: int, count: int):
-    """Solve the system with `count` borders in use, of which the rows before `factored` are factored.
+    """Solve for the unknowns f of `count` borders in use, and for x with M x = r - sum_c f_c a_c.
 
-    `force` holds the right-hand sides of the borders, and becomes the unknowns f. M x = r - sum_c f_c a_c.
+    Rows of the Schur complement from `factored` on are factored first. `force` holds the right-hand sides of
+    the borders, and becomes f.
     """
     for k in range(factored, count):
         factor_row(borders, k)

@@ -12,7 +12,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Dual:
-    """The matrix A by rows, and a point q with its slack s = b - A u(q)."""
+    """The dual: the matrix A by rows, and a point q with its slack s = b - A u, u = u0 - A^T q."""
 
     start: Ints
     column: Ints

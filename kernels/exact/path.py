@@ -94,7 +94,10 @@ def is_grain(step: Step, j: int) -> bool:
 
 @wp.func
 def relative(u: Triples, step: Step, c: int) -> wp.vec2d:
-    """Return (vn, vt) of contact c for velocities u, with the speed of driven walls, but surfaces at rest."""
+    """Return (vn, vt) of contact c for velocities u, including the velocity of a driven wall.
+
+    The speed of a surface along the tangent (`Step.surface`) is not subtracted.
+    """
     own, j, n, parts = at(u, at(step.first, c)), at(step.second, c), at(step.normal, c), at(step.parts, c)
     x, y, rim = own[0], own[1], parts[1] * own[2]
     if is_grain(step, j):
@@ -137,9 +140,10 @@ def carried(piece: int, excess: wp.vec2d, friction: f64, eps: f64) -> wp.vec2d:
 
 @wp.func
 def margin(piece: int, side: int, excess: wp.vec2d, friction: f64) -> f64:
-    """Return a linear function of the excess that is > 0 in a piece and 0 at its side 0 or 1.
+    """Return a linear function of the excess (A, B) that is > 0 on a piece and 0 at its side 0 or 1.
 
-    It is 0 if the piece has no side 1.
+    A piece has one or two sides, where another piece of the law begins. The result is 0 if there is no side
+    1.
     """
     if piece == STICK:
         return friction * excess[0] + wp.where(side == 0, -excess[1], excess[1])
@@ -152,7 +156,7 @@ def margin(piece: int, side: int, excess: wp.vec2d, friction: f64) -> f64:
 
 @wp.func
 def beyond(piece: int, side: int, excess: wp.vec2d) -> int:
-    """Return the piece beyond side 0 or 1 of a piece, at this excess."""
+    """Return the piece of the law that begins beyond side 0 or 1 of a piece, for the excess (A, B) there."""
     if piece == OPEN:
         return wp.where(excess[1] >= f64(0.0), FORWARD, BACKWARD)
     if piece == STICK:
@@ -203,7 +207,7 @@ def find_velocity(step: Step, path: Path):
 
 @wp.func
 def begin(step: Step, path: Path):
-    """Begin at the given corrections: compute velocities and gaps, and piece and error of every contact."""
+    """Begin a pass at the given corrections: compute velocities, and gap, piece and error of contacts."""
     find_velocity(step, path)
     for c in range(step.first.shape[0]):
         v, gap = relative(path.velocity, step, c), gap_now(step, c, path.velocity)
@@ -226,8 +230,9 @@ def begin(step: Step, path: Path):
 
 @wp.func
 def coupling(n: wp.vec3d, t: wp.vec3d, other_n: wp.vec3d, other_t: wp.vec3d, slope: wp.vec3d) -> wp.mat33d:
-    """Return the 3 x 3 block that a contact adds for two bodies, whose rows in vn, vt are n, t and other_...
+    """Return the 3 x 3 block of the matrix by which a contact couples two bodies.
 
+    vn and vt change with the velocity of one body by the rows n, t, and of the other by other_n, other_t.
     `slope` has the derivatives of dv by vn, of dv_t by vn, and of dv_t by vt, times mu_c.
     """
     return wp.outer(n, slope[0] * other_n) + wp.outer(t, slope[1] * other_n + slope[2] * other_t)
@@ -235,7 +240,7 @@ def coupling(n: wp.vec3d, t: wp.vec3d, other_n: wp.vec3d, other_t: wp.vec3d, slo
 
 @wp.func
 def assemble(step: Step, path: Path, factors: Factors, eps: f64):
-    """Write the matrix of the equations on the present pieces to the factors."""
+    """Write the matrix of the linear equations, for the present piece of every contact, to `factors`."""
     for k in range(factors.lower.shape[0]):
         put(factors.lower, k, wp.mat33d())
         put(factors.upper, k, wp.mat33d())
@@ -267,7 +272,10 @@ def assemble(step: Step, path: Path, factors: Factors, eps: f64):
 
 @wp.func
 def find_excess(step: Step, path: Path, s: f64, sigma: f64, eps: f64):
-    """Compute the arguments A, B of the law of every contact, for the velocity, s and sigma."""
+    """Compute the excess (A, B) of every contact, the arguments of its law, for the present velocities.
+
+    s multiplies the errors of the contacts, and sigma their openings around a fold (`Path`).
+    """
     for c in range(step.first.shape[0]):
         v, error = relative(path.velocity, step, c), s * at(path.error, c) + sigma * at(path.opening, c)
         a = eps * at(path.dv, c) + v[0] - at(path.gap, c) - error[0]
@@ -277,9 +285,9 @@ def find_excess(step: Step, path: Path, s: f64, sigma: f64, eps: f64):
 
 @wp.func
 def correct(step: Step, path: Path, factors: Factors, s: f64, sigma: f64, eps: f64):
-    """Write the velocities and rim speeds [m/s] that solve the equations of all contacts on their pieces.
+    """Correct velocities and rim speeds so that they solve the equations of all contacts on their pieces.
 
-    These equations are linear, so one Newton step with `factors` solves them.
+    The equations depend on s and sigma (`find_excess`). They are linear, so one Newton step solves them.
     """
     find_excess(step, path, s, sigma, eps)
     for g in range(step.free.shape[0]):
@@ -292,7 +300,10 @@ def correct(step: Step, path: Path, factors: Factors, s: f64, sigma: f64, eps: f
 
 @wp.func
 def solve_updated(step: Step, path: Path, factors: Factors, x: Triples, updates: int):
-    """Replace the right-hand side x by the solution for the factored matrix after rank-1 updates."""
+    """Replace the right-hand side x by the solution, after `updates` rank-1 updates of the factored matrix.
+
+    Each update is the change of one contact's piece since the factorization.
+    """
     solve(factors, x)
     for k in range(updates):
         along = wp.dot(at(path.gradient, k), relative(x, step, at(path.updated, k)))
@@ -316,7 +327,8 @@ def find_way(step: Step, path: Path, factors: Factors, drive: Vectors, updates: 
 def next_kink(step: Step, path: Path, drive: Vectors, lead: f64, last: int):
     """Return the contact that first reaches a side of its piece, the side, and the step of s or sigma to it.
 
-    The contact `last` is skipped, because its piece has just changed, so that it is at a side.
+    s or sigma changes at the rate `lead`, 1 or -1. The contact `last` is skipped, because its piece has just
+    changed, so that it is at a side.
     """
     hit, hit_side, way = int(-1), int(0), f64(wp.inf)
     c = int(0)
@@ -367,13 +379,16 @@ def open_around(step: Step, path: Path, c: int):
 
 @wp.func
 def rate_of_margin(step: Step, path: Path, c: int, gradient: wp.vec2d, drive: Vectors) -> f64:
-    """Return the rate along the path of the margin of contact c that has this gradient."""
+    """Return the rate along the path of a margin of contact c; `gradient` is that by (vn, vt)."""
     return wp.dot(gradient, relative(path.way, step, c) - at(drive, c))
 
 
 @wp.kernel
 def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int):
-    """Follow the path from the given corrections for at most `most` pivots, and replace the corrections."""
+    """Follow the path from the given corrections, and replace the corrections by those at its end.
+
+    A pass has at most `most` pivots, which are changes of a contact's piece.
+    """
     begin(step, path)
     s, sigma, lead = f64(1.0), f64(0.0), f64(-1.0)  # lead: sign of the rate of s or sigma
     drive = path.error

@@ -14,7 +14,10 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.func
 def put_inside(x: wp.vec2d, r: f64, walls: Walls, bounds: Bounds) -> wp.vec2d:
-    """Return position x of a disc of radius r, moved out of walls, into bounds and between circles [m]."""
+    """Return position x of a disc of radius r, moved out of walls and into bounds [m].
+
+    It is also moved between the circles of the annulus.
+    """
     for k in range(walls.shape.shape[0]):
         shape, place = at(walls.shape, k), place_at(k + 1, x, walls)
         gap = shape_gap(place, r, shape)
@@ -41,9 +44,10 @@ def push(
     enough: f64,
     worst: wp.array(dtype=f64),
 ):
-    """Push all pairs apart, the smaller disc by more, until the worst overlap is at most `enough`.
+    """Push the discs of all pairs apart, the smaller disc by more, until all overlaps are small.
 
-    worst : [largest overlap in the last sweep, over the smaller radius; number of sweeps done (<= sweeps)]
+    The largest overlap, divided by the smaller radius, is at most `enough` then. worst : [this overlap in the
+    last sweep; number of sweeps done (<= sweeps)]
     """
     done, largest = int(0), f64(wp.inf)
     while done < sweeps and largest > enough:

@@ -118,7 +118,10 @@ def is_active(dv: wp.vec3d) -> bool:
 
 @wp.func
 def keep_pair(s: Scene, i: int, j: int, k_old: int):
-    """If pair k_old of the old list carries a correction, widen both skins and repeat the search."""
+    """Make the search find pair k_old of the old list (i, j) again, if it carries a correction.
+
+    For this, widen the skins of both grains, and repeat the search.
+    """
     if is_active(at(s.workspace.old_dv, k_old)):
         half = f64(0.5) * wp.length(way(at(s.grains.position, i), at(s.grains.position, j), s.walls))
         raise_to(s.verlet.skin, i, half)

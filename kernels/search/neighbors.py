@@ -108,7 +108,10 @@ def near_mask(grid: CellGrid, k: int, center: wp.vec2d, begin: int, end: int, wi
 
 @wp.func
 def note_pairs(s: Scene, free: int, k: int, shift: wp.vec2d, near: wp.uint64, begins: Begins) -> int:
-    """Write the possible pairs (`near`) of the grain at index k, shifted [m], that are within reach."""
+    """Write the pairs of the grain at index k, shifted [m], that are within reach; return the next free slot.
+
+    Bit 8 m + b of the mask `near` is set if the index begins[m] + b may form a pair with k.
+    """
     x, y, velocity, skin, grain = s.grid.x, s.grid.y, s.grid.velocity, s.grid.skin, s.grid.grain
     left, slot = near, int(free)
     while left != wp.uint64(0):
@@ -138,7 +141,10 @@ def is_near_domain(x: wp.vec2d, radius: f64, period: wp.vec2d) -> bool:
 
 @wp.func
 def find_pairs(s: Scene, free: int, k: int) -> int:
-    """Find the pairs of the grain at index k, each pair once, around this grain and its periodic images."""
+    """Find the pairs of the grain at index k, around this grain and its images; return the next free slot.
+
+    Each pair is found once, by the grain with the larger extent.
+    """
     own, period = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)), s.walls.period
     radius, slot = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE, int(free)
     for kx in range(wp.where(period[0] > f64(0.0), 3, 1)):
@@ -153,8 +159,8 @@ def find_pairs(s: Scene, free: int, k: int) -> int:
 def find_pairs_around(s: Scene, free: int, k: int, shift: wp.vec2d, radius: f64) -> int:
     """Find the pairs of the grain at index k, moved by `shift` [m], in the cells within `radius` [m].
 
-    A row of cells is one range of indices, or two ranges where the grid repeats. Eight indices are tested
-    together, and the hits of eight such tests are checked together.
+    Returns the next free slot. A row of cells is one range of indices, or two ranges where the grid repeats.
+    Eight indices are tested together, and the hits of eight such tests are checked together.
     """
     own, slot = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)) + shift, int(free)
     x, y = own[0], own[1]
@@ -193,7 +199,10 @@ def find_pairs_around(s: Scene, free: int, k: int, shift: wp.vec2d, radius: f64)
 
 @wp.func
 def find_walls(s: Scene, free: int, i: int) -> int:
-    """Find the walls within reach of grain i, and those whose old contact with i carries a correction."""
+    """Find the walls within reach of grain i, and those whose old contact with i carries a correction.
+
+    Returns the next free slot.
+    """
     lifetime = s.verlet.numbers.lifetime
     path = lifetime * wp.length(at(s.verlet.reference_velocity, i))
     own = at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path

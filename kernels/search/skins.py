@@ -39,10 +39,11 @@ def adapt_base_skin(s: Scene):
 
 @wp.func
 def renew_skin(s: Scene, i: int):
-    """Choose v0_i, and skin_i: the base skin plus a multiple of dt p_i of this step or of the last one.
+    """Choose the reference velocity v0_i, and the skin of body i for a new list.
 
-    v0_i is the velocity now; if plain sweeps start again, it becomes v0_i + v_f. If accelerated sweeps
-    resume, the multiple is smaller, because the list must only last for the remaining sweeps.
+    The skin is the base skin plus a multiple of dt p_i, with the peak deviation p_i of this step or of the
+    last one. v0_i is the velocity now; if plain sweeps start again, it becomes v0_i + v_f. If accelerated
+    sweeps resume, the multiple is smaller, because the list must only last for the remaining sweeps.
     """
     w = at(s.grains.next_velocity, i)
     needed = at(s.verlet.recent_deviation, i)

@@ -37,13 +37,13 @@ ROUNDED = wp.constant(f64(1.0 + 1e-13))  # factor above the rounding of `elapsed
 
 @wp.func
 def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
-    """Return v_i - v0_i - v_f for a velocity v_i [m/s]."""
+    """Return v_i - v0_i - v_f, the deviation of a velocity v_i [m/s] from the reference motion of grain i."""
     return velocity - at(s.verlet.reference_velocity, i) - s.verlet.work.frame_velocity
 
 
 @wp.func
 def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
-    """Return s_i, the distance of a position from the straight path of body i [m]."""
+    """Return s_i, the distance of a position from the straight path of body i at v0_i + v_f [m]."""
     verlet = s.verlet.numbers
     w = at(s.verlet.reference_velocity, i)
     straight = at(s.verlet.reference_position, i) + verlet.elapsed * w
@@ -59,19 +59,19 @@ def is_finite(x: wp.vec2d) -> bool:
 
 @wp.func
 def least_monitored(s: Scene) -> f64:
-    """Return the change of a velocity from which the grain is monitored [m/s]."""
+    """Return the smallest change of a velocity after which the grain is monitored [m/s]."""
     return s.tuning.monitor_threshold * s.verlet.numbers.base_skin
 
 
 @wp.func
 def least_monitored_correction(s: Scene) -> f64:
-    """Return the change of a correction from which both grains are monitored [m/s]."""
+    """Return the smallest change of a correction after which both grains are monitored [m/s]."""
     return least_monitored(s) / s.verlet.work.max_row_sum
 
 
 @wp.func
 def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
-    """Update p_i^2 for this velocity of grain i [m/s]; return p_i^2 [m2/s2]."""
+    """Update the peak deviation p_i of grain i for this velocity [m/s]; return p_i^2 [m2/s2]."""
     peak = larger(at(s.verlet.peak_square, i), wp.length_sq(deviation(s, velocity, i)))
     put(s.verlet.peak_square, i, peak)
     return peak
@@ -79,7 +79,7 @@ def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
 
 @wp.func
 def monitor(s: Scene, i: int, velocity: wp.vec2d):
-    """Update p_i for this velocity of grain i [m/s]; the list expires if p_i exceeds its limit."""
+    """Update the peak deviation p_i for this velocity of grain i [m/s]; above its limit, the list expires."""
     limit = at(s.verlet.peak_limit, i)
     if keep_peak(s, i, velocity) > limit * limit:
         s.verlet.flags.list_expired = 1
@@ -87,13 +87,13 @@ def monitor(s: Scene, i: int, velocity: wp.vec2d):
 
 @wp.func
 def peak_of(s: Scene, i: int) -> f64:
-    """Return p_i plus the bound on unmonitored changes [m/s]."""
+    """Return the peak deviation p_i of body i plus the bound on unmonitored changes [m/s]."""
     return wp.sqrt(at(s.verlet.peak_square, i)) + s.verlet.work.unmonitored_change
 
 
 @wp.func
 def sample(s: Scene, i: int):
-    """Raise p_i to the present deviation of grain i plus the bound on unmonitored changes."""
+    """Raise the peak deviation p_i to the present one of grain i plus the bound on unmonitored changes."""
     v = at(s.grains.next_velocity, i)
     peak = wp.length(deviation(s, v, i)) + s.verlet.work.unmonitored_change
     put(s.verlet.peak_square, i, larger(at(s.verlet.peak_square, i), peak * peak))
@@ -109,10 +109,11 @@ def clear_check(s: Scene):
 
 @wp.func
 def find_frame(s: Scene):
-    """Find v_f, the mean of v_i - v0_i: a motion common to all grains, such as a fall, changes no gap.
+    """Find v_f, the velocity of the frame: the mean of v_i - v0_i.
 
-    The proof holds for any v_f, so the mean over at most IN_MEAN grains suffices. v_f = 0 if an attempt
-    resumes with a new list, because the v0_i then include it, or if a force drives a wall (driven.py).
+    A motion common to all grains, such as a fall, changes no gap. The proof holds for any v_f, so the mean
+    over at most IN_MEAN grains suffices. v_f = 0 if an attempt resumes with a new list, because the v0_i then
+    include it, or if a force drives a wall (driven.py).
     """
     n = grain_count(s)
     u = wp.vec2d(f64(0.0), f64(0.0))
@@ -137,7 +138,11 @@ def is_resolved(s: Scene, i: int) -> bool:
 
 @wp.func
 def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
-    """Check s_i + dt p_i + least <= skin_i [m], with p_i >= `foreseen` times the p_i of the last step."""
+    """Let the list expire unless s_i + dt p_i + least <= skin_i [m].
+
+    p_i is taken as at least `foreseen` times the p_i of the last step. A body with `is_resolved` False is
+    bad.
+    """
     x = at(s.grains.position, i)
     peak = wp.max(peak_of(s, i), foreseen * at(s.verlet.recent_deviation, i))
     used = displacement(s, x, i) + s.dt * peak
@@ -155,7 +160,10 @@ def spare_skin(s: Scene) -> f64:
 
 @wp.func
 def begin_peak(s: Scene, i: int):
-    """Set p_i to the present deviation of body i, or keep a larger p_i if sweeps resume; find its limit."""
+    """Set the peak deviation p_i to the present one of body i, or keep a larger p_i if sweeps resume.
+
+    Also find the limit of p_i, above which the list expires.
+    """
     peak = wp.length_sq(deviation(s, at(s.grains.next_velocity, i), i))
     if s.control.resuming != 0:
         peak = wp.max(peak, at(s.verlet.peak_square, i))
@@ -174,7 +182,7 @@ def begin_check(s: Scene, i: int):
 
 @wp.func
 def monitor_start(s: Scene, i: int):
-    """Update p_i for the velocity at the end of the last step, on which bounces depend (eq. 35)."""
+    """Update p_i for the velocity of body i at the end of the last step, on which bounces depend (eq. 35)."""
     monitor(s, i, at(s.grains.velocity, i))
 
 
@@ -186,7 +194,7 @@ def verify(s: Scene, i: int):
 
 @wp.func
 def check_all(s: Scene, least: f64):
-    """Check the frame's skin, of which `least` [m] must be left, and the lifetime; find the last bad body."""
+    """Check the lifetime, and that `least` [m] of the frame's skin is left; find the last bad body."""
     numbers = s.verlet.numbers
     path = wp.length(numbers.frame_shift) + s.dt * wp.length(s.verlet.work.frame_velocity)
     if not (path + least <= numbers.frame_skin):
@@ -201,7 +209,7 @@ def check_all(s: Scene, least: f64):
 
 @wp.func
 def outcome_of_check(s: Scene) -> int:
-    """Return NOT_FINITE if there is a bad body, EXPIRED if a contact may be missing, or else SOLVED."""
+    """Return NOT_FINITE for a bad body (`is_resolved`), EXPIRED if a contact may be missing, else SOLVED."""
     if s.verlet.flags.bad_body >= 0:
         return NOT_FINITE
     if s.verlet.flags.list_expired != 0:
@@ -211,7 +219,7 @@ def outcome_of_check(s: Scene) -> int:
 
 @wp.func
 def add_unmonitored(s: Scene):
-    """Add the bound on the change of a velocity by the last sweep that was not monitored."""
+    """Add a bound on the changes by the last sweep that were not monitored to `unmonitored_change`."""
     work = s.verlet.work
     most = least_monitored(s)
     change = work.unmonitored_change + wp.min(work.max_row_sum * s.step.zeta, most)
@@ -232,7 +240,7 @@ def end_sampling(s: Scene):
 
 @wp.func
 def remember(s: Scene, i: int):
-    """Save p_i of the step, from which the skins of the next list are chosen."""
+    """Save the peak deviation p_i of the step, from which the skin of body i in the next list is chosen."""
     put(s.verlet.recent_deviation, i, peak_of(s, i))
 
 

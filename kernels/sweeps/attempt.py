@@ -52,7 +52,10 @@ def begin(s: Scene):
 
 @wp.func
 def start(s: Scene):
-    """Mark the list as sorted and, if an attempt to solve the step starts, reset `without_normal`."""
+    """Mark the list as sorted. If an attempt to solve the step starts, also reset `without_normal`.
+
+    This flag says that a grain is where the normal of a wall is undefined.
+    """
     s.control.unordered = 0
     if s.control.phase == Phase.START:
         s.verlet.flags.without_normal = 0
@@ -60,9 +63,10 @@ def start(s: Scene):
 
 @wp.func
 def begin_iterating(s: Scene):
-    """Choose to iterate if the list is likely to be valid for the velocities before the first iteration.
+    """Choose the phase: iterate if the list is likely to be valid for the velocities before the iteration.
 
-    `may_stop` is kept if sweeps resume: then the residual is measured again, with the new list.
+    Otherwise, verify the list without iterating. `may_stop` is kept if sweeps resume: then the residual is
+    measured again, with the new list.
     """
     check_all(s, spare_skin(s))
     if s.control.resuming == 0:

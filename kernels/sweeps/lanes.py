@@ -25,7 +25,7 @@ def end_of_fours(begin: int, end: int) -> int:
 
 
 def lanewise(count: int, formula: str) -> str:
-    """Return C++ that computes a formula of x and y, lanes of a and b."""
+    """Return C++ that evaluates a formula in each lane, where x is the lane of vector a and y that of b."""
     return f"""
         wp::vec_t<{count}, double> result;
     #if defined(__CUDA_ARCH__)

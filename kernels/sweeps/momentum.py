@@ -56,7 +56,7 @@ def relaxation_factor(s: Scene) -> f64:
 
 @wp.func
 def mass_in_phi(s: Scene, i: int) -> f64:
-    """Return the contact mass of body i [kg], or 1 if all masses are equal: then phi is per unit mass."""
+    """Return the mass of body i in the objective phi: its contact mass [kg], or 1 if all masses are equal."""
     if has_weights(s):
         return at(s.grains.contact_mass, i)
     return f64(1.0)
@@ -64,7 +64,7 @@ def mass_in_phi(s: Scene, i: int) -> f64:
 
 @wp.func
 def take_t_on(s: Scene, zeta: f64):
-    """Choose t and beta of the next sweep (eq. 13); if zeta is near the tolerance, limit t."""
+    """Choose momentum t and beta of the next sweep (eq. 13); if zeta is near the tolerance, limit t."""
     sweeps = s.step.iterations + 1
     tolerance = s.stopping.tolerance
     if sweeps == 1:
@@ -87,7 +87,7 @@ def back_off(s: Scene):
 
 @wp.func
 def sum_of_chunks(s: Scene) -> wp.vec2d:
-    """Return the sums of `contact_sums` over all chunks."""
+    """Return both sums of a sweep (head of this module): `contact_sums`, added over all chunks."""
     total = wp.vec2d()
     for k in range(chunk_count(s)):
         total = total + at(s.momentum.contact_sums, k)
@@ -96,7 +96,11 @@ def sum_of_chunks(s: Scene) -> wp.vec2d:
 
 @wp.func
 def accept_or_reject(s: Scene, zeta: f64):
-    """Reject the sweep if phi has risen. Then, or if the slope is > 0, back off; else choose t and beta."""
+    """Reject the sweep if the objective phi has risen.
+
+    Then, or if the slope of phi along the momentum is > 0, back off. Otherwise choose t and beta of the next
+    sweep.
+    """
     total = sum_of_chunks(s)
     energy = f64(0.0)
     size = f64(0.0)
@@ -117,7 +121,10 @@ def accept_or_reject(s: Scene, zeta: f64):
 
 @wp.func
 def limit_momentum(s: Scene, zeta: f64):
-    """Choose t and beta of the next sweep with friction. Back off if changes grow or the slope is > 0."""
+    """Choose t and beta of the momentum of the next sweep with friction.
+
+    Back off if the changes by sweeps grow, or if the slope along the momentum is > 0.
+    """
     total = sum_of_chunks(s)
     grown = s.momentum.state.beta > f64(0.0) and total[0] > GROWTH * s.momentum.state.change
     s.momentum.state.change = total[0]
@@ -149,7 +156,7 @@ def roll_back_velocity(s: Scene, i: int):
 def take_recomputed_velocity(s: Scene, i: int):
     """Replace velocity and rim speed of body i by the recomputed ones.
 
-    Those kept from before the sweep are shifted by the same amount.
+    Velocity and rim speed before the last sweep are shifted by the same amount.
     """
     recomputed = at(s.grains.recomputed_velocity, i)
     last = at(s.momentum.last_velocity, i)

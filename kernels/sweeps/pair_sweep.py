@@ -38,7 +38,10 @@ NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
 """)
 )
 def kept_velocity(kept: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
-    """Return kept velocity k; on a GPU that of grain i, which no other pair of its set changes."""
+    """Return the velocity that grain i had just after the correction of its pair: element k of `kept`.
+
+    On a GPU, it is that in `velocity`, because no other pair of the set changes grain i.
+    """
     ...
 
 
@@ -47,9 +50,9 @@ def sweeping_pairs(
 ) -> wp.Function:
     """Return the function `(scene, contacts, begin, end, kept)` that corrects pairs, `count` at a time.
 
-    It returns (largest change of a correction, both sums of momentum.py) and a mask of the pairs with a large
-    change. Sums are 0 in a plain sweep. Only a plain sweep has a mask, and writes velocities to `kept` and
-    on.
+    The function returns (largest change of a correction, both sums of momentum.py) and a mask of the pairs
+    with a large change. Sums are 0 in a plain sweep. Only a plain sweep has a mask, and saves the velocities
+    of the pairs, from index `kept` on.
     """
     several = lanes(count, weighted, friction, resists_rolling, keep=not ahead)
     vector, numbers_at, set_numbers = several.vector, several.numbers_at, several.set_numbers
@@ -59,7 +62,10 @@ def sweeping_pairs(
 
     @wp.func
     def bounded(dv: Floats, last: Floats, c: int, beta: f64, speed: vector, inverse_k: vector, bound: vector):
-        """Correct dv_t or dv_r, clamped to +-bound; return the change, and the extrapolation before it."""
+        """Correct dv_t or dv_r by speed * inverse_k, clamped to +-bound.
+
+        Returns the changes, and the steps by which momentum has moved dv_t or dv_r before.
+        """
         x = numbers_at(dv, c)
         y, step, change = x, vector(), vector()
         if wp.static(ahead):
@@ -201,9 +207,9 @@ def sweeping_any_pairs(count: int, friction: bool, resists_rolling: bool, ahead:
 
 
 def sweeping_in_fours(friction: bool, resists_rolling: bool) -> wp.Function:
-    """Return the function `(scene, contacts, begin, end, kept)` that corrects pairs of a sweep `ahead`.
+    """Return the function `(scene, contacts, begin, end, kept)` that corrects pairs in an accelerated sweep.
 
-    It returns the largest change of a correction, and the sums of momentum.py.
+    It returns the largest change of a correction, and the two sums of momentum.py.
     """
     fours, ones = (sweeping_any_pairs(count, friction, resists_rolling, ahead=True) for count in (FOUR, 1))
 
@@ -218,7 +224,10 @@ def sweeping_in_fours(friction: bool, resists_rolling: bool) -> wp.Function:
 
 
 def sweeping_in_blocks(friction: bool, resists_rolling: bool) -> wp.Function:
-    """Return the function `(scene, contacts, begin, end, kept)` that corrects and monitors pairs plainly."""
+    """Return the function `(scene, contacts, begin, end, kept)` for a plain sweep over pairs.
+
+    It corrects pairs, block by block, and monitors the grains of large corrections.
+    """
     sweep_block = sweeping_any_pairs(1, friction, resists_rolling, ahead=False)
 
     @wp.func

@@ -14,7 +14,7 @@ f64 = wp.float64
 
 @wp.func
 def find_roll_weights(s: Scene, c: int, i: int, j: int):
-    """Write the part of grain i's rim speed that counts in vr of contact c (1 at walls), and 1 / K_r."""
+    """Write (c_i, 1 / K_r) of contact c (eq. 37). c_i multiplies grain i's rim speed in vr; 1 at walls."""
     part, at_wall = f64(1.0), j >= grain_count(s)
     if not at_wall:
         part = law.rolling_part(at(s.grains.radius, i), at(s.grains.radius, j))

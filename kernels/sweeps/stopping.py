@@ -54,7 +54,10 @@ def stops_on_zeta(s: Scene) -> bool:
 
 @wp.func
 def meets_tolerance(s: Scene) -> bool:
-    """Return whether the last residual, or the zeta of a last sweep not rejected, meets the tolerance."""
+    """Return whether the tolerance is met, by the last residual or by zeta (`stops_on_zeta`).
+
+    The zeta of a rejected sweep does not count.
+    """
     if stops_on_zeta(s):
         return s.step.zeta <= s.stopping.tolerance and s.control.rejected == 0
     return s.step.residual <= s.stopping.tolerance
@@ -89,7 +92,7 @@ def is_measurement_due(s: Scene) -> bool:
 
 @wp.func
 def is_scan_due(iterations: int) -> bool:
-    """Return whether a scan of all contacts follows sweep number `iterations`. First scans are frequent."""
+    """Return whether a scan of all contacts follows sweep number `iterations`; early scans are frequent."""
     early = iterations <= FIRST_SCANS and is_power_of_two(iterations)
     return early or iterations % SCAN_EVERY == 0
 
@@ -117,7 +120,11 @@ def is_recorded(s: Scene) -> bool:
 
 @wp.func
 def is_residual_needed(s: Scene) -> bool:
-    """Return whether the residual is measured now: to decide, for the history, or to begin the trend."""
+    """Return whether the residual is measured now.
+
+    It is needed to decide whether to stop, for the history, or as the first value of the decay that
+    `is_too_slow` extrapolates.
+    """
     begins_trend = s.step.asking == Asking.EARLY and s.step.iterations == HALF_WAY
     return is_measurement_due(s) or (not is_measured(s) and (is_recorded(s) or begins_trend))
 

@@ -26,7 +26,10 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
 
     @wp.func
     def bounded(dv: Floats, last: Floats, c: int, beta: f64, v: f64, inverse_k: f64, bound: f64) -> wp.vec3d:
-        """Correct dv_t or dv_r by inverse_k v, clamped to +-bound; return (change, terms of both sums)."""
+        """Correct dv_t or dv_r by inverse_k v, clamped to +-bound.
+
+        Returns (change, its terms of both sums of momentum.py).
+        """
         x = at(dv, c)
         y, size, slope = x, f64(0.0), f64(0.0)
         if wp.static(ahead):
@@ -129,10 +132,11 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
 
 @wp.func
 def rise_of_phi(x: f64, y: f64, dv: f64, excess: f64, gap_rate: f64, back_rate: f64, compliance: f64) -> f64:
-    """Return the part of a contact in the test of eq. 14, per unit mass [m2/s2]; < 0 is for the sweep.
+    """Return the term of a contact in the test of eq. 14, per unit mass [m2/s2].
 
-    Momentum takes the correction from x to y, and the visit takes it from y to y + dv. The part is the change
-    of phi by momentum minus `ENOUGH` times the decrease by the visit.
+    A term < 0 counts in favor of the sweep. Momentum takes the correction from x to y, and the visit takes it
+    from y to y + dv. The term is the change of phi by momentum minus `ENOUGH` times the decrease by the
+    visit.
     """
     cost_y = law.wall_cost(y, gap_rate, back_rate)
     linear = law.wall_cost(y + dv, gap_rate, back_rate) - cost_y

@@ -27,7 +27,7 @@ def begin_velocity(s: Scene, i: int):
 
 @wp.func
 def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, surface: f64, rates: wp.vec3d) -> wp.vec3d:
-    """Return the gap rates of grain i on both sides of wall j, where it may bounce, and A / dt [m/s].
+    """Return gap / dt of grain i on both sides of wall j, less if it bounces, and A / dt (eq. 18) [m/s].
 
     `rates` has these three numbers without a bounce; `surface` is the speed of the wall along the normal n.
     """

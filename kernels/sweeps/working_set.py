@@ -28,7 +28,7 @@ NEAR = wp.constant(f64(0.25))  # distance from a violation at which a contact is
 
 @wp.func
 def nearness(s: Scene) -> f64:
-    """Return how far from a violation a contact with a wall is still swept [m/s]; for a pair it is twice.
+    """Return the margin [m/s]: wall contacts with vn > gap / dt - margin are swept, and pairs with twice it.
 
     So contacts whose violation changes only in the last digits do not enter and leave the set repeatedly.
     """
@@ -39,7 +39,7 @@ def nearness(s: Scene) -> f64:
 
 @wp.func
 def check_peak(s: Scene, i: int):
-    """Update p_i of body i; the list expires if p_i plus `nearness` exceeds the limit of the skin."""
+    """Update the peak deviation p_i of body i; the list expires if p_i plus `nearness` exceeds its limit."""
     allowed = at(s.verlet.peak_limit, i) - nearness(s)
     peak = keep_peak(s, i, at(s.grains.next_velocity, i))
     if allowed < f64(0.0) or peak > allowed * allowed:
@@ -135,7 +135,10 @@ select_four, select_one = selecting(FOUR), selecting(1)
 
 @wp.func
 def select_pairs(s: Scene, begin: int, end: int):
-    """Select pairs, four at a time and then one at a time; return the same as `select_four`."""
+    """Select pairs, four at a time and then one at a time.
+
+    Returns the index after the last copy, and the largest violation of pairs without a correction [m/s].
+    """
     rest = end_of_fours(begin, end)
     after_four, violation_of_four = select_four(s, begin, rest, begin)
     after, violation_of_one = select_one(s, rest, end, after_four)

@@ -53,7 +53,7 @@ def give_back(taken: wp.array(dtype=wp.int32), k: int):
 
 @wp.func_native("return *(volatile int *)cancel.data != 0;")
 def has_stopped(cancel: wp.array(dtype=wp.int32)) -> bool:
-    """Return whether the host has asked for no further step, which it may do at any time."""
+    """Return whether the host has requested, which it may do at any time, that no further step begins."""
     ...
 
 

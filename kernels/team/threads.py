@@ -15,7 +15,7 @@ GPU_PARTIALS = 8  # number of partial maxima and sums that the threads of a GPU 
 
 @wp.struct
 class TeamRecord:
-    """A team, as one of its threads sees it."""
+    """The record of one thread of a team: its rank, the size of the team, and what the threads share."""
 
     rank: wp.int32
     size: wp.int32

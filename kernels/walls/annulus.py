@@ -45,7 +45,10 @@ def is_near(x: wp.vec2d, radius: f64, walls: Annulus, reach: f64) -> bool:
 
 @wp.func
 def contact(x: wp.vec2d, radius: f64, walls: Annulus):
-    """Return (normal, outer gap, inner gap, A of eq. 18) [m] of a grain at x; A is inf if not round."""
+    """Return (normal, outer gap, inner gap, A) of a grain at x [m].
+
+    A = R_out - r if the outer circle is round within a step (eq. 18), and inf otherwise.
+    """
     n, distance = law.normal(wp.vec2d(f64(0.0), f64(0.0)), x)
     circle = wp.where(walls.round != 0, walls.radius_out - radius, f64(wp.inf))
     return n, outer_gap(distance, radius, walls), inner_gap(distance, radius, walls), circle

@@ -40,7 +40,10 @@ def levers(s: Scene, j: int, n: wp.vec2d) -> wp.vec2d:
 
 @wp.func
 def shares_of_wall(s: Scene, i: int, j: int, lever: wp.vec2d) -> wp.vec2d:
-    """Return how normal and tangential corrections of grain i of 1 m/s change wall j's speed (eq. 28)."""
+    """Return the changes of wall j's speed by a normal and a tangential correction of 1 m/s (eq. 28).
+
+    The corrections are those of a contact of grain i; `lever` is the result of `levers`.
+    """
     inverse_mass = at(s.walls.drive, j - grain_count(s))[DriveOf.INVERSE_MASS]
     return lever * at(s.grains.contact_mass, i) * inverse_mass
 
@@ -61,7 +64,7 @@ def change_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f
 
 @wp.func
 def height_of_line(s: Scene, b: int) -> f64:
-    """Return the coordinate of line b along its normal to the grains, measured from the origin [m]."""
+    """Return n . x [m] for a point x of line b and its unit normal n, which points to the grains."""
     line, pose = at(s.walls.shape, b - 1), at(s.walls.pose, b - 1)
     x, y = line[1] + pose[PoseOf.SHIFT_X], line[2] + pose[PoseOf.SHIFT_Y]
     return x * line[3] + y * line[4]

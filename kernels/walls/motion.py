@@ -23,7 +23,10 @@ def moving_time(motion: Motion, time: f64) -> f64:
 
 @wp.func
 def progress(motion: Motion, time: f64) -> f64:
-    """Return the displacement at `time`, divided by the velocities [s]; an oscillation may make it < 0."""
+    """Return the displacement since the motion began, divided by the velocities of the motion [s].
+
+    An oscillation may make it < 0.
+    """
     moved, rate = moving_time(motion, time), TURN * motion[MotionOf.FREQUENCY]
     if rate > f64(0.0):
         phase = motion[MotionOf.PHASE]
@@ -33,7 +36,7 @@ def progress(motion: Motion, time: f64) -> f64:
 
 @wp.func
 def share_of_step(motion: Motion, begin: f64, end: f64) -> f64:
-    """Return the mean velocity of a wall from time begin to time end [s], divided by its velocities."""
+    """Return the mean velocity from time begin to time end [s], divided by the velocities of the motion."""
     if motion[MotionOf.FREQUENCY] > f64(0.0):
         return (progress(motion, end) - progress(motion, begin)) / (end - begin)
     moved = wp.min(end, motion[MotionOf.END_TIME]) - wp.max(begin, motion[MotionOf.START_TIME])

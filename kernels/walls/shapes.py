@@ -54,7 +54,7 @@ def shape_normal(x: wp.vec2d, shape: Shape) -> wp.vec2d:
 
 @wp.func
 def hollow_radius(x: wp.vec2d, shape: Shape) -> f64:
-    """Return the radius of a wall where a grain at x touches it [m]: > 0 if concave, < 0 if convex.
+    """Return the radius of curvature where a grain at x touches a wall [m]: > 0 if concave, < 0 if convex.
 
     It is 0 at ends, at straight walls, and at rows, which do not turn.
     """
@@ -86,9 +86,9 @@ def inwards(end: int, p: wp.vec2d, shape: Shape) -> wp.vec2d:
 
 @wp.func
 def face_normal(p: wp.vec2d, x: wp.vec2d, shape: Shape) -> wp.vec2d:
-    """Return the normal at point p of the face of a wall on which a grain at x is.
+    """Return the normal at point p of a wall, on the side of the wall where a grain at x is.
 
-    It points into the wall, as `shape_normal` does. It is 0 if the face is convex.
+    It points into the wall, as `shape_normal` does. It is 0 if this side is convex.
     """
     if shape[0] == segment.KIND:
         left = law.tangent(segment.inwards(0, shape))

@@ -83,7 +83,7 @@ def way(tail: wp.vec2d, head: wp.vec2d, walls: Walls) -> wp.vec2d:
 
 @wp.func
 def place_at(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return the position in the frame of wall b > 0 of a point x, or of an image of x [m].
+    """Return a point x, or an image of x, in the frame of wall b > 0 [m].
 
     It is that of `nearest_place`, plus a multiple of the periods if b is itself an image of another wall.
     """
@@ -95,7 +95,7 @@ def place_at(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
 
 @wp.func
 def nearest_place(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return the position, in the frame of wall b > 0, of the image of x nearest to the wall's center [m]."""
+    """Return, in the frame of wall b > 0, the periodic image of x nearest to the wall's center [m]."""
     place = x
     if are_mobile(walls):
         place = to_frame(at(walls.pose, b - 1), x)
@@ -148,9 +148,10 @@ def joint_reach(walls: Walls, radius: f64) -> f64:
 
 @wp.func
 def place_at_joint(k: int, x: wp.vec2d, place: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return a point x in the frame of wall joint[k], given its position `place` in that of its joint [m].
+    """Return a point x in the frame of wall joint[k], which is joined to another wall [m].
 
-    It has the same bits as if computed for the joined wall alone, so that both agree which wall is nearer.
+    `place` is x in the frame of that other wall. The result has the same bits as if computed for wall
+    joint[k] alone, so that both walls agree which of them is nearer.
     """
     if not is_periodic(walls):
         return place
@@ -168,7 +169,8 @@ def contact_at_joint(
 ):
     """Return normal n and gap [m] of a grain at wall b, changed if a joined wall is nearer (eq. 8c).
 
-    The grain is at `at_grain`, and at x in the frame of wall b.
+    The arguments `n` and `gap` are those of wall b alone. The grain is at `at_grain`, and at x in the frame
+    of wall b.
     """
     shape = at(walls.shape, b - 1)
     end = end_of(x, shape)
@@ -230,9 +232,10 @@ def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> 
 
 @wp.func
 def is_image_near(b: int, place: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
-    """Return whether the gap of wall b and a grain at `place`, in its frame, is at most `reach` [m], or NaN.
+    """Return whether the gap between wall b and a grain is at most `reach` [m], or NaN.
 
-    At a joint, a gap of `reach` + `joint_reach` suffices if a joined wall is within `reach`.
+    The grain is at `place` in the frame of the wall. At a joint, a gap of `reach` + `joint_reach` suffices if
+    a joined wall is within `reach` of the grain.
     """
     gap = shape_gap(place, radius, at(walls.shape, b - 1))
     if gap > reach and gap <= reach + joint_reach(walls, radius) and have_joints(walls):
@@ -246,7 +249,8 @@ def is_image_near(b: int, place: wp.vec2d, radius: f64, walls: Walls, reach: f64
 def wall_contact(b: int, x: wp.vec2d, radius: f64, walls: Walls):
     """Return (normal, gap, gap on the other side, A of eq. 18) [m] of a grain at x and wall b.
 
-    The last two numbers are inf except at the annulus: other walls have one side, and are their tangents.
+    The last two numbers are inf except at the annulus: other walls have one side, and are replaced by their
+    tangents.
     """
     if b > 0:
         place, shape = place_at(b, x, walls), at(walls.shape, b - 1)
