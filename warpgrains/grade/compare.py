@@ -53,13 +53,20 @@ class Difference(NamedTuple):
 
 
 def difference(probe: Probe, expected: Answer, found: Answer, eps: float = DOUBLE) -> Difference | None:
-    """Return the first difference beyond rounding errors `eps`, or in any bit if `eps` is 0."""
+    """Return the first difference of `found` from `expected`; None if they agree.
+
+    Differences within the bounds of this module, for a rounding error `eps`, do not count. If `eps` is 0, all
+    bits must agree.
+    """
     with np.errstate(invalid="ignore"):
         return None if expected == found else _Comparison(probe, expected, found, eps).first()
 
 
 class _Comparison:
-    """Comparison of the answer to a probe with the expected one, up to rounding errors `eps`."""
+    """Comparison of the answer `found` to a probe with the expected one, within the bounds of this module.
+
+    `eps` is the relative rounding error of a number.
+    """
 
     def __init__(self, probe: Probe, expected: Answer, found: Answer, eps: float):
         self._probe, self._expected, self._found = probe, expected, found
@@ -91,7 +98,10 @@ class _Comparison:
         return None if same else Difference(self._probe, Words("zeta", "zeta"), expected, found, iteration)
 
     def _first_before_end(self) -> Difference | None:
-        """Return the first difference in the state before the iterations, their arguments and their zeta."""
+        """Return the first difference during femGrainsUpdate, before its final state; None without one.
+
+        It compares the state before the iterations, and iter, dt and zeta of each iteration.
+        """
         if self._found.calls == 0:
             return None
         first = self._first_in("before", FIELDS[:4])
@@ -111,7 +121,10 @@ class _Comparison:
         return None
 
     def _first_in(self, attribute: str, names: Sequence[str]) -> Difference | None:
-        """Return the first difference in some arrays of an attribute of the answers, `before` or `state`."""
+        """Return the first difference in the arrays `names` (of `FIELDS`) of both answers; None without one.
+
+        `attribute` is the attribute of `Answer` that holds the arrays: "before" or "state".
+        """
         n = self._probe.call.n
         all_expected, all_found = getattr(self._expected, attribute), getattr(self._found, attribute)
         for name in names:
@@ -130,7 +143,11 @@ class _Comparison:
         return None
 
     def _contact(self, name: str, index: int) -> Words | None:
-        """Return the contact of an entry: that of a correction, or the first active one of the grain."""
+        """Return the contact that explains a difference in entry `index` of the array `name`.
+
+        An entry of a correction belongs to one contact. An entry of a grain is changed by all of its
+        contacts; the first active one is returned.
+        """
         n, state = self._probe.call.n, self._expected.state
         i, j = np.triu_indices(n, 1)
         if name == "dvContacts":

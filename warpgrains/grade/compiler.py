@@ -16,7 +16,7 @@ from warpgrains.reference.reference import DEFINES, SOURCE
 
 HOMEWORK = "homework.c"
 WITHOUT = {UPDATE: "-DNOUPDATE", CONTACT: "-DNOCONTACTITERATE"}
-"""The two functions, and the course's macro that excludes each of them."""
+"""Compiler options by function: each defines the course's macro that excludes this function."""
 
 SECONDS, MEMORY, OUTPUT = 30, 2**32, 2**27
 """Limits of the compiler, in s and bytes, because a homework can make it run for ever."""
@@ -70,13 +70,16 @@ class Compiler:
         return True
 
     def compile_child(self, folder: Path) -> Path:
-        """Compile the program of the sandboxed process in a folder; return its path."""
+        """Compile sandbox.c, the program that loads and calls a homework, in a folder; return its path."""
         create = [*WITHOUT.values(), "-rdynamic", str(_HERE / "sandbox.c"), str(SOURCE)]
         libraries = ["-Wl,--no-as-needed", "-ldl"]  # linked here because a homework cannot load more
         return self._compile(folder / "child", *create, *libraries)
 
     def compile_model(self, folder: Path) -> Path:
-        """Compile the model to a library in a folder, which contains mistakes.h; return its path."""
+        """Compile the model of a homework (model.c) to a library in a folder; return its path.
+
+        The folder must contain mistakes.h, the macros of all known mistakes.
+        """
         model = [*_STRICT, "-fPIC", "-shared", f"-I{folder}", str(_HERE / "model.c")]
         return self._compile(folder / "model.so", *model)
 
@@ -98,7 +101,8 @@ class Compiler:
     ) -> tuple[Path, str]:
         """Compile a homework; return the path of its library and the compiler's warnings.
 
-        `until` is the time of `time.monotonic` at which the compiler is ended [s]. Raises CompileError.
+        `defines` are further options, such as a value of `WITHOUT`. `until` is the time of `time.monotonic`
+        at which the compiler is ended [s]. Raises CompileError.
         """
         aliases = folder / "headers"  # any header that it includes by a plain name is fem.h
         aliases.mkdir(parents=True, exist_ok=True)
@@ -148,7 +152,10 @@ class Compiler:
 
 
 def _options(folder: Path, defines: Sequence[str]) -> list[str]:
-    """Return the options for a library in which other libraries can replace only the two functions."""
+    """Return compiler options for a library of which only the two functions can be replaced by others.
+
+    All other calls within the library stay in it. `defines` are further options.
+    """
     own = folder / "own.list"
     own.write_text(f"{{ {UPDATE}; {CONTACT}; }};\n")
     shared = ["-fPIC", "-shared", "-fsemantic-interposition", f"-Wl,--dynamic-list={own}"]
@@ -169,7 +176,7 @@ def toolchain_paths() -> list[Path]:
 
 
 def _without_package(path: Path) -> Iterator[Path]:
-    """Yield a path, or if this package lies in it, all entries in it except this package."""
+    """Yield a path. If it is a folder that contains this package, yield everything else in it instead."""
     if path not in (_PACKAGE, *_PACKAGE.parents):
         yield path
     elif path != _PACKAGE:

@@ -1,6 +1,7 @@
 """Diagnosis of a homework: search for the one or two mistakes that explain all its wrong answers.
 
-The search tries all mistakes in a model (model.c), an implementation in which each term has wrong variants.
+The search tries all mistakes in a model (model.c), an implementation of both functions. In it, each term of
+an equation is a macro, which can also expand to a wrong expression.
 """
 
 import ctypes
@@ -41,7 +42,9 @@ class Hint(NamedTuple):
 class Mistake(NamedTuple):
     """A known mistake in a function, with its hint.
 
-    `terms` holds the wrong expression of each slot of each term of model.c that the mistake changes.
+    A term of model.c, such as NORMAL, occurs in up to six numbered places, its slots, such as x or y of a
+    pair or of a wall. `terms` maps (term, slot) to the wrong expression, for all slots that the mistake
+    changes.
     """
 
     function: str
@@ -75,9 +78,10 @@ def read_mistakes() -> list[Mistake]:
 
 
 def _in_slots(terms: dict[str, str], slots: str) -> dict[tuple[str, int], str]:
-    """Return the wrong expression of each (term, slot).
+    """Return the wrong expression of each (term, slot), from those by the name of the term.
 
-    A term occurs in all `slots`, unless digits after its name give its own slots.
+    The digits in `slots` are the slots of all terms, except those with digits after the name: "GAP12" means
+    slots 1 and 2 of GAP.
     """
     found = ((_TERM.fullmatch(term), expression) for term, expression in terms.items())
     return {
@@ -89,14 +93,17 @@ def _in_slots(terms: dict[str, str], slots: str) -> dict[tuple[str, int], str]:
 
 
 def hint_of(first: Difference | None) -> Hint:
-    """Return the hint for the first wrong value; for None, that for an index beyond `dvContacts`."""
+    """Return the hint for the first difference of a homework.
+
+    None stands for a homework that has no wrong value, but uses an index beyond the end of `dvContacts`.
+    """
     groups = (each for group in _table()["group"] for each in (group, group.get("wall", {})))
     entry = _entry(first) if first else "index"
     return next(_hint(group) for group in groups if entry in group.get("shows", ()))
 
 
 def _entry(first: Difference) -> str:
-    """Return the name of a wrong value in the lists `shows` of mistakes.toml."""
+    """Return the name by which the lists `shows` of mistakes.toml refer to a difference, such as "wall"."""
     entry, iteration = first.quantity.partition("[")[0], first.probe.call.iteration
     if iteration < 0:
         return "free" if "before" in first.quantity else "position" if entry in ("x", "y") else "loop"
@@ -173,7 +180,10 @@ class Model:
         self._library = ctypes.CDLL(str(compiler.compile_model(folder)))
 
     def answer(self, mistakes: Sequence[Mistake], call: Call) -> Answer | None:
-        """Return the answer to a call of a homework with these mistakes; None if it would not answer."""
+        """Return the answer of a homework with these mistakes to a call.
+
+        None means that it would not answer, but loop for ever or use an index beyond an array.
+        """
         variant = np.zeros(self._count, np.int32)
         for mistake in mistakes:
             *numbers, _ = self._variants[self.mistakes.index(mistake)]
@@ -202,13 +212,13 @@ class Model:
         function
             The function in which mistakes are searched.
         probes
-            Calls of the function: first those that the homework answered, then those at which it ended.
+            Calls of the function: first those that the homework answered, then those that ended it.
         found
-            Its answers to the first of them.
+            Answers of the homework to the first ``len(found)`` probes.
         wrong
-            Indices of wrong answers.
+            Indices of the wrong ones of these answers.
         ends
-            How it ended at the last probes, see `EndedError.how`.
+            The failures at the last ``len(ends)`` probes, as numbers, see `EndedError.how`.
         """
         chosen = [k for k, mistake in enumerate(self.mistakes) if mistake.function == function]
         variants = (ctypes.c_void_p * len(chosen))(*(self._variants[k].ctypes.data for k in chosen))
@@ -230,10 +240,11 @@ class Model:
         return Explanation((), False)
 
     def _named(self, chosen: Sequence[int], row: np.ndarray, when: tuple[int, int]) -> list[Mistake]:
-        """Return the one or two mistakes of an explanation.
+        """Return the one or two mistakes that model.c found, with iterations in their names if needed.
 
-        `row` holds their indices among the searched mistakes, and `when` in which iterations each occurs. If
-        that is not in all, the name of the mistake says so.
+        `row` holds two indices into `chosen`, whose entries are indices into `self.mistakes`. For both,
+        `when` says in which iterations the mistake occurs: the first (1), all later (2), all (3); 0 for no
+        mistake.
         """
         pairs = zip(row, when, strict=True)
         return [
@@ -243,9 +254,9 @@ class Model:
 
 
 def _most_telling(wrong: Sequence[int], probes: Sequence[Probe]) -> list[int]:
-    """Sort the indices of wrong answers: the first of each scene and iteration before all others.
+    """Return the indices `wrong` of wrong answers, with the most different ones first.
 
-    Within both groups, scenes with few grains come first.
+    One answer of each pair of scene and iteration comes first, then all others; each by number of grains.
     """
     order = sorted(wrong, key=lambda k: probes[k].call.n)
     firsts = {(probes[k].scene, probes[k].call.iteration): k for k in reversed(order)}
@@ -253,7 +264,11 @@ def _most_telling(wrong: Sequence[int], probes: Sequence[Probe]) -> list[int]:
 
 
 def _simplest(explanations: Sequence[Sequence[Mistake]]) -> Explanation:
-    """Return the mistakes, compared by name, that all explanations with the fewest wrong slots share."""
+    """Return the mistakes that the homework certainly has, if each of the given explanations is possible.
+
+    Only explanations with the fewest wrong slots count. The mistakes that all of these share, by name, are
+    certain. The result is complete if these explanations contain no other mistakes.
+    """
     sizes = [sum(len(mistake.terms) for mistake in each) for each in explanations]
     simple = [each for each, size in zip(explanations, sizes, strict=True) if size == min(sizes)]
     first = {str(mistake.name): mistake for mistake in simple[0]}
@@ -263,7 +278,7 @@ def _simplest(explanations: Sequence[Sequence[Mistake]]) -> Explanation:
 
 
 def _answer_arrays(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return arrays for the answer of a scene of n grains: state, state before iterations, and record."""
+    """Return zeroed arrays for an answer with n grains: `state`, `before` and `record` of `Answer`."""
     return np.zeros(7 * n + n * (n - 1) // 2), np.zeros(4 * n), np.zeros((2 * RECORDED, 3))
 
 

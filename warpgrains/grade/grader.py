@@ -53,9 +53,10 @@ _MAIN = "it defines main: hand in the two functions without the program that tes
 
 
 class Round(NamedTuple):
-    """Calls with the answers of the reference.
+    """Calls (probes) with the answers that the reference gives to them.
 
-    Calls of femGrainsUpdate are also made with iterMax - 1, for homeworks that count iteration 0.
+    Some homeworks count iteration 0 for iterMax. For them, `fewer` holds the calls of femGrainsUpdate with
+    iterMax - 1, and `expected_of_fewer` the answers of the reference to these.
     """
 
     probes: list[Probe]
@@ -65,7 +66,7 @@ class Round(NamedTuple):
 
 
 class Grader:
-    """Grader of homeworks, usable from several threads.
+    """Grader of homeworks, which several threads may use at the same time.
 
     Parameters
     ----------
@@ -76,7 +77,8 @@ class Grader:
     limits
         Time and memory of a homework.
     processes
-        Collection to which each process of a homework is added, so that the caller can end them.
+        Collection to which the grader adds each compiler and each sandboxed process that it starts, so that
+        the caller can end them.
     seed
         Seed of the random calls; by default, it is random.
     """
@@ -104,7 +106,7 @@ class Grader:
                 {function: _round(child, asked) for function, asked in probes.items()}
                 for probes in (make_probes(child), draw_probes(child, self.seed))
             )
-            """The calls of fixed scenes, and the random ones, by function."""
+            """`Round` of the fixed scenes, and that of the random calls, by the name of the function."""
         self.model = Model(self._compiler, folder)
         self._lock = Lock()
         self._count = 0
@@ -126,7 +128,7 @@ class Grader:
             shutil.rmtree(folder, ignore_errors=True)
 
     def run(self, source: Path) -> tuple[Child, Child]:
-        """Start processes of the reference and a homework.
+        """Start two sandboxed processes, one with the reference and one with a homework; return both.
 
         Raises InputError if the homework cannot be run.
         """
@@ -170,7 +172,11 @@ class Grader:
         return Verdict(str(source), lines, tuple(parts), warnings, "", values, self.seed, seconds)
 
     def _part(self, name: str, libraries: dict[str, Path], until: float, may_run: bool = True) -> Part:
-        """Grade one function, or both together."""
+        """Grade the function `name`, or for `BOTH` both together.
+
+        `libraries` holds the compiled homework by part, without the parts that do not compile. `until` is the
+        end of the time [s]. If not `may_run`, the result is "not run".
+        """
         function = CONTACT if name == CONTACT else UPDATE
         if name not in libraries:
             return Part(name, "does not compile")
@@ -215,7 +221,10 @@ class Grader:
         return replace(part, values=b"".join(a.bytes for a in answers.values()) if has_values else b"")
 
     def _repeats(self, own: dict[str, Path], call: Call, until: float) -> bool:
-        """Return whether a call has the same result twice, with other values in memory that is not set."""
+        """Return whether a homework gives bit-identical answers if a call is repeated; True if it fails.
+
+        The two calls find different values in memory that the homework does not set.
+        """
         try:
             with self._child(own, self._limits, until) as child:
                 return child.ask(call) == child.ask(call)
@@ -230,9 +239,10 @@ class Grader:
         answered: Mapping[int, Answer],
         ends: Mapping[str, tuple[int, EndedError]],
     ) -> Part:
-        """Judge the answers to the fixed or to the random calls.
+        """Add the verdict on the fixed or the random calls to `part`; only for fixed ones, name mistakes.
 
-        Mistakes are named by the fixed ones only.
+        `answered` holds the answers by index of the probe in `asked`. `ends` holds, by scene, the index of
+        the probe that the homework did not answer, and its failure. `counts_0` is that of `_counts_0`.
         """
         function = CONTACT if part.name == CONTACT else UPDATE
         modeled, right = (
@@ -286,12 +296,15 @@ class Grader:
         return replace(part, hint=hint_of(first), remark=remark)
 
     def _child(self, own: dict[str, Path], limits: Limits = DEFAULT, until: float = inf) -> Child:
-        """Start a process with the functions `own` of a homework, and the others of the reference."""
+        """Start a sandboxed process with a homework.
+
+        `own` holds libraries of the homework by function; functions that it lacks are those of the reference.
+        """
         return Child(self._program, self._reference | own, self._processes, limits, until=until)
 
 
 def _round(child: Child, probes: list[Probe]) -> Round:
-    """Return calls with the answers of a child, the reference."""
+    """Return the round of these probes; `child` runs the reference, which answers them."""
     fewer = [
         probe._replace(call=probe.call._replace(max_iterations=probe.call.max_iterations - 1.0))
         for probe in probes
@@ -302,7 +315,10 @@ def _round(child: Child, probes: list[Probe]) -> Round:
 
 
 def _counts_0(asked: Round, answered: Mapping[int, Answer]) -> bool:
-    """Return whether a homework counts iteration 0 for iterMax, so that it never iterates more often."""
+    """Return whether a homework counts iteration 0 for iterMax.
+
+    Where the reference does iterMax + 1 iterations, from 0 to iterMax, such a homework does iterMax.
+    """
     limits = [probe.call.max_iterations for probe in asked.probes]
     ended = [k for k in answered if asked.expected[k].calls > limits[k]]
     return max((answered[k].calls - limits[k] for k in ended), default=1) == 0
@@ -315,7 +331,10 @@ def _warnings(child: Child) -> tuple[Words, ...]:
 
 
 def _common(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence[int]) -> Words | None:
-    """Return what the wrong answers alone have in common: many grains, or a step that iterMax ends."""
+    """Return a remark if all wrong answers, and no others, are of many grains, or of steps that iterMax ends.
+
+    `wrong` holds the indices of the wrong answers. None if neither is the case.
+    """
     if all(expected[k].calls >= probes[k].call.max_iterations for k in wrong):
         return Words("no known mistake explains it; only steps that iterMax ends are wrong")
     scenes, least = {probes[k].scene for k in wrong}, min(probes[k].call.n for k in wrong)
@@ -325,7 +344,10 @@ def _common(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence
 
 
 def _extreme(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence[int]) -> Words | None:
-    """Return a parameter that is large or small in all wrong calls, if that is hardly a coincidence."""
+    """Return a remark on a parameter that is large, or small, in all wrong calls.
+
+    It is the parameter for which chance explains this least. None if chance may explain it for all.
+    """
     chance, remark = _CHANCE, None
     for name, number in _NUMBERS.items():
         values = np.array([number(*each) for each in zip(probes, expected, strict=True)])
@@ -354,7 +376,7 @@ _NUMBERS: dict[str, Callable[[Probe, Answer], float]] = {
     "iter": lambda probe, expected: max(probe.call.iteration, expected.calls - 1, 1),
     "the number of calls before": lambda probe, _: probe.step,
 }
-"""Parameters in which wrong calls may differ from others."""
+"""Functions that return parameters of a call, by name. `_extreme` searches them for large or small values."""
 
 
 def _differences(

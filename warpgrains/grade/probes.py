@@ -40,7 +40,10 @@ class Probe(NamedTuple):
     call: Call
 
     def place(self, iteration: int | None = None, contact: Words | None = None) -> Words:
-        """Return a text: the scene, the step, the iteration (by default that of the call), the contact."""
+        """Return a text that says where an error occurred: scene, step, iteration and contact, if given.
+
+        For a random call, its parameters replace the step. By default, the iteration is that of the call.
+        """
         if iteration is None and self.call.iteration >= 0:
             iteration = self.call.iteration
         place = [Words("scene {scene}", scene=self.scene)]
@@ -140,7 +143,7 @@ def _draw(random: np.random.Generator, n: int) -> Call:
 
 
 def _scenes() -> Iterator[tuple[Scene, range]]:
-    """Yield the fixed scenes, and for each the numbers of the steps from which calls are taken."""
+    """Yield each fixed scene with the numbers of those of its steps, from 1, that provide calls."""
     ring = {"drag": 0.05, "dt": 0.02, "max_iterations": 1000}
     fall = {"radius": [0.1], "mass": [0.3], "radius_out": 1.3, "gravity": (1.5, -9.81)}
     yield _scene("one", [[0.05, 0.58]], [[-12.0, -45.0]], **fall, **ring), range(1, 41, 2)
@@ -193,7 +196,10 @@ def start_of(scene: Scene) -> Call:
 
 
 def _iterations(reference: Child, step: Call) -> tuple[list[Call], FloatArray]:
-    """Return the calls of the iterations of a step, each with the state before it, and their zeta [m/s]."""
+    """Return the calls of femGrainsContactIterate in a step, and the zeta that each returns [m/s].
+
+    `step` is the call of femGrainsUpdate. The state of each call is that before its iteration.
+    """
     state, n = step.state.copy(), step.n
     velocity, mass = state[2 * n : 4 * n].reshape(2, n), state[5 * n : 6 * n]
     velocity += step.dt * (np.array(step.gravity)[:, None] - step.drag / mass * velocity)
@@ -207,9 +213,10 @@ def _iterations(reference: Child, step: Call) -> tuple[list[Call], FloatArray]:
 
 
 def _updates(step: Probe, zeta: FloatArray, limit: int, most: int, noise: float) -> list[Probe]:
-    """Return a step with two ends: by a tolerance that zeta passes clearly, and by `limit` iterations.
+    """Return a call of femGrainsUpdate with two values of tolerance and iterMax.
 
-    The first step has at most `most` iterations. Tolerances below `noise` [m/s] are left out.
+    In the first, a tolerance that rounding cannot decide ends the iterations (iterMax is `most`). In the
+    other, iterMax is `limit` and ends them. Calls with tolerances below `noise` [m/s] are left out.
     """
     ends = [(_clearest_drop(zeta, noise), most), (0.5 * zeta[1 : limit + 3].min(), limit)]
     return [
@@ -222,8 +229,8 @@ def _updates(step: Probe, zeta: FloatArray, limit: int, most: int, noise: float)
 def _clearest_drop(zeta: FloatArray, noise: float) -> float:
     """Return a tolerance [m/s] at which rounding cannot change the number of iterations.
 
-    It lies between the zeta of an iteration and the least earlier one, where the ratio of both is the
-    largest.
+    `zeta` holds the zeta of iterations 0, 1, ... [m/s], with rounding errors of `noise`. The tolerance lies
+    where zeta drops by the largest factor, between a new minimum of zeta and the last one.
     """
     drops = {
         k: max(zeta[k], noise) / zeta[1:k].min()

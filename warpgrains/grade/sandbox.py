@@ -61,8 +61,8 @@ _EXITS = {
 class EndedError(Exception):
     """Failure of a homework to answer.
 
-    `how` is its number in model.c: an index beyond `dvContacts`, -3 - k for an index k beyond another array,
-    -2 for an endless loop, and -1 for any other failure.
+    `how` is the kind of failure as a number, which model.c also uses: k >= 0 for index k beyond the end of
+    `dvContacts`, -3 - k for index k beyond another array, -2 for an endless loop, -1 for any other failure.
     """
 
     def __init__(self, english: str, how: int = -1, **values: object):
@@ -75,7 +75,7 @@ class StoppedError(Exception):
 
 
 class Processes:
-    """Processes in separate sessions; `stop` ends all of them with their children."""
+    """Collection of running processes, each in its own session, so that it can be ended with its children."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -138,7 +138,7 @@ class Request(ctypes.Structure):
 
 
 class Call(NamedTuple):
-    """Arguments of a call of one of the two functions, and the struct before it."""
+    """Arguments of a call of one of the two functions, and the content of the struct before the call."""
 
     n: int
     iteration: int
@@ -153,10 +153,10 @@ class Call(NamedTuple):
     state: FloatArray
     """Arrays of `FIELDS`, shape (7 n + n (n - 1) / 2,)."""
     times: int = 1
-    """Number of calls from this state, of which the last one is answered."""
+    """Number of repetitions of the call, all from this state. The answer is that of the last one."""
 
     def request(self) -> Request:
-        """Return the call without its state, as the child receives it."""
+        """Return the call without its state, as the sandboxed process receives it."""
         n, iteration, *numbers, (x, y), drag, _, times = self
         return Request(n, iteration, times, *numbers, (x, y), drag)
 
@@ -170,11 +170,11 @@ class Answer:
     calls: int
     """Number of calls of femGrainsContactIterate that femGrainsUpdate did."""
     state: FloatArray
-    """Arrays of the struct after the call."""
+    """Arrays of the struct after the call, as in `Call.state`."""
     before: FloatArray
-    """Arrays x, y, vx, vy before the first of these calls, shape (4 n,)."""
+    """Arrays x, y, vx, vy when femGrainsUpdate first calls femGrainsContactIterate, shape (4 n,)."""
     record: FloatArray
-    """iter, dt and zeta of these calls, of the first 1024 at most, shape (calls, 3)."""
+    """iter, dt and zeta of the first 1024 of its calls of femGrainsContactIterate, shape (k, 3)."""
 
     def __eq__(self, other: object) -> bool:
         """Return whether all bits are equal."""
@@ -190,10 +190,11 @@ class Answer:
 
 
 class Child:
-    """Sandboxed process with femGrainsUpdate of one library and femGrainsContactIterate of another.
+    """Sandboxed process that loads a library for each of the two functions, and answers calls.
 
-    All calls must be answered before `until`, a time of `time.monotonic` [s]. Raises EndedError if the
-    process ends while it loads the libraries.
+    `program` is the compiled sandbox.c, and `libraries` holds the libraries by function. All calls must be
+    answered before `until`, a time of `time.monotonic` [s]. Raises EndedError if the process ends while it
+    loads the libraries.
     """
 
     def __init__(
@@ -253,7 +254,10 @@ class Child:
         return self._printed.read(2000).decode(errors="replace")
 
     def _receive_header(self) -> tuple[int, int, float]:
-        """Return `what`, `calls` and `zeta` of an answer. Raises EndedError for any other message."""
+        """Return the fields `what`, `calls` and `zeta` of the head of an answer (protocol.h).
+
+        Raises EndedError if the message reports a failure.
+        """
         number, what, where, calls, zeta = _HEADER.unpack(self._receive(_HEADER.size))
         match _KINDS[number] if 0 <= number < len(_KINDS) else "":
             case "ANSWERED":
@@ -280,7 +284,7 @@ class Child:
         return np.frombuffer(self._receive(8 * count), np.float64)
 
     def _start_call(self) -> None:
-        """Start the wall time of a call."""
+        """Start to measure the wall time of a call, which `_limited` limits."""
         self._call_until = min(self._until, monotonic() + self._limits.patience)
 
     def _receive(self, length: int) -> bytes:
@@ -295,7 +299,10 @@ class Child:
 
     @contextmanager
     def _limited(self) -> Iterator[None]:
-        """Limit the wall time of a transfer. Raises EndedError if it takes longer or fails."""
+        """Limit the wall time of a transfer over the channel, which is the ``with`` block.
+
+        Raises EndedError if the transfer takes longer or fails.
+        """
         self._channel.settimeout(max(1e-3, self._call_until - monotonic()))  # 0 would not wait at all
         try:
             yield

@@ -61,7 +61,7 @@ class Part:
     mistakes: tuple[Mistake, ...] = ()
     """Mistakes that together explain all wrong values."""
     hint: Hint | None = None
-    """Hint for the first wrong value, if no mistakes explain all values."""
+    """Hint for the first wrong value, if no known mistakes explain the answers."""
     remark: Words = NOTHING
     """A further remark for the student; empty if there is none."""
     shown: Shown | None = None
@@ -92,7 +92,10 @@ class Part:
         ]
 
     def advice(self) -> list[tuple[Words, Words]]:
-        """Return the mistakes, equations of the course text, checks and the remark, each with its heading."""
+        """Return the advice to the student as pairs of a heading and a text.
+
+        It consists of the mistakes, the equations and checks of their hints, and the remark.
+        """
         lines: list[tuple[Words, Words]] = []
         for mistake in self.mistakes:
             lines += [(Words("mistake"), mistake.name), *_advice(mistake.hint)]
@@ -147,7 +150,7 @@ class Verdict:
         return {name: most * shares.get(name, 0.0) for name, most in (self.points or {}).items()}
 
     def reported_parts(self) -> list[Part]:
-        """Return the parts to report: both functions together only if each alone is right."""
+        """Return the parts that have an error. Both functions together count only if each alone is right."""
         alone = [part for part in self.parts if part.name != BOTH]
         told = alone if any(part.status != "right" for part in alone) else self.parts
         return [part for part in told if part.first]
@@ -157,7 +160,7 @@ class Verdict:
         return Words("(--seed {seed} draws the same calls again)", seed=self.seed)
 
     def graded(self) -> Words:
-        """Return a text of the points of all parts together, and of each."""
+        """Return a text such as "points 15 of 30", for the sum and for each part."""
 
         def told(name: object, own: float, most: float) -> Words:
             return Words("{name} {own} of {most}", name=name, own=f"{own:.4g}", most=f"{most:g}")
@@ -245,7 +248,7 @@ class Verdict:
         return {in_language(Words(name), language): printable(cell) for name, cell in row.items()}
 
     def first_line(self, language: str) -> str:
-        """Return the first error on one line; empty if there is none."""
+        """Return the first error, of reading, compiling or running, as one line; empty without an error."""
         if self.problem or self.status == "right":
             return self.problem
         errors = [line for line in self.compiler.splitlines() if "error" in line.lower()]

@@ -28,7 +28,7 @@ def in_language(text: object, language: str) -> str:
 
 
 def joined(texts: Sequence[Words]) -> Words:
-    """Join several texts with commas."""
+    """Join several texts with commas, in both languages."""
     return Words(", ".join(texts), ", ".join(text.french for text in texts))
 
 
