@@ -1,6 +1,6 @@
-"""Player of a homework next to the reference, stage by stage of each time step.
+"""Player that runs a homework next to the reference, in stages of a time step.
 
-The stages are the velocities, each iteration, and the positions.
+The stages are the velocities without contacts, then each contact iteration, and finally the positions.
 """
 
 from collections.abc import Callable, Iterator
@@ -25,9 +25,9 @@ _SLOWED = 1.0 / 30.0  # duration of a stage on the page [s]
 
 
 class _Painter(Painter):
-    """Painter that colors grains by how much homework and reference differ in velocity.
+    """Painter that colors each grain by |v of the homework - v of the reference|.
 
-    Colors go from blue to red, which is the largest difference of all grains.
+    Blue means equal up to 1e-9 m/s. Red is the largest difference of all grains.
     """
 
     def color(self, now: Snapshot) -> FloatArray:
@@ -39,11 +39,11 @@ class _Painter(Painter):
 
 
 class Homework:
-    """Player of a homework and the reference, each in a sandbox.
+    """Player of a homework and the reference, each in a sandboxed process.
 
-    A step of the player is one stage of a time step. Both programs start each time step from the reference's
-    state. Grains are drawn at the reference's positions, and are the redder, the more their velocities
-    differ.
+    `start` starts both processes, the reference first. A step of the player is one stage of a time step. Both
+    programs start each time step from the reference's state. Grains are drawn at the reference's positions.
+    They are the redder, the more the velocities of both programs differ.
     """
 
     colorings: tuple[str, ...] = ()
@@ -125,14 +125,17 @@ class Homework:
         """Do nothing, because grains are colored by the difference."""
 
     def snapshot(self) -> Snapshot:
-        """Return the reference's state, with the velocity differences as a recorded number."""
+        """Return the reference's state as a snapshot.
+
+        Its `recorded` holds "difference", the velocity differences [m/s], which `_Painter` draws.
+        """
         n, state = self._scene.n, self._states[0]
         position, velocity = (state[k : k + 2 * n].reshape(2, n).T for k in (0, 2 * n))
         now = replace(first_state(self._scene), steps=self._time_steps, position=position, velocity=velocity)
         return replace(snapshot(self._scene, now), recorded={"difference": self._difference()})
 
     def readout(self) -> dict[str, str]:
-        """Return the stage, both zeta, and the grain with the largest difference, as texts by name."""
+        """Return the rows of the page's table, texts by name: the stage, both zeta and the worst grain."""
         difference = self._difference()
         worst = int(difference.argmax())
         differs = difference[worst] > _LEAST

@@ -32,10 +32,10 @@ _STROKES = ("black", "#d55e00")  # of the curves of a chart
 
 
 class Page:
-    """A page of this machine alone, at a port or the next free one.
+    """The page of a player, which only browsers of this machine can open, at `port` or the next free one.
 
-    The threads of the server receive keys and queue actions. `run` performs the actions between two steps, in
-    its own thread.
+    The threads of the server receive key presses and queue the actions that belong to them. `run` performs
+    these actions between two steps, in the thread that calls it.
     """
 
     def __init__(self, player: Player, port: int) -> None:
@@ -76,7 +76,7 @@ class Page:
                 self._server.stop()
 
     def _play(self) -> None:
-        """Advance the player to the next frame, and wait until this is due."""
+        """Advance the player to the next frame, draw it, and wait until the next frame is due."""
         if steps := self._pace.due(self._speed):
             self._player.advance(steps)
             self.is_playing = not self._player.has_ended
@@ -111,7 +111,10 @@ class Page:
         self._show(texts=True)
 
     def _scrub(self, event: viser.GuiEvent[Any]) -> None:
-        """Queue a jump to the frame of the slider, unless the program itself has moved the slider."""
+        """Queue a jump to the frame that the frame slider shows.
+
+        Do nothing if not the browser, but this program has moved the slider.
+        """
         if event.client is not None:
             frame = round(value_of(event.target))
             self._asked.put(lambda: self._go_to(frame))
@@ -128,7 +131,7 @@ class Page:
         self._show(texts=True)
 
     def _change(self, change: Callable[[], None]) -> None:
-        """Change the scene by calling `change`. If that is refused, as a drag too large for dt, show why."""
+        """Change the scene by calling `change`. If this raises InputError, show its message on the page."""
         assert isinstance(self._player, Live)
         try:
             change()
@@ -214,13 +217,16 @@ class Page:
 
 
 def _no_data(names: Iterable[str]) -> tuple[FloatArray, ...]:
-    """Return the data of a chart without points, for curves of these names."""
+    """Return data that make a chart show no points, in the form of viser: abscissas, then NaN per curve."""
     places = np.array([1.0, 2.0])
     return places, *(places * np.nan for _ in names)
 
 
 def _table(rows: dict[str, str]) -> str:
-    """Return names and values as an HTML table. Cells of values have the class "value" and data-name."""
+    """Return an HTML table with a name and a value per row.
+
+    The cell of a value has the class "value", and the name as its attribute `data-name`.
+    """
     cells = (
         f'<tr><td style="width: 50%">{escape(name)}</td>'
         f'<td class="value" data-name="{escape(name)}">{escape(value)}</td></tr>'
@@ -230,7 +236,10 @@ def _table(rows: dict[str, str]) -> str:
 
 
 def _legend(painter: Painter, error: str | None = None) -> str:
-    """Return HTML with the error, the color range with its unit, and the force of the widest chains."""
+    """Return the legend as HTML: the error, if any, the color scale with its unit, and the chain scale.
+
+    The last two are left out if the painter has no scale of colors or draws no force chains.
+    """
     lines = [] if error is None else [f'<div style="color: #c00000">{escape(error)}</div>']
     if (scale := painter.colors.scale) is not None:
         colors = ", ".join(f"rgb({r:.0f} {g:.0f} {b:.0f})" for r, g, b in 255.0 * scale.colors()[::7])

@@ -1,4 +1,4 @@
-"""Players of the page: of a simulation, or of the frames of a recording; and their pace."""
+"""Players, which the page shows: of a simulation, or of the frames of a recording. And their clock."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PLACEHOLDER = "\N{EN DASH}"
 """Text for a number that does not exist yet, so that the table has all its rows from the start."""
 ZETA, ENERGY = "zeta of the last step", "kinetic energy"
 AXES = {ZETA: ("iteration", "log10 of zeta [m/s]"), ENERGY: ("time [s]", "energy [J]")}
-"""Titles of the axes of each chart, by its title."""
+"""Labels of the horizontal and the vertical axis, by the title of the chart."""
 Curves: TypeAlias = dict[str, tuple[FloatArray, dict[str, FloatArray]]]
 """For each chart, by its title: the values of the horizontal axis, and its curves by name."""
 
@@ -43,7 +43,7 @@ LEAST = 1e-16  # smallest zeta that is plotted [m/s]
 
 
 class Pace:
-    """Clock of the frames: a constant rate, and for each frame the steps of `dt` [s] since the last one."""
+    """Clock that shows frames at a constant rate, and converts their interval to steps of `dt` [s]."""
 
     def __init__(self, dt: float) -> None:
         self._dt = dt
@@ -54,7 +54,10 @@ class Pace:
         self._owed, self._next = 0.0, perf_counter()
 
     def due(self, speed: float) -> int:
-        """Return the number of steps to the next frame. Speed 1 is real time."""
+        """Return the number of steps until the next frame, which may be 0.
+
+        `speed` is the simulated time per wall time. The rest of less than a step counts for the next frame.
+        """
         self._owed += speed / FRAMES / self._dt
         steps = int(self._owed + _ROUNDING)
         self._owed -= steps
@@ -70,7 +73,7 @@ class Pace:
 
 
 class Live:
-    """Player of a simulation. The results are bit-identical to those of `Simulation.run`."""
+    """Player of a simulation. Each state is bit-identical to that of `Simulation.run` after as many steps."""
 
     has_chains = True
 
@@ -113,7 +116,7 @@ class Live:
         self._past.append((self._simulation.time, self._energy()))
 
     def restart(self) -> None:
-        """Return to the start of the present scene."""
+        """Return to the start, in the scene with all changes that were made on the page."""
         scene, now = self._simulation.scene, self._simulation.state()
         state = replace(first_state(scene), id=now.id, born=now.born)
         if scene.has_friction and np.array_equal(scene.position, self._first.position):
@@ -126,9 +129,11 @@ class Live:
         self._simulation.change(**fields)
 
     def set_friction(self, out: float, inside: float, friction: float, rolling: float = 0.0) -> None:
-        """Change the spins of both circles [rad/s] and the coefficients of friction and rolling friction.
+        """Change the friction of the scene and the rotation of its circles.
 
-        Where nothing has friction, spins, rolling friction and spin drag become 0.
+        `out` and `inside` are the angular velocities of the outer and the inner circle [rad/s]; without
+        friction at walls, they become 0. `friction` and `rolling` are coefficients. If neither grains nor
+        walls have friction, rolling friction and spin drag become 0.
         """
         first = self._first
         at_walls = friction if first.wall_friction is None else first.wall_friction
@@ -162,7 +167,7 @@ class Live:
         return float(kinetic_energy(scene.mass, scene.radius, now.velocity, now.spin))
 
     def readout(self) -> dict[str, str]:
-        """Return the numbers of the present state and the last step by name, as texts."""
+        """Return the rows of the page's table: numbers of the present state and the last step, by name."""
         rows = {"time": f"{self._simulation.time:.4g} s", "steps": f"{self.steps}"}
         rows |= dict.fromkeys(("iterations", "zeta", "residual", "contacts", "converged"), PLACEHOLDER)
         report = self._report
@@ -183,7 +188,7 @@ class Live:
         return rows | ({"error": self.error} if self.error else {})
 
     def curves(self) -> Curves:
-        """Return zeta over the iterations of the last step, and the kinetic energy over time."""
+        """Return log10 of zeta over the iterations of the last step, and the kinetic energy over time."""
         time, energy = np.array(self._past).reshape(-1, 2).T
         history = self._report.history if self._report is not None else None
         zeta = np.zeros(0) if history is None else np.log10(np.maximum(history.zeta, LEAST))
@@ -217,7 +222,7 @@ class Replay:
         return self._recording.frame(self.steps, self.has_chains)
 
     def readout(self) -> dict[str, str]:
-        """Return the numbers of the present frame by name, as texts."""
+        """Return the rows of the page's table: numbers of the present frame, as texts by name."""
         now = self.snapshot()
         rows = {"time": f"{now.time:.4g} s", "frame": f"{self.steps} of {self.last}"}
         if self.has_chains:

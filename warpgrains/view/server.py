@@ -19,7 +19,7 @@ from websockets.http11 import Request, Response
 
 HOST = "127.0.0.1"
 OWN_NAMES = (HOST, "localhost", "::1")
-"""Host names that the address of the page may have; its port may be that of a tunnel."""
+"""Host names that the address of the page may have. Any port is allowed, because a tunnel may change it."""
 REFUSAL = "only the page that this server serves may connect to it\n"
 MALFORMED = 1007  # RFC 6455, 7.4.1: data that is not consistent with the type of the message
 
@@ -45,7 +45,7 @@ def serve_page(port: int, label: str) -> viser.ViserServer:
 
 
 class _LocalServer(viser.ViserServer):
-    """A server that opens no tunnel to a public address, which a message of its page could request."""
+    """A server that ignores requests of a page to be shared through a public address."""
 
     def request_share_url(self, verbose: bool = True) -> None:
         return None
@@ -60,7 +60,10 @@ def is_own_origin(request: Request) -> bool:
 
 
 def _serve_guarded(serve: Any, handler: Any, *where: Any, process_request: Any, **options: Any) -> Any:
-    """Call `serve` with handlers that refuse other origins, and print no traceback for malformed messages."""
+    """Call `serve`, the function of websockets, with guarded versions of the handlers of viser.
+
+    They refuse connections of other origins, and print no traceback for malformed messages.
+    """
 
     def answer(connection: ServerConnection, request: Request) -> Response | None:
         if "Upgrade" in request.headers and not is_own_origin(request):

@@ -26,7 +26,10 @@ def value_of(slider: viser.GuiInputHandle[Any]) -> float:
 
 
 class Sliders:
-    """Sliders of the physics of a simulation, with the values of its scene at first."""
+    """Sliders of gravity, drag, friction and the like, which change the scene of a player.
+
+    At first, they have the values of its scene. `on` turns a change into the callback of a slider.
+    """
 
     def __init__(self, gui: viser.GuiApi, player: Live, on: OnChange) -> None:
         self._gui, self._player, self._on = gui, player, on
@@ -81,7 +84,10 @@ class Sliders:
             slider.value = value  # type: ignore[misc]
 
     def clipped(self) -> str | None:
-        """Return a message on a value out of range, also if the browser has clipped it; None without one."""
+        """Return a message about a slider to which the user gave a value out of its range; None without one.
+
+        The browser may have clipped the value since. Then the slider is at an end of its range.
+        """
         for slider, label, _ in self._first:
             low, high, value = slider.min, slider.max, float(slider.value)
             if not low <= value <= high:
@@ -92,9 +98,10 @@ class Sliders:
 
 
 def _gravity(pull: Slider, towards: Slider, rate: float) -> dict[str, Any]:
-    """Return the table of gravity [m/s2] from sliders of its size and its direction at time 0 [degrees].
+    """Return the field `gravity` of a scene, from the sliders of its size and direction.
 
-    Gravity turns at the rate [rad/s].
+    `pull` is |g| [m/s2], `towards` the direction at time 0 [degrees], and `rate` that of its rotation
+    [rad/s].
     """
     size, angle = value_of(pull), np.radians(value_of(towards))
     return {"vector": (float(size * np.cos(angle)), float(size * np.sin(angle))), "angular_velocity": rate}

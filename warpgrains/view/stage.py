@@ -40,14 +40,14 @@ class Stage:
         self._has_chains = False
 
     def _reserve(self, grains: int) -> None:
-        """Replace the instances by ones for a number of grains."""
+        """Replace the drawn discs and marks by new ones, whose fixed number suffices for `grains` grains."""
         self._slots = grains
         angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
         self._grains = self._add_instances("/grains", np.stack([np.cos(angle), np.sin(angle)], axis=1))
         self._marks = self._add_instances(_MARKS, mark())
 
     def _distance(self, height: float) -> float:
-        """Return the distance of the camera [m] at which the view fills a part of the window's height."""
+        """Return the distance of the camera [m] at which the view fills the part `height` of the window."""
         return 1.1 * self._view.half / height / float(np.tan(_FIELD_OF_VIEW / 2.0))
 
     def _follow(self, client: viser.ClientHandle) -> None:
@@ -101,7 +101,10 @@ class Stage:
         self._add_mesh(f"/walls/{name}", mesh.points, mesh.corners, WALL_COLOR)
 
     def _add_instances(self, name: str, outline: FloatArray) -> viser.BatchedMeshHandle:
-        """Add an instance of a convex shape for each grain; its corners at radius 1 are `outline`, (k, 2)."""
+        """Add as many copies of a convex polygon as `_reserve` was asked for.
+
+        `outline` holds the corners of the polygon of a grain of radius 1, shape (k, 2).
+        """
         grains, number = self._slots, np.arange(1, len(outline) - 1)
         return self._scene.add_batched_meshes_simple(
             name,
@@ -139,7 +142,7 @@ def _place(
     radius: FloatArray,
     color: FloatArray,
 ) -> None:
-    """Set positions [m], the height above the plane [m], radii [m] and colors (sRGB) of the instances."""
+    """Set position [m], radius [m] and color (sRGB) of each copy, and the height of all above z = 0 [m]."""
     shapes.batched_scales = radius.astype(np.float32)
     shapes.batched_positions = np.insert(position, 2, height, axis=1).astype(np.float32)
     shapes.batched_colors = np.rint(255.0 * linear(color)).astype(np.uint8)
