@@ -1,4 +1,4 @@
-"""Checks of a recording beyond those of USD validators."""
+"""Checks of a recording that USD validators do not make: sizes, values and times of its arrays."""
 
 from __future__ import annotations
 
@@ -45,13 +45,16 @@ _FINITE, _POSITIVE = (-np.inf, np.inf, "finite"), (0.0, np.inf, "positive and fi
 
 
 class Row(NamedTuple):
-    """Checks of one array, which each frame must pass."""
+    """Rules that the array of an attribute must obey in each frame."""
 
     attribute: Usd.Attribute
     per: str | None = None
-    """Key of the right length of the array among the counts of `_frame_problems`; None for any length."""
+    """Kind of things of which the array has one entry each, such as "grains"; None if it may have any length.
+
+    The number of things of each kind in a frame is known to `_frame_problems`.
+    """
     within: tuple[float, float, str] = _FINITE
-    """Bounds between which all values lie, without the bounds themselves, and their name in messages."""
+    """Low and high: each value must satisfy low < value < high. The text names this condition in messages."""
     is_still: bool | None = None
     """True if the array must not change with time, False if each frame must have a value; None for either."""
 
@@ -80,7 +83,7 @@ def report_on_recording(path: str | Path) -> list[str]:
 
 
 def _problems(stage: Usd.Stage) -> list[str]:
-    """Return the problems of the stage, the scales and all arrays."""
+    """Return the problems of a recording, one line each, except those of the places of walls."""
     prim = stage.GetPrimAtPath(GRAINS)
     if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
         return [f"no UsdGeom.Points or PointInstancer at {GRAINS}"]
@@ -106,7 +109,10 @@ def _problems(stage: Usd.Stage) -> list[str]:
 
 
 def _stage_problems(stage: Usd.Stage, codes: list[float]) -> list[str]:
-    """Return the problems of the units, the times and the ids, for grains with samples at time codes."""
+    """Return the problems of units, time codes and ids.
+
+    `codes` are the time codes at which the positions of the grains have samples.
+    """
     up, meters = UsdGeom.GetStageUpAxis(stage), UsdGeom.GetStageMetersPerUnit(stage)
     rate, shown = stage.GetTimeCodesPerSecond(), stage.GetFramesPerSecond()
     ends = f"{stage.GetStartTimeCode():g} and {stage.GetEndTimeCode():g}"
@@ -163,7 +169,7 @@ def _scale_problems(stage: Usd.Stage) -> Iterator[str]:
 
 
 def _table(stage: Usd.Stage) -> list[Row]:
-    """Return the checks of all arrays of a recording."""
+    """Return the rules for all arrays of a recording, a row for each attribute."""
     grains, forces, walls = (stage.GetPrimAtPath(path) for path in (GRAINS, FORCES, WALLS))
     are_points = grains.IsA(UsdGeom.Points)
     below = {COLOR_INDICES: len(_values(grains.GetAttribute("primvars:displayColor")))}
@@ -242,7 +248,10 @@ def _frame_problems(stage: Usd.Stage, rows: list[Row], code: float) -> Iterator[
 
 
 def _extent_problems(extent: Values, places: Values, half_width: Values) -> Iterator[str]:
-    """Yield the problem of an extent (2, 3) of things at places (n, 3) with half widths (n,) [m]."""
+    """Yield the problem of an extent, shape (2, 3), if it is not the box about some things [m].
+
+    The things have centers `places`, shape (n, 3), and half widths, shape (n,).
+    """
     if extent.shape != (2, 3):
         yield "extent is not two corners"
         return

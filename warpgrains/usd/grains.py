@@ -22,21 +22,28 @@ if TYPE_CHECKING:
 
 GRAINS = Sdf.Path("/World/Grains")
 PROTOTYPES = Sdf.Path("/World/Prototypes")
-"""Class prim with the prototypes of instances; the prim itself is not drawn."""
+"""Prim that contains the prototypes, the meshes that instances repeat. It is a class, so it is not drawn."""
 COLOR_INDICES = "primvars:displayColor:indices"
 OF_GRAINS = {"mass": "warpgrains:mass", "radius": "warpgrains:radius"}
-"""Attributes that hold fields of the scene as doubles, by the name of the field.
+"""Names of the attributes that hold fields of the scene as doubles, by the name of the field.
 
-The same fields are primvars, as floats, because Blender reads no primvar after a double.
+The same fields are also stored as primvars of floats. Primvars of doubles would hide all later ones in
+Blender.
 """
 PERIODS = "warpgrains:periods"
-"""Attribute of grains in a periodic box: how many of its lengths a grain is away from its point, (n, 2)."""
+"""Name of an attribute of grains in a periodic box, which draws all grains within the box.
+
+It holds integers, shape (n, 2): position of the grain = drawn position + integers * lengths of the box.
+"""
 ID = "primvars:id"
 ANGLE = "angle"
 VELOCITIES = "velocities"
 
 ORIENTATIONS = "orientations"
-"""Attribute of the orientations of instances: quaternions of half precision, (x, y, z, w) in NumPy."""
+"""Name of the attribute of the orientations of instances, quaternions of half precision.
+
+As NumPy arrays, their components are (x, y, z, w).
+"""
 
 _MOST_PROTOTYPES = 16
 
@@ -45,13 +52,14 @@ class Grains:
     """Grains as `UsdGeom.Points`, or as instances of a shape of radius 1, rotated if there is friction.
 
     The `widths` of points are diameters [m]. Colors are indices into a table. Blender does not read primvars
-    of an instancer, so each instance also uses one of 16 prototypes, whose colors are means of parts of the
-    table. Velocities [m/s] are divided by `slow`, as the recording is played. Further primvars hold the mass
-    [kg], with friction the angle [rad], and the quantities of `COLORINGS`.
+    of an instancer. Therefore an instance also has one of 16 prototypes, which have the mean colors of 16
+    ranges of the table. Velocities [m/s] are divided by `slow`, as the recording is played. Further primvars
+    hold the mass [kg], with friction the angle [rad], and the quantities of `COLORINGS`.
 
-    `ids` are numbers of birth, and so is the primvar `id`, because Blender does not read `ids`. In a periodic
-    box, the images of grains that cross a side follow the grains. Where grains have images, come or go, their
-    number changes, so every frame holds all arrays.
+    `ids` number the grains of a run in the order in which they appear. The primvar `id` is the same, because
+    Blender does not read `ids`. In a periodic box, a grain that crosses a side is also drawn at the opposite
+    side; these images follow all grains in the arrays. If grains have images, come or go, the length of
+    arrays changes, so every frame holds all arrays.
     """
 
     def __init__(self, painter: Painter, shape: Shape | None, slow: float) -> None:
@@ -101,7 +109,7 @@ class Grains:
             own.Set(type(own.GetTypeName().defaultValue).FromNumpy(array))
 
     def samples(self, now: Snapshot) -> Arrays:
-        """Return the arrays of a frame by their paths."""
+        """Return the arrays of a frame, by the USD path of the attribute."""
         places, number = now.images
         shown = triples("the position of a grain", places)
         found = {name: values(now)[number] for name, values in self._changing.items()}
@@ -127,9 +135,10 @@ class Grains:
         return {f"{GRAINS}.{name}": value for name, value in values.items()}
 
     def _still(self, scene: Scene, born: IndexArray, number: IndexArray) -> dict[str, NDArray[Any]]:
-        """Return ids, masses, radii and sizes of grains `number`, shape (k,), by attribute.
+        """Return ids, masses, radii and sizes of all drawn grains, by attribute, shape (k,).
 
-        `born` are the numbers of birth, shape (n,). Numbers above n are those of images.
+        `number` is the index of the grain that each draws: the n grains, then those of images. `born` holds
+        the ids of the n grains, shape (n,). Images have larger ids.
         """
         images = born[-1] + 1 + np.arange(len(number) - len(born))
         ids = np.concatenate([born, images])
@@ -145,7 +154,7 @@ class Grains:
         return values
 
     def _color(self, levels: IndexArray) -> dict[str, NDArray[Any]]:
-        """Return the arrays of color indices, and for instances of prototype indices, by attribute, (n,)."""
+        """Return color indices `levels`, shape (n,), and for instances prototype indices, by attribute."""
         index = {COLOR_INDICES: levels} | (
             {} if self._shape is None else {"protoIndices": levels // self._shared}
         )
@@ -186,7 +195,7 @@ def position_of(grains: Usd.Prim) -> Usd.Attribute:
 
 
 def numbers_of(grains: Usd.Prim) -> dict[str, Usd.Attribute]:
-    """Return the primvars with a quantity of each grain, by name."""
+    """Return the primvars that hold a number per grain, by name: all but those of color and id."""
     primvars = UsdGeom.PrimvarsAPI(grains).GetPrimvarsWithAuthoredValues()
     names = {primvar.GetPrimvarName(): primvar.GetAttr() for primvar in primvars}
     return {name: attribute for name, attribute in names.items() if name not in ("displayColor", "id")}

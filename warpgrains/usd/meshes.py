@@ -17,26 +17,29 @@ from warpgrains.usd.stage import as_float32, bind_material, covering_extent, def
 
 WALLS = Sdf.Path("/World/Walls")
 PLACES = "warpgrains:places"
-"""Attribute of `WALLS` in scenes with driven walls: the coordinates of all walls [m], see `State.driven`."""
+"""Name of an attribute of `WALLS`: the coordinate of each wall [m], see `State.driven`.
+
+Only recordings of scenes in which forces drive walls have it.
+"""
 THICKNESS = "warpgrains:thickness"
-"""Attribute of `WALLS`: the thickness with which they are drawn [m]."""
+"""Name of an attribute of `WALLS`: the thickness with which they are drawn [m]."""
 HEIGHT = "warpgrains:height"
-"""Attribute of `WALLS`: how far they reach from the plane z = 0 to both sides [m]."""
+"""Name of an attribute of `WALLS`: the height h of their meshes, which reach from z = -h to z = h [m]."""
 FORCES = Sdf.Path("/World/Forces")
 GRAINS_OF = ("grain", "neighbour")
-"""Primvars of a band: the grain and the grain or wall of its contact, see `all_contacts`."""
+"""Names of the primvars that tell the contact (i, j) of each band of a force chain, see `all_contacts`."""
 TANGENTIAL = "primvars:tangential_force"
-"""The attribute of the tangential forces [N], in recordings with friction."""
+"""Name of the attribute that holds the tangential forces of contacts [N], in recordings with friction."""
 
 _GAP = 0.05  # distance of force chains to the grains behind, in their height
 _HIGHEST = 0.1  # height of walls, in half of the longer side of the view, up to which the camera shows all
 
 
 class Walls:
-    """The walls as bodies, outside the space of the grains.
+    """The walls as meshes with a thickness, outside the space of the grains.
 
-    They are as high as a mean grain, whose height is `height` times its radius. Frames hold points, normals
-    and extents of mobile walls.
+    They are as high as a grain of mean radius; `height` is the height of a grain by its radius. Frames hold
+    points, normals and extents of mobile walls.
     """
 
     def __init__(self, painter: Painter, height: float) -> None:
@@ -44,7 +47,7 @@ class Walls:
         self._height = min(height * float(self._scene.radius.mean()), _HIGHEST * painter.view.half)
 
     def define(self, stage: Usd.Stage) -> None:
-        """Author the prims, completely if the walls are not mobile."""
+        """Author the prims with their meshes at the start."""
         walls = UsdGeom.Xform.Define(stage, WALLS).GetPrim()
         set_kind(walls, "subcomponent")
         walls.CreateAttribute(THICKNESS, Sdf.ValueTypeNames.Double).Set(self._painter.thickness)
@@ -56,7 +59,7 @@ class Walls:
             define_mesh(stage, WALLS.AppendChild(name), mesh, np.array(WALL_COLOR))
 
     def samples(self, now: Snapshot) -> Arrays:
-        """Return the arrays of the mobile walls in a frame, by their paths."""
+        """Return the arrays of the mobile walls in a frame, by the USD path of the attribute."""
         values: dict[str, NDArray[Any]] = {}
         if now.places is not None:
             values[f"{WALLS}.{PLACES}"] = now.places
@@ -101,7 +104,7 @@ class ForceChains:
         set_kind(bands.GetPrim(), "subcomponent")
 
     def samples(self, now: Snapshot) -> Arrays:
-        """Return the arrays of the bands in a frame, by their paths."""
+        """Return the arrays of the bands in a frame, by the USD path of the attribute."""
         pair, force, tangential = all_contacts(now)
         corners, _, contact = chains_of(self._scale, now)
         shown = triples("a corner of a force chain", corners.reshape(-1, 2))

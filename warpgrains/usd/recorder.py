@@ -36,13 +36,13 @@ class Recorder:
     """Writer of the frames of a run to one USD file, at integer time codes 0, 1, 2, ....
 
     The file appears when the ``with`` block ends without an exception. Until then each frame is appended to a
-    log next to the file. The log remains after an exception or a killed process, except for a log of a single
-    frame that was not flushed. With `resume_at`, the log or the file of an earlier run of the same scene is
+    log next to the file. The log remains after an exception or a killed process, unless it has only one frame
+    and `flush` was not called. With `resume_at`, the log or the file of an earlier run of the same scene is
     continued at this frame.
 
-    Raises InputError if an option is unknown, if float32 cannot hold the lengths of the scene, or its
-    coordinates there are more than 1 % of the smallest radius apart, and if the log of an earlier run exists,
-    or is missing where it is to be continued. Raises OutputError if the file is not a recording.
+    Raises InputError if an option is unknown, if float32 cannot hold the lengths of the scene, if successive
+    float32 coordinates are more than 1 % of the smallest radius apart, if the log of an earlier run exists,
+    or if there is none to continue. Raises OutputError if the file exists and is not a recording.
     """
 
     def __init__(
@@ -113,12 +113,15 @@ class Recorder:
         self._frames.append(arrays)
 
     def flush(self) -> None:
-        """Write all frames to the disk. A later run can continue with ``resume_at=recorder.frames``."""
+        """Write all frames so far to the disk.
+
+        A later run can continue after them, with `resume_at` equal to the present value of `frames`.
+        """
         self._frames.sync()
         self._is_needed = True
 
     def _finish(self) -> None:
-        """Convert the log to the recording, and delete the log."""
+        """Convert the complete log to the USD file, and delete the log."""
         if self.frames == 0:
             raise ValueError(f"no frame was recorded for '{self.path}'")
         self.flush()
@@ -126,9 +129,9 @@ class Recorder:
         self._frames.remove()
 
     def _resume(self, frames: int) -> None:
-        """Continue the log after its first `frames` frames.
+        """Open the log of an earlier run, and keep its first `frames` frames.
 
-        If the recording is finished, make the log from it.
+        If that run has completed its USD file, make a log of its frames first.
         """
         is_joined = is_complete(self.path)
         if is_joined:
@@ -143,7 +146,7 @@ class Recorder:
 
 
 def _require_float32(scene: Scene) -> None:
-    """Raise InputError unless float32 can hold the lengths of a scene and the initial positions."""
+    """Raise InputError unless float32 can hold the lengths of a scene, and resolves its first positions."""
     smallest, largest = float(scene.radius.min()), 2.0 * scene.reach
     least, most = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
     if smallest < least or largest > most:
@@ -158,9 +161,9 @@ def _require_float32(scene: Scene) -> None:
 
 
 def recover(log: str | Path) -> tuple[Path, int]:
-    """Convert the log of a killed run to a recording; return its path and number of frames.
+    """Convert the log of a killed run to a recording.
 
-    The log is kept.
+    Returns the path of the recording and its number of frames. The log is kept.
     """
     log = Path(checks.path("log", log))
     target = log.parent / log.stem
@@ -171,9 +174,9 @@ def recover(log: str | Path) -> tuple[Path, int]:
 
 
 def lock_output(path: Path) -> Lock:
-    """Lock a recording for writing.
+    """Lock the path of a recording, so that no other process writes it; return the lock.
 
-    Raises InputError if it cannot be written, or is a file of another kind.
+    Raises InputError if the file cannot be written, or exists and is not a recording.
     """
     require_writable_path("output", path, *RECORDINGS)
     try:

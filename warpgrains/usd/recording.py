@@ -127,21 +127,24 @@ class Recording(Shown):
         self._attributes |= {"position": position_of(prim), "velocity": prim.GetAttribute(VELOCITIES)}
 
     def _sizes(self, k: int, n: int) -> dict[str, FloatArray]:
-        """Return mass and radius of the n grains of a frame."""
+        """Return the arrays "mass" [kg] and "radius" [m] of frame k, which has n grains."""
         return {
             name: checks.positive_per_grain(name, numbers(attribute, k), n)
             for name, attribute in self._of_grains.items()
         }
 
     def _sizes_at(self, k: int) -> dict[str, FloatArray]:
-        """Return mass and radius of the grains of a frame."""
+        """Return the arrays "mass" [kg] and "radius" [m] of the grains of frame k, shape (n,)."""
         if not self._is_open:
             return self._first
         with refusing_untrusted_content(self.path):
             return self._sizes(k, len(numbers(self._of_grains["radius"], k)))
 
     def _born(self, k: int) -> IndexArray | None:
-        """Return the numbers of birth of the grains of a frame; None if no grain comes or goes."""
+        """Return the ids of the grains of frame k, shape (n,), which number them as they appear in the run.
+
+        None if the scene has no sources and sinks.
+        """
         if not self._is_open:
             return None
         with refusing_untrusted_content(self.path):
@@ -152,7 +155,7 @@ class Recording(Shown):
             return born[:n].astype(np.int64)
 
     def summary(self) -> dict[str, str]:
-        """Return the fields of the one-line summary by name."""
+        """Return the parts of the one-line summary that `repr` shows, by name."""
         return {
             self.path.name: f"of {number_of(len(self.radius), 'grain')}",
             "frames": f"{len(self)}",
@@ -189,7 +192,7 @@ class Recording(Shown):
         return self._of_all_frames("angle")
 
     def _of_all_frames(self, name: str) -> FloatArray:
-        """Return a number of the grains in all frames, shape (f, n) or (f, n, 2)."""
+        """Return the quantity `name` of all grains in all frames, shape (f, n) or (f, n, 2)."""
         if self._is_open:
             raise InputError(
                 f"{name}: frames of '{self.path}' have different grains: use frame(k), or to_pandas"
@@ -197,7 +200,10 @@ class Recording(Shown):
         return np.array([self._of_frame(name, k) for k in range(len(self))])
 
     def _of_frame(self, name: str, k: int) -> FloatArray:
-        """Return a number of the grains in frame k, shape (n,) or (n, 2); 0 if it was not recorded."""
+        """Return the quantity `name` of all grains in frame k, shape (n,) or (n, 2).
+
+        It is 0 if the recording does not hold this quantity.
+        """
         attribute, n = self._attributes.get(name), len(self._sizes_at(k)["radius"])
         if attribute is None:
             return np.zeros(n)
@@ -215,7 +221,7 @@ class Recording(Shown):
 
     @cached_property
     def scene(self) -> Scene:
-        """Scene that starts at the first frame, with its time and its grains and walls.
+        """Scene whose start is the first frame: its time, the state of its grains, and the places of walls.
 
         Raises
         ------
@@ -233,9 +239,9 @@ class Recording(Shown):
 
     @cached_property
     def recorded_scene(self) -> Scene:
-        """Scene of the run with the grains of the first frame.
+        """Scene of the run, with the grains as they are in the first frame, but the run's own start time.
 
-        Unlike `scene`, it may have centers in walls.
+        Unlike in `scene`, the centers of grains may lie in walls.
         """
         return Scene.of_later_state(
             position=self._of_frame("position", 0),
@@ -254,7 +260,10 @@ class Recording(Shown):
             ].astype(int)
 
     def places(self, k: int) -> FloatArray | None:
-        """Return the coordinates of walls in frame k [m], shape (walls,); None if no force drives a wall."""
+        """Return the coordinate of each wall in frame k [m], shape (walls,), see `State.driven`.
+
+        None if no wall of the scene is driven by a force.
+        """
         with refusing_untrusted_content(self.path):
             places = self._stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
             return numbers(places, k) if places else None
@@ -373,10 +382,11 @@ class Recording(Shown):
 
 
 def painter_of(recording: Recording, **looks: Unpack[Looks]) -> Painter:
-    """Return the painter of the frames of a recording, in its look with the changes `looks`.
+    """Return the painter that draws the frames of a recording.
 
-    The scales of colors and forces are those of the recording, unless its colors are changed. Raises
-    InputError if a look needs contacts that were not recorded.
+    `looks` are fields of `Look` that replace those of the recording. Unless they change the colors, the
+    scales of colors and forces are those of the recording. Raises InputError if the look needs contacts and
+    the recording holds none.
     """
     own, look = recording.look, replace(recording.look, **looks)
     painter = Painter(recording.recorded_scene, look)

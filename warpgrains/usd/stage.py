@@ -1,4 +1,4 @@
-"""The part of a recording that is the same in all frames, and functions for all drawings."""
+"""The part of a recording that is the same in all frames, and functions that all its prims need."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ _INFINITY = np.float32(np.inf)
 
 
 class Drawing(Protocol):
-    """Interface of a prim with attributes that change from frame to frame."""
+    """Interface of the classes that author a prim, such as `Grains`, of which attributes change in time."""
 
     def define(self, stage: Usd.Stage) -> None:
         """Author the prim, and all attributes that are the same in all frames."""
 
     def samples(self, now: Snapshot) -> Arrays:
-        """Return the values of the other attributes in a frame, by their paths."""
+        """Return the values of the attributes that change, in the frame `now`, by their USD paths."""
 
 
 def static_layer(
@@ -88,7 +88,7 @@ def static_layer(
 
 
 def _define_material(stage: Usd.Stage) -> None:
-    """Define the material, which is matt and has the color of the primvar displayColor."""
+    """Define the material of all prims. It is matt and takes its color from the primvar displayColor."""
     UsdGeom.Scope.Define(stage, MATERIAL.GetParentPath())
     material = UsdShade.Material.Define(stage, MATERIAL)
     surface = UsdShade.Shader.Define(stage, MATERIAL.AppendChild("Surface"))
@@ -106,7 +106,7 @@ def _define_material(stage: Usd.Stage) -> None:
 
 
 def bind_material(prim: Usd.Prim, color: FloatArray | None = None) -> None:
-    """Bind the material to a prim; with a color (sRGB), set its displayColor."""
+    """Bind the material of all prims to a prim. If a color (sRGB) is given, set its displayColor."""
     if color is not None:
         value = Vt.Vec3fArray([Gf.Vec3f(*linear(color).tolist())])
         UsdGeom.Gprim(prim).CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(value)
@@ -115,7 +115,10 @@ def bind_material(prim: Usd.Prim, color: FloatArray | None = None) -> None:
 
 
 def define_mesh(stage: Usd.Stage, path: Sdf.Path, shape: Shape, color: FloatArray) -> None:
-    """Define a mesh with one color (sRGB) and the material. Faces of its mark get the color of marks."""
+    """Define the mesh of a shape with a color (sRGB) and the material of all prims.
+
+    If the shape has a mark, which shows its rotation, these faces are darker or lighter (`mark_color`).
+    """
     mesh, tokens = UsdGeom.Mesh.Define(stage, path), UsdGeom.Tokens
     points = Vt.Vec3fArray.FromNumpy(shape.points.astype(np.float32))
     mesh.CreatePointsAttr(points)
@@ -165,7 +168,10 @@ def _define_camera(stage: Usd.Stage, view: Bounds) -> None:
 
 
 def triples(what: str, values: FloatArray) -> NDArray[np.float32]:
-    """Return vectors (n, 2) as float32 vectors (n, 3) in the plane z = 0, see `as_float32`."""
+    """Return vectors, shape (n, 2), as float32 vectors with z = 0, shape (n, 3).
+
+    Raises InputError, which begins with `what`, if they are too large for float32.
+    """
     shown = np.zeros((len(values), 3), dtype=np.float32)
     shown[:, :2] = as_float32(what, values)
     return shown
@@ -199,7 +205,7 @@ def numbers(attribute: Usd.Attribute, code: float = 0.0, shape: tuple[int, ...] 
 
 
 def as_float32(what: str, values: FloatArray) -> NDArray[np.float32]:
-    """Return values as float32. Raises InputError, which begins with `what`, if they are too large."""
+    """Return values as float32. Raises InputError, which begins with `what`, if one is too large for it."""
     with np.errstate(over="ignore"):
         shown = values.astype(np.float32)
     if not np.isfinite(shown).all():
@@ -216,7 +222,10 @@ def too_coarse(position: FloatArray, radius: FloatArray) -> str | None:
 
 
 def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the box about spheres [m], shape (2, 3), rounded outwards to float32."""
+    """Return the lower and upper corner of the box about spheres [m], shape (2, 3), rounded outwards.
+
+    `shown` holds the centers, shape (n, 3), and `half_width` the radii, shape (n,).
+    """
     edges = np.empty((3, len(shown)))  # one row per component, because NumPy reduces long rows much faster
     box = np.empty((2, 3), dtype=np.float32)
     low = np.subtract(shown.T, half_width, out=edges).min(axis=1)

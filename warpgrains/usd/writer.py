@@ -25,7 +25,10 @@ _SAMPLE = 128  # bytes of memory per value in addition to its array
 
 
 def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
-    """Write a log, or its first `frames` frames, to a USD file, and check it; return the number of frames."""
+    """Convert a log, or its first `frames` frames, to the USD file `target`, and read it back as a check.
+
+    Returns the number of frames.
+    """
     reader, target = LogReader(log), resolve_link(target)
     with refusing_untrusted_content(log):
         constants = _constants(reader)
@@ -44,7 +47,7 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
 
 
 def reopen_log(recording: Path, log: Path) -> None:
-    """Write the frames of a finished recording back to a log, which appears when it is complete."""
+    """Convert a finished recording to a log with the same frames, which appears when it is complete."""
     with draft_of(log) as draft, _reporting_os_errors(recording):
         draft.unlink(missing_ok=True)
         flat = Sdf.Layer.OpenAsAnonymous(str(recording))
@@ -60,7 +63,10 @@ def reopen_log(recording: Path, log: Path) -> None:
 
 
 def identity(constants: str) -> str:
-    """Return the part of a log's constants that must agree to continue it: scene, frame rate and look."""
+    """Return the part of a log's constants that a run must share to continue this log.
+
+    `constants` is a USD layer as text. The part consists of the scene, the frame rate and the look.
+    """
     flat, own = _layer_of(constants), Sdf.Layer.CreateAnonymous(".usda")
     data = dict(flat.customLayerData.get(RECORDED_BY, {}))
     data.pop("version", None)
@@ -92,9 +98,9 @@ def _layer_of(constants: str) -> Sdf.Layer:
 
 
 def _constants(reader: LogReader) -> Sdf.Layer:
-    """Return the constants of a log as a layer.
+    """Return the constants of a log, all that is the same in its frames, as a USD layer.
 
-    Raises ValueError unless it has an attribute for each array.
+    Raises ValueError unless the layer defines an attribute of the right type for each array of the frames.
     """
     layer = _layer_of(reader.constants)
     for name, kind in reader.kinds.items():
@@ -148,7 +154,10 @@ def _require_frames(path: Path, names: Any, frames: int) -> None:
 
 @contextmanager
 def _reporting_os_errors(path: Path) -> Iterator[None]:
-    """Turn exceptions of USD, when a file is written or read back, into an OSError of one line."""
+    """Turn an exception of USD in the ``with`` block into an OSError whose message has one line.
+
+    `path` is the file that the block writes or reads back.
+    """
     try:
         yield
     except Tf.ErrorException as error:
