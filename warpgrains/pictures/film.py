@@ -36,7 +36,7 @@ _FORMATS = FILMS | {
     ".mkv": FilmFormat("matroska", ("libx264rgb", "rgb24", "-crf", "0", "-preset", "ultrafast")),
     ".png": FilmFormat("image2"),
 }
-"""Formats of films and of intermediate files: a lossless film, and a palette."""
+"""Formats of films by suffix, and of two intermediate files: a lossless film (.mkv) and a palette (.png)."""
 _SLOWEST = 1e-4  # frame rate [1/s], so that ffmpeg can read it as a fraction
 _SOURCE = re.compile(r"^(\[[^]]*\] )+")  # prefix of an error message: the part of ffmpeg that reports it
 _PALETTE = "palettegen=stats_mode=full"
@@ -44,7 +44,10 @@ _WITH_PALETTE = "paletteuse=dither=none:diff_mode=rectangle"
 
 
 class Encoding:
-    """An ffmpeg process that writes a file; `arguments` are its inputs and filters."""
+    """An ffmpeg process that writes the file `output`.
+
+    `arguments` are its command line options: inputs, filters and codec.
+    """
 
     def __init__(self, arguments: Sequence[str | Path], output: Path) -> None:
         self._complaints = TemporaryFile()  # noqa: SIM115  # open until the process ends
@@ -69,7 +72,7 @@ class Encoding:
             raise
 
     def finish(self) -> None:
-        """Wait until the file is complete. Raises OSError with ffmpeg's first message if that fails."""
+        """Wait until the file is complete. If ffmpeg fails, raise OSError with its first message."""
         try:
             self._wait()
         except BaseException:  # an interrupt reaches this process only
@@ -93,7 +96,10 @@ class Encoding:
 
 
 def encoding_of_frames(output: Path, shape: tuple[int, ...], rate: float) -> Encoding:
-    """Start to encode frames of shape (height, width, 3) at a rate in frames per second [1/s]."""
+    """Start ffmpeg to encode a film to `output`, whose frames `Encoding.write` then takes.
+
+    Each frame has `shape`, (height, width, 3). `rate` is the number of frames per second [1/s].
+    """
     codec, colors, *options = _FORMATS[form_of(output)].encoding
     height, width = shape[:2]
     frames = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"]
@@ -111,10 +117,10 @@ def require_rate(rate: float) -> None:
 
 @contextmanager
 def _draft_of(target: Path) -> Iterator[Path]:
-    """Yield the path of a film, which replaces `target` after the block, see `draft_of`.
+    """Yield a path to which the ``with`` block writes a film, which then replaces `target` (`draft_of`).
 
-    Numbered pictures replace no files, because the last ones of an earlier, longer film would remain. Raises
-    OutputError if there are any.
+    A film of numbered pictures replaces no earlier one, because if that was longer, its last pictures would
+    remain. Raises OutputError if there are earlier pictures.
     """
     if form_of(target) != SEQUENCE:
         with draft_of(target) as draft:
@@ -178,13 +184,13 @@ class FilmWriter:
 def draw_film(
     recording: str | Path, output: str | Path, progress: bool = False, **looks: Unpack[Looks]
 ) -> list[int]:
-    """Make a film of a recording; return the numbers of the frames that it shows.
+    """Make a film of a recording; return the numbers of the recorded frames that the film shows.
 
     Parameters
     ----------
     looks
-        Fields of `Look` that replace those of the recording. For each frame of the film, the recording must
-        have a whole number of frames at this `fps` and `slow`.
+        Fields of `Look` that replace those of the recording. With `fps` and `slow`, the film shows every k-th
+        recorded frame; k must be a whole number.
 
     Raises
     ------
@@ -222,7 +228,7 @@ def draw_film(
 
 
 class Film(DrawnOutput):
-    """A film of a run, see `DrawnOutput`."""
+    """Output of a run as a film, see `DrawnOutput`. Each recorded snapshot becomes a frame."""
 
     def __init__(self, scene: Scene, options: RunOptions, times: FrameTimes, *_: object) -> None:
         require_rate(times.played)
@@ -238,6 +244,6 @@ class Film(DrawnOutput):
         self._writer.add(now)
 
     def __exit__(self, kind: type[BaseException] | None, *error: Any) -> bool | None:
-        """Complete the film; after Ctrl-C, with the frames so far if there are several."""
+        """Complete the film. After Ctrl-C, also complete it if it has at least two frames."""
         is_kept = kind is KeyboardInterrupt and self._writer.frames > 1
         return super().__exit__(*((None, None, None) if is_kept else (kind, *error)))

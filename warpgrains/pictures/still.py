@@ -47,7 +47,10 @@ _BAR: dict[str, Any] = {"fraction": 0.046, "pad": 0.02, "aspect": 30, "panchor":
 
 
 class FrameArtists:
-    """Artists on axes that draw one snapshot after the other."""
+    """The Matplotlib artists of walls, grains, force chains and time on axes.
+
+    They are made once; `show` changes them to draw another snapshot.
+    """
 
     def __init__(self, axes: Axes, painter: Painter) -> None:
         self._painter = painter
@@ -127,7 +130,10 @@ def add_color_bar(figure: Figure | SubFigure, axes: Any, painter: Painter) -> No
 
 
 def _add_chain_legend(axes: Axes, scale: ChainScale, painter: Painter) -> None:
-    """Draw a force chain of full width with its force, in a corner without grains, or below the frame."""
+    """Draw the legend of force chains: a band of full width, and the force that it stands for.
+
+    It is in a corner of the axes if no grains can be there, otherwise below the axes.
+    """
     view, length = painter.view, 0.12 * painter.view.half
     left, middle = view.left + 0.02 * view.half, view.bottom + 0.05 * view.half
     if not painter.has_free_corners:
@@ -140,15 +146,18 @@ def _add_chain_legend(axes: Axes, scale: ChainScale, painter: Painter) -> None:
 
 
 def shares(view: Bounds) -> tuple[float, float]:
-    """Return width and height of the axes for a view, divided by the longer one, and at least 0.4."""
+    """Return width and height of axes that show a view, in units of the longer one.
+
+    The shorter one is at least 0.4, so that there is space for a color bar.
+    """
     across, along = (max(length / (2.0 * view.half), _LEAST_SHARE) for length in (view.width, view.height))
     return across, along
 
 
 class Canvas:
-    """A frame with its color bar, in which one snapshot after the other is drawn.
+    """A figure with the axes of a scene and a color bar, which is reused for successive snapshots.
 
-    `side` is the longer side of its axes [pixels], if the look has no size.
+    `side` is the longer side of the axes [pixels]; it has no effect if the look gives a size.
     """
 
     def __init__(self, painter: Painter, side: int) -> None:
@@ -173,9 +182,9 @@ class Canvas:
         self._artists.show(now)
 
     def pixels(self, now: Snapshot) -> NDArray[np.uint8]:
-        """Return the picture of a snapshot, shape (height, width, 3).
+        """Return the picture of a snapshot (sRGB), shape (height, width, 3).
 
-        Later calls redraw only what changes.
+        All calls after the first redraw only the artists that change.
         """
         if self._background is None:
             for artist in self._artists.changing:
@@ -192,7 +201,11 @@ class Canvas:
 def save_figure(
     figure: Figure, output: pathlib.Path, writer: str = "", dpi: float = DOTS_PER_INCH, **options: Any
 ) -> None:
-    """Write a picture atomically; for `writer`, see `draft_of`."""
+    """Write a figure to a file, which appears when it is complete.
+
+    `writer` distinguishes the drafts of several processes, see `draft_of`. `options` are those of
+    `Figure.savefig`.
+    """
     with draft_of(output, writer) as draft:
         figure.savefig(draft, dpi=dpi, **options)
 
@@ -234,9 +247,9 @@ class Picture:
 
 
 class DrawnOutput(ExitStack):
-    """Base class of the film and the picture of a run.
+    """Base class of the outputs of a run that are drawn: a film, or a picture of its end.
 
-    The file is locked during the run. At its end, it replaces any earlier file.
+    No other process can write the file during the run. It replaces any earlier file at the end of the run.
     """
 
     def __init__(self, scene: Scene, options: RunOptions, *_: object) -> None:
@@ -252,7 +265,7 @@ class DrawnOutput(ExitStack):
 
 
 class Still(DrawnOutput):
-    """A picture of the end of a run."""
+    """Output of a run as a picture of its end, see `DrawnOutput`."""
 
     def record(self, now: Snapshot) -> None:
         """Write the picture of the end."""
