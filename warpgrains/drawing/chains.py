@@ -21,18 +21,19 @@ CHAIN_COLOR = (0.78, 0.10, 0.12)
 
 
 class ChainScale(NamedTuple):
-    """Linear scale from forces to widths of bands."""
+    """Scale of force chains: the width of a band is proportional to the force, up to a largest width."""
 
     force: float
-    """Force [N] whose band has the full width; larger forces have no wider bands."""
+    """Force [N] from which on bands have the full width."""
     width: float
     """Full width of a band [m]: the smallest radius, so that grains stay visible."""
 
     @classmethod
     def of(cls, scene: Scene) -> ChainScale:
-        """Return the scale of a scene: the full width is its smallest radius.
+        """Return the scale of a scene.
 
-        It stands for the force `pressure_scale` times the mean diameter.
+        The full width is the smallest radius. The force with this width is `pressure_scale` times the mean
+        diameter.
         """
         return cls(pressure_scale(scene) * 2.0 * float(scene.radius.mean()), float(scene.radius.min()))
 
@@ -47,10 +48,10 @@ class ChainScale(NamedTuple):
 
 
 class Chains(NamedTuple):
-    """Bands of the contacts of a snapshot, in the order of `all_contacts`.
+    """Bands that show the contacts of a snapshot: m of them, first one for each contact of `all_contacts`.
 
-    In a periodic box, the parts of bands beyond a side are moved into the box and follow at the end, see
-    `cut`.
+    A band that leaves a periodic box is cut at the side. Its part beyond the side is moved into the box and
+    is a further band at the end, see `cut`.
     """
 
     corners: FloatArray
@@ -58,11 +59,11 @@ class Chains(NamedTuple):
     width: FloatArray
     """Width of each band [m], shape (m,)."""
     contact: IndexArray
-    """Index into `all_contacts` of the contact of each band, shape (m,)."""
+    """Contact that each band shows, as an index into `all_contacts`, shape (m,)."""
 
 
 def chains_of(scale: ChainScale, now: Snapshot) -> Chains:
-    """Return a band for each contact, from the center of a grain to the other center, or to the wall.
+    """Return a band for each contact, from the center of a grain to the center of the other, or to the wall.
 
     With friction, a band is turned about the contact point into the direction of the total force. Bands are
     cut where they leave a periodic box.
@@ -80,12 +81,12 @@ def chains_of(scale: ChainScale, now: Snapshot) -> Chains:
 
 
 def cut(cell: Period, start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, IndexArray]:
-    """Cut lines where they leave a periodic box, and move all pieces into it.
+    """Cut lines from `start` to `end` [m] where they leave a periodic box, and move all pieces into it.
 
     Returns
     -------
-    Starts and ends of the pieces [m], shape (k, 2), and the index of the line of each, shape (k,). The first
-    pieces are those at the starts of all lines, in order.
+    Starts and ends of the k pieces [m], shape (k, 2) each, and the index of the line from which each piece is
+    cut, shape (k,). The pieces at the starts of all lines come first, in the order of the lines.
     """
     start, end, line = start.copy(), end.copy(), np.arange(len(start))
     for d in np.flatnonzero(cell.repeats).tolist():
@@ -109,7 +110,11 @@ def cut(cell: Period, start: FloatArray, end: FloatArray) -> tuple[FloatArray, F
 def _turned(
     radius: FloatArray, normal: FloatArray, ends: tuple[FloatArray, ...], force: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """Turn segments about their contact points into the direction of the force (normal, tangential) [N]."""
+    """Turn segments of contacts about the contact points, so that they point along the total force.
+
+    `radius`, shape (m, 1), and `normal` are those of the grain at which a segment starts. `ends` holds starts
+    and ends of the segments [m], `force` normal and tangential forces [N]. Returns the new starts and ends.
+    """
     size = np.maximum(np.hypot(*force), np.finfo(np.float64).tiny)[:, np.newaxis]
     along, across = (part[:, np.newaxis] / size for part in force)
     direction = along * normal + across * left_of(normal)
@@ -119,12 +124,12 @@ def _turned(
 
 
 def all_contacts(now: Snapshot) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return grains and forces of all contacts, pairs first, then those with walls.
+    """Return partners and forces of all contacts, first those of two grains, then those with walls.
 
     Returns
     -------
-    Grains i < j, shape (m, 2), where j is -1 - k at wall k of `Scene.walls`; and normal and tangential
-    forces [N], shape (m,) each.
+    Partners (i, j), shape (m, 2): grains i < j, or grain i and j = -1 - k at wall k of `Scene.walls`. Then
+    the normal and the tangential forces [N], shape (m,) each.
     """
     at_wall = np.stack([now.wall[:, 0], -1 - now.wall[:, 1]], axis=1)
     force = np.concatenate([now.force, now.wall_force])
@@ -137,8 +142,8 @@ def pairs_and_walls(pair: IntArray) -> tuple[BoolArray, IntArray, IntArray]:
 
     Returns
     -------
-    A mask of the pairs, shape (m,); the pairs (i, j), shape (p, 2); and the others as (grain, wall), shape
-    (m - p, 2).
+    A mask of the contacts of two grains, shape (m,); these contacts (i, j), shape (p, 2); and those with
+    walls as (grain, wall), shape (m - p, 2).
     """
     between = pair[:, 1] >= 0
     grain, code = pair[~between].T
@@ -146,10 +151,10 @@ def pairs_and_walls(pair: IntArray) -> tuple[BoolArray, IntArray, IntArray]:
 
 
 def contact_lines(now: Snapshot, pair: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the starts [m], ends [m] and unit normals of contacts of `all_contacts`, shape (m, 2) each.
+    """Return the starts [m], ends [m] and unit normals of lines along contacts, shape (m, 2) each.
 
-    A contact starts at the center of grain i. It ends at the nearest image of the center of j, or where
-    grain i touches the wall.
+    `pair` holds the partners (i, j) as in `all_contacts`. A line starts at the center of grain i. It ends at
+    the nearest image of the center of j, or where grain i touches the wall.
     """
     between, pairs, wall = pairs_and_walls(pair)
     normal, (i, j), center = np.zeros(pair.shape), pair.T, now.position

@@ -29,13 +29,16 @@ class Coloring(NamedTuple):
     ends: Callable[[Scene], tuple[float, float]]
     """Function that returns the values of the first and last color in a scene."""
     values: Callable[[Any], FloatArray]
-    """Function that returns the value of each grain, shape (n,), in a snapshot; if constant, in a scene."""
+    """Function that returns the value of each grain, shape (n,), from a snapshot.
+
+    If values do not change during a run (`changes`), it also takes a scene.
+    """
     extends: str = "neither"
     """Ends of the scale that values may exceed, as Matplotlib names them: neither, max or both."""
     changes: bool = True
     """Whether the values change during a run."""
     has_root: bool = False
-    """Whether colors follow the square root of the value, so that small values have several colors."""
+    """Whether colors are linear in the square root of the value, so that small values differ in color."""
     needs_friction: bool = False
     """Whether only scenes with friction have the quantity."""
     needs_contacts: bool = False
@@ -52,9 +55,10 @@ def colorings_of(scene: Scene, has_contacts: bool = True) -> dict[str, Coloring]
 
 
 def speed_scale(scene: Scene) -> float:
-    """Return the largest speed [m/s] to expect in a scene.
+    """Return an estimate of the largest speed in a scene [m/s], for the ends of color scales.
 
-    It is that of the fastest grain at the start, of a fall across the domain, or of a wall that moves.
+    It is the largest of these: the speed of the fastest grain at the start, that after a fall across the
+    domain, and those of moving walls.
     """
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
@@ -76,25 +80,25 @@ def speed_scale(scene: Scene) -> float:
 
 
 def _length(wall: Wall) -> float:
-    """Return the length over which the force on a wall is spread [m]."""
+    """Return the length of a wall by which a force on it is divided to get a pressure [m]."""
     return wall.length if isinstance(wall, Line) else 2.0 * wall.circle[2]
 
 
 def spin_scale(scene: Scene) -> float:
-    """Return a large spin in a scene [rad/s].
+    """Return an estimate of large spins in a scene [rad/s], for the ends of color scales.
 
-    It is the largest one at the start, or if larger, that of a typical grain that rolls at half of
+    It is the largest spin at the start or, if larger, that of a grain of typical radius that rolls at half of
     `speed_scale`.
     """
     return max(float(np.abs(scene.spin).max()), 0.5 * speed_scale(scene) / scene.typical_radius)
 
 
 def pressure_scale(scene: Scene) -> float:
-    """Return a large pressure [N/m] in a scene.
+    """Return an estimate of large pressures in a scene [N/m], for the ends of color scales.
 
-    It is the weight of all grains on a quarter of the width of the domain, and at least four times the
-    pressure on a driven wall. Without gravity and driven walls, it is the pressure on a mean grain that stops
-    within one step from `speed_scale`, or from one radius per step if that is 0.
+    It is the weight of all grains, divided by a quarter of the width of the domain, or if larger, four times
+    the pressure on a driven wall. Without gravity and driven walls, it is the pressure on a mean grain that
+    loses the speed `speed_scale` (or, if that is 0, one radius per step) within one step.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
     driven = [
@@ -111,7 +115,7 @@ def pressure_scale(scene: Scene) -> float:
 
 
 def pressure(now: Snapshot) -> FloatArray:
-    """Return the sum of the normal forces on each grain by its circumference [N/m], shape (n,)."""
+    """Return the sum of the normal forces on each grain, divided by its circumference [N/m], shape (n,)."""
     return force(now) / (2.0 * np.pi * now.scene.radius)
 
 
@@ -123,9 +127,9 @@ def force(now: Snapshot) -> FloatArray:
 
 
 def mobilized(now: Snapshot) -> FloatArray:
-    """Return the largest |tangential force| / (friction * normal force) of each grain, shape (n,).
+    """Return the largest |tangential force| / (friction * normal force) of the contacts of each grain, (n,).
 
-    A contact with the value 1 slides.
+    Where this is 1, the contact slides.
     """
     found, (i, j), grain = np.zeros(now.n), now.pair.T, now.wall[:, 0]
     between = _share(now.tangential_force, now.scene.friction * now.force)
@@ -136,12 +140,18 @@ def mobilized(now: Snapshot) -> FloatArray:
 
 
 def _share(tangential: FloatArray, most: FloatArray) -> FloatArray:
-    """Return |tangential force| / most of each contact, shape (m,); 0 where `most`, its limit [N], is 0."""
+    """Return |tangential| / most for each contact, shape (m,), or 0 where most = 0.
+
+    `tangential` is the tangential force, `most` its largest value without sliding [N].
+    """
     return np.divide(np.abs(tangential), most, out=np.zeros_like(most), where=most > 0.0)
 
 
 def start_height(scene: Scene) -> FloatArray:
-    """Return the height of each grain at the start [m], against gravity, as rounded in recordings."""
+    """Return the height of each grain at the start, measured against gravity [m], shape (n,).
+
+    Positions are rounded to float32, so that a recording gives the same heights.
+    """
     return scene.position.astype(np.float32).astype(np.float64) @ scene.up_at(scene.time)
 
 
@@ -151,7 +161,7 @@ def _ends(of: Callable[[Scene], FloatArray], scene: Scene) -> tuple[float, float
 
 
 def force_scale(scene: Scene) -> float:
-    """Return the sum of the normal forces on a mean grain whose pressure is `pressure_scale` [N]."""
+    """Return the sum of the normal forces on a grain of mean radius with pressure `pressure_scale` [N]."""
     return pressure_scale(scene) * 2.0 * np.pi * float(scene.radius.mean())
 
 
@@ -160,7 +170,10 @@ def _radii(of: Scene | Snapshot) -> FloatArray:
 
 
 def numbers_of_birth(of: Scene | Snapshot) -> IndexArray:
-    """Return the numbers of birth of the grains of a snapshot, or at the start of a scene, shape (n,)."""
+    """Return the ids of the grains of a snapshot, or at the start of a scene, shape (n,).
+
+    They number the grains of a run in the order in which they appear.
+    """
     return of.id if isinstance(of, Snapshot) else np.arange(of.n)
 
 

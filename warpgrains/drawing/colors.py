@@ -89,7 +89,7 @@ class ColorScale:
         return cls(name, low, high, colors)
 
     def levels(self, values: FloatArray) -> IndexArray:
-        """Return the index into `colors` of each value, shape (n,)."""
+        """Return the color of each value as an index into the result of `colors`, shape (n,)."""
         reach = self.high - self.low
         share = np.clip((values - self.low) / reach, 0.0, 1.0) if reach > 0.0 else np.zeros_like(values)
         share = np.sqrt(share) if COLORINGS[self.quantity].has_root else share
@@ -101,14 +101,16 @@ class ColorScale:
 
 
 class GrainColors:
-    """Colors of the grains of a scene: on the scale of one of `COLORINGS`, or from a table of `CATEGORIES`.
+    """Colors of the grains of a scene.
 
-    The scale depends only on the scene, so that a color means the same in every snapshot and after a restart.
-    `colors` and `range` are those of `Look`. `still` holds the index of each grain's color, shape (n,), if
-    colors do not change during a run; in scenes with sources or sinks they do.
+    `color_by` is one of `COLORINGS`, whose values have a scale of colors, or one of `CATEGORIES`, which have
+    tables of colors without a scale. `colors` and `range` are those of `Look`. The scale depends only on the
+    scene, so that a color means the same in every snapshot and after a restart. If the colors of grains do
+    not change during a run, `still` holds their indices, shape (n,). In scenes with sources or sinks they
+    change.
 
-    Raises InputError if `color_by` is unknown or needs friction that the scene does not have, and for a
-    `range` without a scale.
+    Raises InputError if `color_by` is unknown or needs friction that the scene does not have, or if a `range`
+    is given and there is no scale.
     """
 
     def __init__(
@@ -142,7 +144,7 @@ class GrainColors:
                 self.still = self._number(scene) % len(self.colors)
 
     def levels(self, now: Snapshot) -> IndexArray:
-        """Return the index of the color of each grain, shape (n,)."""
+        """Return the color of each grain as an index into the attribute `colors`, shape (n,)."""
         if self.still is not None:
             return self.still
         if self.scale is None:
@@ -156,7 +158,7 @@ class GrainColors:
 
 
 def _bands(scene: Scene) -> IndexArray:
-    """Return the number of the band of heights in which each grain starts, 0 at the bottom, shape (n,)."""
+    """Return the horizontal band in which each grain starts, as a number, 0 at the bottom, shape (n,)."""
     height = start_height(scene)
     share = (height - height.min()) / (np.ptp(height) or 1.0)
     return np.minimum((_BANDS * share).astype(np.int64), _BANDS - 1)
@@ -166,18 +168,19 @@ CATEGORIES: dict[str, tuple[FloatArray, Callable[[Any], IndexArray]]] = {
     "palette": (PALETTE, numbers_of_birth),
     "bands": (BANDS, _bands),
 }
-"""Tables of colors without a scale, by name, and functions that return the number of each grain's color.
+"""Tables of colors without a scale, by the value of `color_by`.
 
-Numbers count modulo the length of the table.
+Each comes with a function that takes a snapshot or a scene, and returns a number per grain. The color of a
+grain is table[number % len(table)].
 """
 OF_START = ("bands", "height")
-"""Colorings that follow from where grains start."""
+"""Values of `color_by` for which the color of a grain depends on its position at the start."""
 
 
 def colormap(name: str, share: FloatArray) -> FloatArray:
-    """Return the colors (sRGB), shape (n, 3), at places from 0 to 1 along a colormap, shape (n,).
+    """Return the colors of a colormap (sRGB), shape (n, 3), at parameters `share` from 0 to 1, shape (n,).
 
-    The name is that of a colormap of Matplotlib, or a list of colors with commas.
+    `name` is the name of a colormap of Matplotlib, or a list of colors, separated by commas.
     """
     forwards = name.removesuffix("_r")
     if "," in name:
@@ -195,7 +198,7 @@ def colormap(name: str, share: FloatArray) -> FloatArray:
 
 
 def mark_color(color: FloatArray) -> FloatArray:
-    """Return the color of the mark on a grain of each color (sRGB), shape (n, 3).
+    """Return the color of the mark, which shows rotation, on grains of these colors (sRGB), shape (n, 3).
 
     It is darker than the grain, or lighter if the grain is dark.
     """

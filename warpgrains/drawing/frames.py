@@ -14,10 +14,10 @@ _TOLERANCE = Fraction(1, 10**9)  # tolerance, in steps
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """Times of the frames k = 0, 1, 2, ... of a run: k / rate after its start, in a scene with time step dt.
+    """Times of the frames k = 0, 1, 2, ... of a run: frame k is k / rate after its start.
 
-    Rate and dt count as the decimal numbers that a user writes, so that rounding moves no frame to another
-    step.
+    The time step is dt, and a frame may lie within a step. Rate and dt are taken as the decimal numbers that
+    a user writes, so that rounding does not move a frame to another step.
     """
 
     dt: float
@@ -25,7 +25,7 @@ class FrameTimes:
     rate: float
     """Frames per second of simulated time [1/s], at most one per step."""
     first_step: int = 0
-    """Number of time steps before the run."""
+    """Number of time steps of the simulation before the run."""
     start: float = 0.0
     """Time at the start of the simulation [s]."""
     slow: float = 1.0
@@ -35,7 +35,7 @@ class FrameTimes:
     def of(
         cls, dt: float, wanted: float, first_step: int = 0, start: float = 0.0, slow: float = 1.0
     ) -> FrameTimes:
-        """Return the times of `wanted` frames per second as played [1/s], but at most one frame per step."""
+        """Return the times for `wanted` frames per second of playing time [1/s], but at most one per step."""
         if not 0 < wanted < float("inf"):
             raise InputError(f"frames per second is {wanted}: it must be greater than 0")
         rate = float(_as_written(wanted) * _as_written(slow))
@@ -43,11 +43,14 @@ class FrameTimes:
 
     @property
     def played(self) -> float:
-        """Frames per second as played [1/s]."""
+        """Frames per second of playing time [1/s]: `rate` divided by `slow`."""
         return float(_as_written(self.rate) / _as_written(self.slow))
 
     def step(self, k: int) -> int:
-        """Return the number of the step, from 1, within which or at whose end frame k lies; 0 for k = 0."""
+        """Return the step within which, or at whose end, frame k lies.
+
+        Steps of the run count from 1. The result is 0 for k = 0, which is before all steps.
+        """
         return ceil(k * self._steps_a_frame - _TOLERANCE)
 
     def simulated_step(self, k: int) -> int:
@@ -68,7 +71,7 @@ class FrameTimes:
         return self.start + self.simulated_step(k) * self.dt - self.left(k)
 
     def left(self, k: int) -> float:
-        """Return the time from frame k to the end of `step(k)` [s]."""
+        """Return the time from frame k to the end of the step in which it lies, `step(k)` [s]."""
         left = self.step(k) - k * self._steps_a_frame
         return float(left) * self.dt if left > _TOLERANCE else 0.0
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 RECORDINGS = (".usdc", ".usda", ".usdz")
 STILLS = (".png", ".pdf", ".svg")
 SEQUENCE = "%d.png"
-"""Form of a film that is one picture for each frame, with the number of the frame in its name."""
+"""Result of `form_of` for a film that consists of pictures, with the number of the frame in their names."""
 
 _NUMBERED = re.compile(r"[^%]*%0?\d?d[^%]*\.png", re.IGNORECASE)
 
@@ -39,7 +39,7 @@ class FilmFormat(NamedTuple):
     side: int = 400
     """Longer side of the axes in a frame [pixels], if the film is given no size."""
     fastest: float = 50.0
-    """Largest frame rate that browsers play, or ffmpeg writes [1/s]."""
+    """Largest frame rate that ffmpeg can write and browsers can play in this format [1/s]."""
 
 
 _H264 = ("libx264", "yuv420p", "-crf", "18", "-preset", "fast", "-movflags", "+faststart")
@@ -74,12 +74,12 @@ class Kind(NamedTuple):
 
     name: str
     shows: str
-    """Description for users."""
+    """Phrase for users that names the content of the output."""
     suffixes: tuple[str, ...]
     factory: str
     """Function that `opened` imports and calls, as "module:name"."""
     extra: str | None = None
-    """Extra with the libraries that the output needs."""
+    """Extra of this package that installs the libraries for the output; None if it needs none."""
     has_frames: bool = True
     """Whether the output shows the whole run rather than its end."""
     continues: bool = False
@@ -94,7 +94,10 @@ class Kind(NamedTuple):
     def opened(
         self, scene: Scene, options: RunOptions, times: FrameTimes | None, resume_at: int | None
     ) -> Output:
-        """Return a locked output of a run; a resumed run continues it at frame `resume_at`."""
+        """Create the output of a run, which no other process can write meanwhile, and return it.
+
+        If `resume_at` is not None, continue the output of an earlier run at this frame.
+        """
         with requiring(f"'{options.record}'", self.extra) if self.extra else nullcontext():
             factory = resolve_name(f"warpgrains.{self.factory}")
         output: Output = factory(scene, options, times, resume_at)
@@ -115,7 +118,7 @@ KINDS = {suffix: kind for kind in (RECORDING, FILM, STILL) for suffix in kind.su
 
 
 def form_of(path: str | Path) -> str:
-    """Return the suffix of a file's name in lower case; `SEQUENCE` for a name such as "a_%04d.png"."""
+    """Return the suffix of a file's name in lower case, or `SEQUENCE` for a name such as "a_%04d.png"."""
     return SEQUENCE if _NUMBERED.fullmatch(Path(path).name) else suffix_of(path)
 
 
@@ -126,7 +129,10 @@ def described_kinds() -> str:
 
 
 def frame_of(field: str, text: Any) -> Bounds:
-    """Return the rectangle of a text "X0,Y0,X1,Y1" [m]. Raises InputError unless X0 < X1 and Y0 < Y1."""
+    """Parse a rectangle "X0,Y0,X1,Y1" [m].
+
+    Raises InputError, which names `field`, unless X0 < X1 and Y0 < Y1.
+    """
     box = Bounds(*_numbers(field, text, 4, "X0,Y0,X1,Y1 in m, such as -0.5,0,0.5,1"))
     if not (0.0 < box.width < float("inf") and 0.0 < box.height < float("inf")):
         raise InputError(f"{field} is {text!r}: X0 must be less than X1, and Y0 less than Y1")
@@ -134,7 +140,7 @@ def frame_of(field: str, text: Any) -> Bounds:
 
 
 def range_of(field: str, text: Any) -> tuple[float, float]:
-    """Return the numbers of a text "LOW,HIGH". Raises InputError unless LOW < HIGH."""
+    """Parse a range "LOW,HIGH". Raises InputError, which names `field`, unless LOW < HIGH."""
     low, high = _numbers(field, text, 2, "LOW,HIGH, such as 0,0.5")
     if not low < high:
         raise InputError(f"{field} is {text!r}: LOW must be less than HIGH")
@@ -153,9 +159,9 @@ def _numbers(field: str, text: Any, count: int, form: str) -> list[float]:
 
 
 def size_of(field: str, text: Any, is_film: bool = False) -> tuple[int, int]:
-    """Return the numbers of a text "WIDTHxHEIGHT" [pixels].
+    """Parse a size "WIDTHxHEIGHT" [pixels].
 
-    Raises InputError if they do not suit a picture or a film.
+    Raises InputError, which names `field`, if a side is too short or long, or odd for a film.
     """
     words = checks.text(field, text).split("x")
     if len(words) != 2 or not all(word.isascii() and word.isdigit() for word in words):
@@ -169,7 +175,10 @@ def size_of(field: str, text: Any, is_film: bool = False) -> tuple[int, int]:
 
 
 def color_of(field: str, text: str) -> tuple[float, float, float]:
-    """Return a color (sRGB) of a text, such as "#e8d3a8" or, with Matplotlib, a name."""
+    """Parse a color such as "#e8d3a8", or a name if Matplotlib is installed, to sRGB.
+
+    Raises InputError, which names `field`, if it is no color.
+    """
     if re.fullmatch("#[0-9a-fA-F]{6}", text):
         red, green, blue = (channel / 255.0 for channel in bytes.fromhex(text[1:]))
         return red, green, blue
@@ -181,5 +190,8 @@ def color_of(field: str, text: str) -> tuple[float, float, float]:
 
 
 def colors_of(field: str, text: str) -> list[tuple[float, float, float]] | None:
-    """Return the colors (sRGB) of a text with commas; None for one without, which names a colormap."""
+    """Parse a list of colors, separated by commas, to sRGB.
+
+    None if the text has no comma, because then it is the name of a colormap.
+    """
     return [color_of(field, one.strip()) for one in text.split(",")] if "," in text else None

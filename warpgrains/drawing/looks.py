@@ -27,10 +27,12 @@ def option(
     default: Any = None,
     **more: Any,
 ) -> Any:
-    """Return the field of a dataclass for an option of runs; without a metavar, it is a switch.
+    """Return a dataclass field for an option of runs, with its help text `meaning`.
 
-    `more` may hold `needs`, the option without which this one has no effect, and `flag`: its flag on the
-    command line if that is not its name, or None if it has none.
+    `check` takes its name and value, and returns the value or raises InputError. Without a `metavar`, the
+    option is a switch. `more` may hold `needs`, the name of an option without which this one has no effect.
+    It may also hold `flag`: the flag on the command line if that is not the name of the field, or None if
+    there is none.
     """
     return described(meaning, default=default, **{"needs": None} | more, check=check, metavar=metavar)
 
@@ -39,7 +41,10 @@ _look = partial(option, needs="record")
 
 
 def _readable(read: Callable[[str, Any], object]) -> Callable[[str, Any], str]:
-    """Return a check that returns a text unchanged if `read` can read it."""
+    """Return a `check` for `option` that accepts each text that `read(field, text)` can parse.
+
+    The check returns the text itself, not the result of `read`.
+    """
 
     def check(field: str, text: Any) -> str:
         read(field, checks.text(field, text))
@@ -49,7 +54,7 @@ def _readable(read: Callable[[str, Any], object]) -> Callable[[str, Any], str]:
 
 
 class Looks(TypedDict, total=False):
-    """The fields of `Look` as keywords, so that type checkers find wrong ones."""
+    """The fields of `Look` as keyword arguments, for type checkers."""
 
     color_by: str
     colors: str | None
@@ -125,7 +130,7 @@ LOOKS = described_fields(Look)
 
 
 def with_style(given: Mapping[str, Any], style: str | Path | None) -> dict[str, Any]:
-    """Return the options `given`, by name, and those of the TOML file `style` that are not given."""
+    """Return the options `given`, by name, completed by those in the TOML file `style`."""
     if style is None:
         return dict(given)
     path = Path(checks.path("style", style))

@@ -28,7 +28,10 @@ _MARGIN = 0.04  # about the extent, in half of its longer side: walls are drawn 
 
 
 class Painter:
-    """Colors, force chains and walls of the snapshots of a scene in a look, and the rectangle to show."""
+    """Contents of pictures of a scene in a look: colors of grains, force chains, walls, and the view.
+
+    The view is the rectangle of the plane that a picture shows [m].
+    """
 
     def __init__(self, scene: Scene, look: Look) -> None:
         self.scene, self.look = scene, look
@@ -54,7 +57,7 @@ class Painter:
 
     @property
     def has_free_corners(self) -> bool:
-        """True if the corners are empty, because they are outside of the outer wall."""
+        """True if the corners of the view are outside of the outer wall, so that nothing is drawn there."""
         return "Outer" in self.walls and hypot(*self.view[:2]) > 1.3 * self.walls["Outer"].reach
 
     @property
@@ -75,9 +78,9 @@ class Painter:
         return None if self.chain_scale is None else chains_of(self.chain_scale, now)
 
     def show_all(self, *snapshots: Snapshot) -> None:
-        """Widen the rectangle to contain all grains of snapshots.
+        """Widen the view to contain all grains of snapshots.
 
-        A rectangle that the look gives stays as it is, and so do periodic directions.
+        A view that the look gives stays as it is. In periodic directions, it always shows one period.
         """
         if self.look.frame is None:
             period = self.scene.period

@@ -30,16 +30,16 @@ _LINE = 0.06  # half of the width of a drawn mark, in radii
 
 @dataclass(frozen=True)
 class Shape:
-    """A mesh of polygons."""
+    """A mesh of polygons: v points and p polygons, which have c corners in all."""
 
     points: FloatArray
     """Points [m], shape (v, 3)."""
     counts: NDArray[np.int64]
-    """Corners of each polygon, shape (p,)."""
+    """Number of corners of each polygon, shape (p,)."""
     corners: NDArray[np.int64]
-    """Indices of the points at the corners of all polygons, counter-clockwise from outside, shape (c,)."""
+    """Index of the point at each corner, polygon by polygon, counter-clockwise from outside, shape (c,)."""
     marked: BoolArray | None = None
-    """Polygons that form the mark, shape (p,)."""
+    """Mask of the polygons that form the mark, which shows rotation, shape (p,); None without a mark."""
     is_round: bool = False
     """Whether the mesh is a sphere of radius 1 m, which is shaded smoothly."""
 
@@ -65,7 +65,7 @@ class Shape:
 def disc(is_marked: bool = False) -> Shape:
     """Return the mesh of a disc of radius 1 m that faces +z, with a sloping rim.
 
-    With a mark, its top has three sectors, of which the narrow one at angle 0 is the mark.
+    If `is_marked`, a narrow sector at angle 0 is the mark, which shows rotation.
     """
     height = _SLOPE * (1.0 - _RIM)
     points = np.concatenate([_circle(_SEGMENTS, _RIM, height), _circle(_SEGMENTS, 1.0, 0.0)])
@@ -86,7 +86,7 @@ def disc(is_marked: bool = False) -> Shape:
 def sphere(is_marked: bool = False) -> Shape:
     """Return the mesh of a sphere of radius 1 m with poles on the z axis.
 
-    The mark is a lune from pole to pole.
+    If `is_marked`, a narrow lune from pole to pole at angle 0 is the mark, which shows rotation.
     """
     polar = np.linspace(0.0, np.pi, _RINGS + 1)[1:-1]
     rings = [_circle(_SEGMENTS, np.sin(angle), np.cos(angle)) for angle in polar]
@@ -108,7 +108,7 @@ SHAPES: dict[str, Callable[..., Shape] | None] = {"points": None, "discs": disc,
 
 
 def mark() -> FloatArray:
-    """Return the corners of the mark of a disc of radius 1 that has not turned, a thin line, shape (4, 2)."""
+    """Return the corners of the mark of a disc of radius 1 at angle 0, shape (4, 2): a thin rectangle."""
     return np.array([(0.0, -_LINE), (1.0 - _LINE, -_LINE), (1.0 - _LINE, _LINE), (0.0, _LINE)])
 
 
@@ -121,9 +121,11 @@ def marks(position: FloatArray, radius: FloatArray, angle: FloatArray) -> FloatA
 
 
 def wall_mesh(band: Band, height: float = 0.0) -> Shape:
-    """Return the mesh of a band in the plane z = 0, facing +z; with a height [m], from z = -height to height.
+    """Return the mesh of the band that draws a wall.
 
-    The band has no faces where it has no width, as between its copies.
+    Without a height, it lies in the plane z = 0 and faces +z. With a height [m], it is a body from z =
+    -height to z = height. Between copies in a periodic box the band has no width, and there the mesh has no
+    faces.
     """
     lines = [(band.first, height), (band.second, height), (band.second, -height), (band.first, -height)]
     lines = lines[: 4 if height > 0.0 else 2]
@@ -138,16 +140,20 @@ def wall_mesh(band: Band, height: float = 0.0) -> Shape:
 
 
 def drawn_walls(scene: Scene, thickness: float) -> dict[str, Band]:
-    """Return the walls as drawn with a thickness [m], by name; they lie outside the space of the grains."""
+    """Return the bands that draw the walls of a scene at its start, by name.
+
+    They have a thickness [m], which lies outside of the space of the grains.
+    """
     own = ((number, wall) for number, wall in enumerate(scene.walls) if wall.image is None)
     drawn = {number: _drawn(scene, wall, None, thickness) for number, wall in own}
     return _by_name(scene, drawn)
 
 
 def moved_walls(scene: Scene, now: Scene, time: float, thickness: float) -> dict[str, Band]:
-    """Return the mobile walls of a scene as drawn at a time [s] with a thickness [m], by name.
+    """Return the bands that draw the mobile walls of a scene at a time [s], by name.
 
-    Walls that a force drives are where the scene `now` has them.
+    Walls with prescribed motions are where they are at that time. Walls that a force drives are where the
+    scene `now` has them. For `thickness`, see `drawn_walls`.
     """
     own = ((number, wall) for number, wall in now.mobile_walls.items() if wall.image is None)
     moved = {number: _drawn(scene, wall, time, thickness) for number, wall in own}
@@ -155,7 +161,10 @@ def moved_walls(scene: Scene, now: Scene, time: float, thickness: float) -> dict
 
 
 def _drawn(scene: Scene, wall: Wall, time: float | None, thickness: float) -> Band:
-    """Return a wall as drawn at a time [s], or as given for None; in a periodic box, with its images."""
+    """Return the band that draws a wall at a time [s], or where the scene has it if the time is None.
+
+    In a periodic box, the band contains the periodic images of the wall.
+    """
     when, (x, y, reach) = scene.time if time is None else time, wall.circle
     if isinstance(wall, Row):
         return wall.drawn_about(scene.space_at(scene.time).outer_box.mean(axis=0), when)
@@ -171,16 +180,16 @@ def _drawn(scene: Scene, wall: Wall, time: float | None, thickness: float) -> Ba
 
 
 def _by_name(scene: Scene, drawn: dict[int, Band]) -> dict[str, Band]:
-    """Return walls by name, such as "Outer" or "Segment0", from walls by number.
+    """Replace the keys of `drawn`, numbers of walls, by names such as "Outer" or "Segment0".
 
-    The number of a wall is added to a name that is given, because several may have it.
+    If the scene gives a wall its name, its number is added, because several walls may share a given name.
     """
     given = [f"_{k}" if wall.name else "" for k, wall in enumerate(scene.walls)]
     return {scene.wall_names[number] + given[number]: wall for number, wall in drawn.items()}
 
 
 def _in_mark() -> BoolArray:
-    """Return which segments of a circle are in the mark, shape (64,)."""
+    """Return a mask of the 64 segments of a circle: those that belong to the mark of a grain."""
     return np.asarray((np.arange(_SEGMENTS) + _MARKED // 2) % _SEGMENTS < _MARKED)
 
 
@@ -190,7 +199,10 @@ def _circle(segments: int, radius: float, height: float) -> FloatArray:
 
 
 def _bands(number: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the quadrilaterals between successive rings of point indices, shape (k, 4)."""
+    """Return the quadrilaterals between successive rings of points, as point indices, shape (k, 4).
+
+    `number` holds the indices of the points, a row for each ring, shape (rings, points of a ring).
+    """
     onward = np.roll(number, -1, axis=1)
     corners = [number[:-1], number[1:], onward[1:], onward[:-1]]
     return np.stack(corners, axis=-1).reshape(-1, 4)
