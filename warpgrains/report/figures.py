@@ -1,4 +1,7 @@
-"""Figures of the report: error over iterations and wall time, error over dt, and overlap after equal work."""
+"""Figures of the report: error over iterations and wall time, error over dt, and overlap after equal work.
+
+Runs of equal work have the same number of iterations per simulated time, in long or in short steps.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -78,7 +81,10 @@ def _style(configuration: Configuration) -> dict[str, Any]:
 
 
 def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Figure:
-    """Draw the error of trajectories of a scene over dt and CPU time, and the overlap after equal work."""
+    """Draw the error of trajectories of a scene over dt and CPU time, and the overlap after equal work.
+
+    `frontier` holds the runs of equal work.
+    """
     figure = Figure(figsize=(13.5, 5.0), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
     _draw_error(left, paths, "dt")
@@ -94,7 +100,10 @@ def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Fig
 
 
 def _draw_error(axes: Axes, rows: Sequence[PathRow], over: str) -> None:
-    """Draw the error of trajectories over "dt", with fitted orders, or over "cpu_time"."""
+    """Draw the error of trajectories over the attribute `over` of the rows: "dt" or "cpu_time".
+
+    Over dt, the legend gives the fitted orders.
+    """
     for scheme, color in _SCHEME_COLOR.items():
         here = [row for row in rows if row.scheme == scheme]
         order = fitted_order(here) if over == "dt" else None
@@ -112,7 +121,7 @@ def _draw_error(axes: Axes, rows: Sequence[PathRow], over: str) -> None:
 
 
 def _draw_overlap(axes: Axes, rows: Sequence[FrontierRow]) -> None:
-    """Draw the worst overlap over dt, a curve for each method and number of iterations."""
+    """Draw the worst overlap over dt, with a curve for each method and each `cost` of `FrontierRow`."""
     for method in SWEEPING:
         for cost in COSTS:
             here = [row for row in rows if (row.method, row.cost) == (method, cost)]

@@ -51,7 +51,7 @@ frontier.csv, all in m, s and m/s.
 
 
 def why_not(scene: Scene) -> str:
-    """Return the reason why there is no report of a scene; empty if there is one."""
+    """Return the reason why a scene cannot be in a report, as a clause for messages; empty if it can."""
     reasons = {
         "has friction, with which a step has no one exact solution": scene.has_friction,
         "has driven walls, whose exact step is not computed": scene.has_driven_walls,
@@ -64,7 +64,8 @@ def why_not(scene: Scene) -> str:
 def write_report(scenes: Sequence[Scene], folder: Path, progress: bool = False) -> list[Path]:
     """Measure speed against error of scenes, write a report, and return its files, report.md first.
 
-    The files are written after each scene, so that an interrupted report covers the scenes before.
+    The files are written after each scene. An interrupted report therefore covers the scenes that were
+    complete.
     """
     name, count = Counter(scene.name for scene in scenes).most_common(1)[0]
     if count > 1:
@@ -157,7 +158,11 @@ def _step_table(rows: Sequence[StepRow]) -> str:
 
 
 def _first_below(measured: Sequence[StepRow], relative: float) -> str:
-    """Return iterations and time of the first row with a small enough error, or else the last error."""
+    """Return the cell of the table for solutions of a step with more and more iterations.
+
+    It gives iterations and time of the first solution whose error, by that of the free velocities, is at most
+    `relative`. If there is none, it gives the error of the last one.
+    """
     for row in measured:
         if row.error <= relative * row.error_of_nothing:
             return f"{row.iterations}: {1e3 * row.wall_time:.3g} ms"
@@ -181,7 +186,7 @@ def _path_text(paths: Sequence[PathRow]) -> str:
 
 
 def _frontier_table(rows: Sequence[FrontierRow]) -> str:
-    """Return a table that shows, for each cost and method, the time step with the least overlap."""
+    """Return a table that shows, for each cost and method, the run (time step) with the least overlap."""
     head = "iterations in one of the scene's own steps"
     lines = [[head, *(f"least overlap, {method}" for method in SWEEPING)]]
     for cost in dict.fromkeys(row.cost for row in rows):

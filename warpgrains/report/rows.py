@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 ACCURATE: dict[str, Any] = {"method": "accelerated", "order": "color", "stop": "residual"}
-"""Fields of a scene whose steps are solved as accurately as possible."""
+"""Fields of a scene that select the solver of accurate steps; tolerances are set where it is used."""
 SWEEPING = ("gauss-seidel", "accelerated")
 """Methods whose number of iterations can be prescribed."""
 SECOND_ORDER = "leapfrog, round wall"
@@ -14,13 +14,13 @@ SCHEMES: dict[str, dict[str, Any]] = {
     "euler": {"scheme": "euler", "wall": "tangent"},
     SECOND_ORDER: {"scheme": "leapfrog", "wall": "round"},
 }
-"""Fields of a scene by the name of the scheme in the report."""
+"""Fields of a scene that select each time scheme, by its name in the report."""
 COSTS = (16, 160, 1600)  # iterations per time step of the scene, at which methods are compared
 
 
 @dataclass(frozen=True)
 class Budget:
-    """Limits of the measurements; with the defaults, the shipped scenes take some minutes."""
+    """Limits of the measurements of a report. With the defaults, the shipped scenes take some minutes."""
 
     repeats: int = 5
     """Number of repetitions of a step, of which the median is taken."""
@@ -35,7 +35,7 @@ class Budget:
 
     @property
     def iterations(self) -> list[int]:
-        """Limits on the iterations of a step: 1, 3, 10, 30, ..."""
+        """Numbers of iterations with which a step is solved: 1, 3, 10, 30, ... up to `most_iterations`."""
         steps = range(2 * len(str(self.most_iterations)))
         limits = [(1, 3)[k % 2] * 10 ** (k // 2) for k in steps]
         return [limit for limit in limits if limit <= self.most_iterations]
@@ -70,16 +70,16 @@ class StepRow:
     """`code`, `method`, `order` and `threads` are those of `Configuration`."""
     iterations: int
     wall_time: float
-    """Median of the repeats [s]."""
+    """Wall time of the step, median of its repetitions [s]."""
     error: float
-    """Largest difference of a velocity component from the exact solution [m/s]."""
+    """Largest difference of a velocity component from the exact solution, found by clarabel [m/s]."""
     error_of_exact: float
-    """Difference of the exact solution from that of method "exact" at its smallest residual [m/s].
+    """Difference of the exact solution from that of method "exact" with the smallest tolerance [m/s].
 
     Errors below it are unreliable.
     """
     error_of_nothing: float
-    """Error of the velocities of a step without contacts [m/s]."""
+    """Error of the free velocities, those after a step without contacts [m/s]."""
 
     @property
     def configuration(self) -> Configuration:
@@ -88,7 +88,7 @@ class StepRow:
 
 @dataclass(frozen=True)
 class PathRow:
-    """One trajectory, a row of trajectories.csv."""
+    """A simulation from the first contact on, with some scheme and time step; a row of trajectories.csv."""
 
     scene: str
     scheme: str
@@ -111,7 +111,10 @@ class PathRow:
 
 @dataclass(frozen=True)
 class FrontierRow:
-    """One run with a prescribed number of iterations, a row of frontier.csv."""
+    """A run with a prescribed number of iterations per step, a row of frontier.csv.
+
+    Runs with the same `cost` do equal work: few iterations in short steps, or many in long ones.
+    """
 
     scene: str
     method: str
@@ -150,7 +153,10 @@ class Findings:
 
 
 def fitted_order(rows: list[PathRow]) -> float | None:
-    """Return the order p of error = c dt^p, by least squares of logarithms; None for less than two."""
+    """Return the order p of error = c dt^p, fitted by least squares of logarithms.
+
+    None if fewer than two rows have an error that can be fitted.
+    """
     rows = [row for row in rows if row.error > 0.0]
     if len(rows) < 2:
         return None

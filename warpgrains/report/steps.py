@@ -1,6 +1,6 @@
-"""Difficult steps of a scene, each solved by every method with more and more iterations.
+"""Solutions of difficult steps of a scene by every method, with more and more iterations.
 
-The wall time and the true error of each solution are measured.
+The wall time of each solution is measured, and its error with respect to the exact one.
 """
 
 from collections.abc import Callable, Iterator
@@ -32,7 +32,7 @@ Result = TypeVar("Result")
 
 
 class HistoryStep(NamedTuple):
-    """A step of the history, with the state before it."""
+    """A step of a simulation: its name ("onset", "hardest" or "end"), and the state before it."""
 
     name: str
     state: State
@@ -42,7 +42,7 @@ class HistoryStep(NamedTuple):
 
 @dataclass(frozen=True)
 class History:
-    """States of a scene before its difficult steps."""
+    """States of a simulation before its difficult steps, at which measurements start."""
 
     first: State
     """State before the first step with an active contact."""
@@ -57,11 +57,11 @@ class History:
 
 
 class Measurement(NamedTuple):
-    """Solution of a step with a limit on its iterations or on its residual, and its wall time."""
+    """A solution of a step, with few or many iterations, and its wall time."""
 
     iterations: int
     wall_time: float
-    """Median of the repeats [s]."""
+    """Wall time of the step, median of its repetitions [s]."""
     velocity: FloatArray
     """Velocities after the step [m/s], shape (n, 2)."""
     done: bool
@@ -69,9 +69,9 @@ class Measurement(NamedTuple):
 
 
 def follow_history(scene: Scene, longest: int) -> History:
-    """Return the difficult steps among the first `longest` ones.
+    """Simulate up to `longest` steps of a scene with an accurate solver, and return the difficult ones.
 
-    Raises InputError if no contact is active.
+    Raises InputError if no contact ever carries a correction.
     """
     simulation = Simulation(scene, **ACCURATE)
     records: list[HistoryStep] = []  # steps with more contacts than any earlier one
@@ -132,7 +132,7 @@ def _difference(velocity: FloatArray, other: FloatArray) -> float:
 def _configurations(
     scene: Scene, snapshot: HistoryStep, budget: Budget
 ) -> Iterator[tuple[Configuration, Iterator[Measurement]]]:
-    """Yield every configuration with its solutions of a step, from few iterations to many."""
+    """Yield every configuration with an iterator of its solutions of a step, from few iterations to many."""
     unlimited = scene.replace(stop="default", tolerance=0.0)
     for method, order, threads in product(SWEEPING, ORDERS, THREADS):
         solving = [
@@ -149,7 +149,7 @@ def _configurations(
 
 
 def _solve(scene: Scene, threads: int, snapshot: HistoryStep, budget: Budget) -> Measurement:
-    """Solve a step with a simulation. The tolerance and the limit of iterations are those of the scene."""
+    """Solve a step by a simulation of `scene`, which gives the method, tolerance and limit of iterations."""
     simulation = Simulation(scene, threads=threads)
 
     def step() -> tuple[float, StepReport]:
@@ -182,7 +182,10 @@ def _solve_in_c(scene: Scene, snapshot: HistoryStep, budget: Budget, limit: int)
 
 
 def _median(step: Callable[[], tuple[float, Result]], budget: Budget) -> tuple[float, Result]:
-    """Return the median time of a step [s], and its result. A step that takes too long is done once."""
+    """Call `step` repeatedly; return the median of the times that it returns [s], and its first result.
+
+    If the first call takes longer than the budget allows, it is the only one.
+    """
     taken = [step()]
     while len(taken) < budget.repeats and taken[0][0] <= budget.longest:
         taken.append(step())

@@ -1,6 +1,6 @@
 """Error of trajectories over dt, and overlap of runs of equal work with longer or shorter steps.
 
-Both show how to spend a given amount of work on a scene: on iterations, or on shorter steps.
+Both show how to spend a given number of iterations per simulated time: on few long or on many short steps.
 """
 
 from collections.abc import Iterator
@@ -25,23 +25,23 @@ SOLVED_ITERATIONS = 20_000
 
 
 class Path(NamedTuple):
-    """A trajectory of all grains."""
+    """The result of `follow`: the trajectories of all grains, and numbers of the run."""
 
     position: FloatArray
-    """Positions at multiples of the coarsest step [m], shape (k, n, 2)."""
+    """Positions after every four time steps of the scene [m], shape (k, n, 2)."""
     overlap: float
-    """Worst overlap after any step of the second half [m]."""
+    """Worst overlap after any step of the second half of the run [m]."""
     fastest: float
-    """Largest speed of a grain after any coarsest step [m/s]."""
+    """Largest speed of a grain at the times of `position` [m/s]."""
     cpu_time: float
     """CPU time of all steps [s]."""
 
 
 def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]:
-    """Compute trajectories from a state for all time steps and both schemes; yield a row for each.
+    """Simulate a scene from a state in all time steps of `FRACTIONS`, by both schemes; yield a row for each.
 
-    The corrections of the state are not used. Trajectories last four to `longest` time steps of the scene:
-    until the two with the finest time steps diverge.
+    The corrections of the state are not used. The simulations last four to `longest` time steps of the scene.
+    They end before the two with the finest time steps differ by 1 % of the smallest radius.
     """
     solved = begin_solved(scene, start)
     finest = follow(solved, FINEST, longest, SCHEMES[SECOND_ORDER]).position
@@ -68,7 +68,7 @@ def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]
 
 
 def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[FrontierRow]:
-    """Run a scene with each cost, time step and method of equal work; yield a row for each run.
+    """Run a scene with every number of iterations of `COSTS`, time step and method; yield a row for each run.
 
     Runs start from the positions and velocities of a state, and last `horizon` time steps of the scene. The
     order of contacts is "color".
@@ -105,18 +105,24 @@ def begin(scene: Scene, state: State) -> Scene:
 
 
 def begin_solved(scene: Scene, state: State) -> Scene:
-    """Return a scene that starts at a state, and whose steps are solved accurately."""
+    """Return a scene that starts as that of `begin`, and whose steps are solved to a residual of 1e-9 m/s."""
     return begin(scene, state).replace(**ACCURATE, tolerance=SOLVED, max_iterations=SOLVED_ITERATIONS)
 
 
 def possible_fractions(scene: Scene, scheme: str) -> list[float]:
-    """Return those of `FRACTIONS` with which drag does not reverse velocities; all for the leapfrog."""
+    """Return the time steps of `FRACTIONS` with which drag does not reverse velocities in `scheme`.
+
+    In the leapfrog scheme, drag never does.
+    """
     longest = np.inf if scheme == "leapfrog" else scene.mass.min()
     return [fraction for fraction in FRACTIONS if scene.drag * scene.dt * fraction < longest]
 
 
 def follow(scene: Scene, fraction: float, horizon: int, changes: dict[str, Any] | None = None) -> Path:
-    """Follow a scene with `changes` for `horizon` of its time steps, with time steps of dt * fraction."""
+    """Simulate a scene with the fields `changes`, in time steps of `fraction` dt.
+
+    dt is the time step of the scene. The simulation lasts `horizon` dt, a multiple of 4 dt.
+    """
     simulation = Simulation(scene, dt=scene.dt * fraction, threads=1, **(changes or {}))
     fastest = overlap = cpu_time = 0.0
     position = []
