@@ -18,7 +18,7 @@ from warpgrains.walls.motion import MOTION_NUMBERS
 
 SOURCE = Path(__file__).parent / "grains.c"
 DEFINES = [f"-D{name.upper()}={k}" for k, name in enumerate((*MOTION_NUMBERS, "motion_numbers"))]
-"""Compiler options that define the indices of the numbers of a motion."""
+"""Compiler options that define macros for the C code: the index of each number of `Motion.motion_numbers`."""
 FAST = ("-O3", "-march=native")
 MOST_GRAINS = 3000  # of scenes that are timed; the program stores and visits all pairs
 
@@ -27,7 +27,7 @@ _ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtWalls")
 _ROLLING = ("rollingWalls", "spinWalls", "drContacts", "drBoundary", "drWalls")
 _DRIVEN = ("drives", "places", "speeds")
 _BEFORE = {"vxBefore": "vx", "vyBefore": "vy", "speedsBefore": "speeds"}
-"""Arrays that hold the values of others before a step."""
+"""Arrays of the struct that hold the values before a step, with the arrays that they are copied from."""
 _PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
@@ -65,9 +65,10 @@ class Grains(ctypes.Structure):
 
 
 def build(folder: Path, flags: Sequence[str] = ("-O2",)) -> ctypes.CDLL:
-    """Compile the reference, with each product and sum rounded by itself.
+    """Compile the reference to a library in a folder, and load it.
 
-    Raises RuntimeError if that fails.
+    `flags` are compiler options. Products and sums are not fused, so that results do not depend on the
+    machine. Raises RuntimeError if the compiler is missing or fails.
     """
     library = folder / "libgrains.so"
     fixed = ["-ffp-contract=off", "-shared", "-fPIC", str(SOURCE), "-o", str(library), "-lm"]
@@ -98,7 +99,10 @@ def build(folder: Path, flags: Sequence[str] = ("-O2",)) -> ctypes.CDLL:
 
 
 class Reference:
-    """A scene in the reference program, from its start or from a state of a simulation."""
+    """A simulation of a scene by the reference program, which `build` returns as `library`.
+
+    It starts at the start of the scene, or at a state of another simulation.
+    """
 
     def __init__(self, library: ctypes.CDLL, scene: Scene, state: State | None = None):
         self._library, self._scene = library, scene
@@ -204,11 +208,12 @@ class Reference:
         self._iterate(0, order)
 
     def step(self, order: IntArray | None = None) -> tuple[int, float]:
-        """Advance by one step in a loop in Python; return the number of iterations and the last zeta [m/s].
+        """Advance by one step, with the iterations in a loop in Python.
 
-        `order` replaces the order of the course text. It lists contacts, shape (m, 2): grains (i, j), (i, -1)
-        at the annulus, and (i, -2 - k) at wall k inside it. With friction, wall 0 is the inner circle, if
-        there is one.
+        Returns the number of iterations and the last zeta [m/s]. `order` lists all contacts in the order of a
+        sweep, shape (m, 2); by default it is that of the course text. A contact is a pair of grains (i, j),
+        grain i at the annulus (i, -1), or grain i at wall k inside the annulus (i, -2 - k). With friction, an
+        inner circle is not part of the annulus, but wall 0.
         """
         scene, arrays = self._scene, self._arrays
         self.begin(order)
@@ -255,32 +260,35 @@ class Reference:
 
     @property
     def pair_correction(self) -> FloatArray:
-        """Corrections dv_c of all pairs i < j [m/s], in lexicographic order."""
+        """Corrections dv_c of all pairs i < j in lexicographic order [m/s], shape (n (n - 1) / 2,)."""
         return self._arrays["dvContacts"]
 
     @property
     def wall_correction(self) -> FloatArray:
-        """Corrections dv_b of all grains at the annulus [m/s]: > 0 at the outer, < 0 at the inner circle."""
+        """Corrections dv_b of all grains at the annulus [m/s], shape (n,).
+
+        They are > 0 at the outer, and < 0 at the inner circle.
+        """
         return self._arrays["dvBoundary"]
 
     @property
     def driven(self) -> FloatArray:
-        """Coordinate [m] and speed [m/s] of every wall, shape (walls, 2), see `State.driven`."""
+        """Coordinate [m] and speed [m/s] of every wall of the scene, shape (walls, 2), see `State.driven`."""
         return np.stack([self._arrays[name][self._of_walls] for name in ("places", "speeds")], axis=1)
 
     @property
     def pair_friction(self) -> FloatArray:
-        """Tangential corrections of all pairs i < j [m/s], in lexicographic order."""
+        """Tangential corrections of all pairs i < j in lexicographic order [m/s], shape (n (n - 1) / 2,)."""
         return self._arrays["dtContacts"]
 
     @property
     def pair_rolling(self) -> FloatArray:
-        """Rolling corrections of all pairs i < j [m/s], in lexicographic order."""
+        """Rolling corrections of all pairs i < j in lexicographic order [m/s], shape (n (n - 1) / 2,)."""
         return self._arrays["drContacts"]
 
 
 def pair_index(pair: IntArray, n: int) -> IndexArray:
-    """Return the indices of pairs i < j among all pairs in lexicographic order."""
+    """Return the indices of pairs i < j, shape (m, 2), among all pairs of n grains in lexicographic order."""
     i, j = pair.T.astype(np.int64)
     return i * (2 * n - i - 1) // 2 + (j - i - 1)
 
@@ -291,11 +299,15 @@ class CReference(NamedTuple):
     start: Callable[[Scene, State], Reference] | None
     """Function that returns the reference for a scene in a state; None without a compiler."""
     status: str
+    """Text for reports: the command that compiled the reference, or the reason why that failed."""
 
 
 @cache
 def find_c_reference() -> CReference:
-    """Compile the reference, once in a process. Without a C compiler, the result holds the reason."""
+    """Compile the reference for this machine, once in a process.
+
+    If that fails, `start` of the result is None and `status` is the reason.
+    """
     with tempfile.TemporaryDirectory() as folder:
         try:
             library = build(Path(folder), FAST)
