@@ -21,7 +21,10 @@ COOLING_FRACTION, COOLING = 0.2, 0.9  # packing fraction and restitution of the 
 
 
 def ball(e: float, dt: float) -> tuple[FloatArray, FloatArray]:
-    """Return times [s] and heights [m] of a ball that falls from 0.5 m, up to 1.1 times `time_of_rest`."""
+    """Simulate a ball with restitution `e` that falls from 0.5 m, up to 1.1 times `time_of_rest`.
+
+    Returns times [s] and heights [m] after all steps.
+    """
     floor, end = wg.Segment((-5.0, 0.0), (5.0, 0.0)), 1.1 * time_of_rest(e)
     fields = {"radius": 0.1, "mass": 1.0, "radius_out": 9.0, "walls": [floor], "scheme": "leapfrog"}
     scene = wg.Scene(position=[(0.0, HEIGHT + 0.1)], gravity=(0.0, -G), restitution=e, dt=dt, **fields)
@@ -34,7 +37,10 @@ def ball(e: float, dt: float) -> tuple[FloatArray, FloatArray]:
 
 
 def time_of_rest(e: float) -> float:
-    """Return the time at which an ideal ball has bounced infinitely often and rests [s]."""
+    """Return the exact time at which a ball with restitution `e`, which fell from 0.5 m, comes to rest [s].
+
+    Until then, it has bounced infinitely often.
+    """
     return sqrt(2.0 * HEIGHT / G) * (1.0 + e) / (1.0 - e)
 
 
@@ -46,7 +52,7 @@ def tops(heights: FloatArray) -> FloatArray:
 def gas(fraction: float, step: float, side: int = SIDE) -> wg.Scene:
     """Return side**2 elastic discs on a lattice in a periodic box, with Maxwellian velocities.
 
-    They fill a fraction of the area. The variance of a velocity component is 1 m2/s2. dt is `step` times the
+    They fill `fraction` of the area. The variance of a velocity component is 1 m2/s2. dt is `step` times the
     time in which a disc of 1 m/s moves by a diameter.
     """
     random, length = np.random.default_rng(1), side * DIAMETER * sqrt(pi / (4.0 * fraction))
@@ -67,7 +73,10 @@ def gas(fraction: float, step: float, side: int = SIDE) -> wg.Scene:
 
 
 def henderson(fraction: float) -> float:
-    """Return P A / (N m T) of a gas of discs with this packing fraction (Henderson 1975)."""
+    """Return P A / (N m T) of a gas of elastic discs with this packing fraction (Henderson 1975).
+
+    P is the pressure, A the area, N the number of discs, and T the variance of a velocity component.
+    """
     return float((1.0 + fraction**2 / 8.0) / (1.0 - fraction) ** 2)
 
 
@@ -77,18 +86,18 @@ def contact_value(fraction: float) -> float:
 
 
 class Equilibrium(NamedTuple):
-    """Results for a gas in equilibrium over some steps."""
+    """Means over a simulation of a gas in equilibrium, and its final velocities."""
 
     pressure: float
     """Mean of P A / (N m T)."""
     lost: float
-    """Fraction of the kinetic energy that was lost."""
+    """Fraction of the initial kinetic energy that was lost by errors of time integration."""
     velocity: FloatArray
-    """Velocity components at the end, by the thermal speed, shape (2 n,)."""
+    """Velocity components at the end, divided by their standard deviation, shape (2 n,)."""
 
 
 def warm(fraction: float, time: float, side: int = SIDE) -> wg.Scene:
-    """Return a gas of temperature 1 m2/s2 that has moved for a time.
+    """Return the gas of `gas` after a time, with its velocities scaled back to the temperature 1 m2/s2.
 
     The unit of the time is that in which a disc of 1 m/s moves by a diameter.
     """
@@ -102,9 +111,9 @@ def warm(fraction: float, time: float, side: int = SIDE) -> wg.Scene:
 
 
 def equilibrium(start: wg.Scene, step: float, time: float = 2.0) -> Equilibrium:
-    """Follow a gas for a time in steps of `step`, both in the unit of `warm`.
+    """Simulate a gas for a time in steps of `step`, both in the time unit of `warm`.
 
-    The pressure is that of the virial theorem.
+    The pressure is computed from the contact forces by the virial theorem.
     """
     simulation = wg.Simulation(start, dt=step * DIAMETER)
     virial, kinetic, steps = 0.0, [analysis.kinetic_energy(simulation)], round(time / step)
@@ -118,9 +127,10 @@ def equilibrium(start: wg.Scene, step: float, time: float = 2.0) -> Equilibrium:
 
 
 def cooling(start: wg.Scene, e: float, step: float) -> tuple[FloatArray, FloatArray]:
-    """Return times and temperatures of a gas that cools, in units of Haff's tau and of the first temperature.
+    """Simulate a gas with restitution `e` that cools; return times and temperatures.
 
-    A disc collides at the rate 2 n d g sqrt(pi T / m), and each pair loses (1 - e^2) m T on average.
+    Times are in units of Haff's tau, temperatures in units of the first one. For tau, a disc collides at the
+    rate 2 n d g sqrt(pi T / m), and a collision of two discs loses the energy (1 - e^2) m T on average.
     """
     fraction = start.n * pi * DIAMETER**2 / (4.0 * start.period.lengths.prod())
     rate = 8.0 * fraction * contact_value(fraction) / (sqrt(pi) * DIAMETER)
@@ -134,7 +144,10 @@ def cooling(start: wg.Scene, e: float, step: float) -> tuple[FloatArray, FloatAr
 
 
 def section() -> Section:
-    """Draw the bounces of a ball, the pressure of a gas, the energy that it loses over dt, and Haff's law."""
+    """Draw the bounces of a ball, the pressure of a gas, its loss of energy over dt, and Haff's law.
+
+    Return the figure and the numbers that are compared with theory.
+    """
     figure, ((over_time, over_fraction), (over_dt, over_tau)) = panels(2, 2, height=6.4)
     numbers: dict[str, float] = {}
     for e in (0.5, 0.7, 0.9):

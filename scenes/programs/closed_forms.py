@@ -41,7 +41,10 @@ def disc(**changes: Any) -> wg.Scene:
 
 
 def slide_to_roll(friction: float, steps: int = 3000) -> tuple[FloatArray, FloatArray]:
-    """Return speed and rim speed [m/s] after every step of a disc that at first slides at 1 m/s."""
+    """Simulate a disc that at first slides at 1 m/s without rotation.
+
+    Returns its speed and its rim speed (radius times spin) after every step [m/s], shape (steps,) each.
+    """
     simulation = wg.Simulation(disc(velocity=[[0.0, 1.0]], friction=friction))
     speeds = np.empty((2, steps))
     for k in range(steps):
@@ -51,9 +54,10 @@ def slide_to_roll(friction: float, steps: int = 3000) -> tuple[FloatArray, Float
 
 
 def oblique_impact(friction: float, slip: float = 1.0) -> tuple[FloatArray, float]:
-    """Return velocity and rim speed [m/s] of a disc of velocity (1, slip) m/s after it has hit a wall.
+    """Let a disc with normal velocity 1 m/s and tangential velocity `slip` [m/s] hit a wall.
 
-    It starts 10 steps of 1 nm before the wall. Until the contact, the normal turns by 1e-8.
+    Returns its velocity and its rim speed (radius times spin) after the impact [m/s]. The disc starts 10
+    steps of 1 nm before the wall, which is a circle; until the contact, its normal turns by only 1e-8.
     """
     start = {"position": [[1.0 - 1e-8, 0.0]], "velocity": [[1.0, slip]]}
     simulation = wg.Simulation(disc(**start, friction=friction, dt=1e-9, **SCHEMES["euler, tangent"]))
@@ -84,9 +88,9 @@ def exact_rolling_period() -> float:
 
 
 def on_a_slope(tangent_of_slope: float, friction: float, rolling: float = 0.0) -> wg.Simulation:
-    """Return the simulation of a disc after half a second on a slope.
+    """Return the simulation of a disc that started at rest on a slope half a second ago.
 
-    The slope is a circle so large that it is flat within a meter.
+    `rolling` is the rolling friction. The slope is a circle so large that it is flat within a meter.
     """
     slope, floor = np.arctan(tangent_of_slope), 1e6
     gravity, start = G * np.array([np.sin(slope), -np.cos(slope)]), [[0.0, -(floor - RADIUS)]]
@@ -98,7 +102,7 @@ def on_a_slope(tangent_of_slope: float, friction: float, rolling: float = 0.0) -
 
 
 def acceleration_on_a_slope(tangent_of_slope: float, friction: float, rolling: float = 0.0) -> float:
-    """Return the exact acceleration of a disc on a slope [m/s2]: it sticks, rolls or slides."""
+    """Return the exact acceleration of a disc on a slope [m/s2], whether it sticks, rolls or slides."""
     slope = np.arctan(tangent_of_slope)
     if tangent_of_slope <= min(friction, rolling):
         return 0.0
@@ -108,13 +112,19 @@ def acceleration_on_a_slope(tangent_of_slope: float, friction: float, rolling: f
 
 
 def measured_on_a_slope(tangent_of_slope: float, friction: float, rolling: float = 0.0) -> float:
-    """Return the acceleration of `on_a_slope` [m/s2], from a velocity that is half a step earlier."""
+    """Return the acceleration of the disc of `on_a_slope` [m/s2], its final velocity by the time.
+
+    In the leapfrog scheme, the velocity belongs to half a step before the end.
+    """
     run = on_a_slope(tangent_of_slope, friction, rolling)
     return float(run.velocity[0, 0] / (run.time - run.scene.dt / 2.0))
 
 
 def draw_accelerations(axes: Any, acceleration: Callable[[float, float], float]) -> float:
-    """Draw accelerations [m/s2] over slope and friction next to the closed form; return the worst error."""
+    """Draw accelerations of a disc over the slope for several coefficients of friction, and the closed form.
+
+    `acceleration` returns a measured one [m/s2] for tan(slope) and friction. The result is the worst error.
+    """
     tangents, worst = np.linspace(0.0, 2.0, 21), 0.0
     for friction in FRICTIONS:
         found = [acceleration(tangent, friction) for tangent in tangents]
@@ -127,7 +137,10 @@ def draw_accelerations(axes: Any, acceleration: Callable[[float, float], float])
 
 
 def three_discs(friction: float) -> tuple[wg.Simulation, float]:
-    """Return two discs on a floor with one on top after a second, and the fall of the upper one [m]."""
+    """Simulate two discs on a floor and one on top of them for a second.
+
+    Returns the simulation, and the distance by which the upper disc has fallen [m].
+    """
     floor = 1e4
     y = -np.sqrt((floor - RADIUS) ** 2 - RADIUS**2)
     top = y + np.sqrt(3.0) * RADIUS
@@ -180,7 +193,10 @@ def pendulum(scene: wg.Scene, time: FloatArray) -> FloatArray:
 
 
 def one_disc() -> Section:
-    """Draw four experiments next to their closed forms; return the errors, also of the three discs."""
+    """Draw four experiments with one disc next to their closed forms.
+
+    Return the figure, the errors, and the falls of the upper one of three discs.
+    """
     figure, ((roll, impact), (slope, period)) = panels(2, 2, height=6.4)
     numbers: Numbers = {}
     for friction in (0.05, 0.3, 2.0):
@@ -222,7 +238,10 @@ def one_disc() -> Section:
 
 
 def heap() -> Section:
-    """Draw the heap with more and less friction than it needs; return the fall of its upper disc [m]."""
+    """Draw three discs in a heap, with more and with less friction than they need to stay at rest.
+
+    Return the figure, the friction that they need, and the falls of the upper disc [m].
+    """
     scene, row = wg.Scene.load("heap"), Row(3)
     needed = heap_friction(np.arcsin(scene.radius[0] / (scene.radius_out - scene.radius[0])))
     numbers = {"friction that the heap needs": needed}
@@ -237,9 +256,9 @@ def heap() -> Section:
 
 
 def bowl() -> Section:
-    """Draw how a grain swings in a bowl, by each scheme and as an exact pendulum.
+    """Draw the angle of a grain that swings in a bowl, by each scheme and for an exact pendulum.
 
-    Return the order in dt of the error of the angle, for each scheme.
+    Return the figure and, for each scheme, the order of the error of the angle in dt.
     """
     scene = wg.Scene.load("bowl")
     steps = scene.dt * 2.0 ** -np.arange(-3, 4)

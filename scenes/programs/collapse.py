@@ -17,7 +17,10 @@ SEEDS = (0, 1, 2)
 
 
 class Collapse(NamedTuple):
-    """Height of a column, growth of its width in the collapse, and final height, by its first width."""
+    """Result of a collapse: height of the column, growth of its width, and final height.
+
+    All three are divided by the initial width of the column.
+    """
 
     aspect: float
     run_out: float
@@ -25,7 +28,10 @@ class Collapse(NamedTuple):
 
 
 def column(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -> tuple[wg.Scene, float]:
-    """Return a column between a wall and a gate, and its width [m]."""
+    """Return the scene of a column of grains between a wall and a gate, and the width of the column [m].
+
+    `aspect` is its height over its width after settling, and `count` the number of grains.
+    """
     width = float(np.sqrt(room(count) / aspect))
     height, reach = aspect * width, (1.6 + 4.0 * aspect) * width
     domain = wg.Box((0.0, reach), (0.0, 2.0 * height))
@@ -34,7 +40,10 @@ def column(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -> t
 
 
 def opened(scene: wg.Scene, settling: float) -> wg.Simulation:
-    """Let grains settle for a time [s]; return a simulation from then on without the gate, the first wall."""
+    """Let grains settle for a time [s], and remove the gate, which is the first wall.
+
+    Returns a simulation that continues from there.
+    """
     closed = wg.Simulation(scene, threads=1)
     closed.run(duration=settling)
     state = {"position": closed.position, "velocity": closed.velocity, "spin": closed.spin}
@@ -42,7 +51,10 @@ def opened(scene: wg.Scene, settling: float) -> wg.Simulation:
 
 
 def front(simulation: wg.Simulation) -> float:
-    """Return the largest x [m] of the pile: the grains that neighbors connect with the leftmost one."""
+    """Return the largest x of the pile [m].
+
+    The pile consists of the grains that are connected to the leftmost one through close neighbors.
+    """
     position, radius = simulation.position, simulation.scene.radius
     apart = np.hypot(*(position[:, np.newaxis] - position).transpose(2, 0, 1))
     _, pile = connected_components(apart < 2.2 * radius.max())
@@ -51,12 +63,12 @@ def front(simulation: wg.Simulation) -> float:
 
 
 def top(simulation: wg.Simulation) -> float:
-    """Return the largest y of a grain [m]."""
+    """Return the largest y at the top of a grain [m]."""
     return float((simulation.position[:, 1] + simulation.scene.radius).max())
 
 
 def collapsed(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -> Collapse:
-    """Let a column settle for 0.8 s and collapse; return its shape."""
+    """Let a column settle for 0.8 s and then collapse; return its shape before and after."""
     scene, width = column(aspect, seed, count, **fields)
     simulation = opened(scene, 0.8)
     tall = top(simulation)
@@ -66,12 +78,18 @@ def collapsed(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -
 
 
 def law(aspect: FloatArray) -> FloatArray:
-    """Return the run-out by the width at aspect ratios a: 2.5 a up to 2, then 3.25 a^0.7."""
+    """Return the run-out, divided by the width, at aspect ratios a (Staron and Hinch 2005).
+
+    It is 2.5 a for a up to 2, and 3.25 a^0.7 above.
+    """
     return np.where(aspect <= BREAK, 2.5 * aspect, 3.25 * aspect**0.7)
 
 
 def collapse() -> Section:
-    """Let columns collapse, and draw their run-out over the aspect ratio."""
+    """Let columns collapse, and draw their run-out and final height over the aspect ratio.
+
+    Return the figure, the run-outs, and the fitted power laws.
+    """
     runs = [[collapsed(aspect, seed) for aspect in ASPECTS] for seed in SEEDS]
     aspect, run_out, rest = np.mean(runs, axis=0).T
     spread = np.std(runs, axis=0, ddof=1)[:, 1]

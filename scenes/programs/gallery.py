@@ -24,7 +24,10 @@ BIN = 0.01  # side of the squares in which it counts centers [m]
 
 
 def shipped(name: str, *times: float, color_by: str = "speed") -> Section:
-    """Draw a shipped scene at some times [s], with iterations, overlap and contacts."""
+    """Draw a shipped scene at some times [s]; return the figure and numbers.
+
+    The numbers are the mean iterations of a step, the worst overlap, and the contacts per grain in the end.
+    """
     scene = wg.Scene.load(name)
     figure, simulation, summary = moments(scene, times, color_by)
     return figure, {
@@ -35,7 +38,10 @@ def shipped(name: str, *times: float, color_by: str = "speed") -> Section:
 
 
 def column() -> Section:
-    """Draw the forces of the column over its contacts, and compare the last ones with the weights above."""
+    """Draw the forces in a column of grains over the number of the contact, at several times.
+
+    Return the figure, and the difference of the last forces from the weights above the contacts.
+    """
     scene = wg.Scene.load("column")
     simulation = wg.Simulation(scene)
     figure, axes = panels()
@@ -54,7 +60,10 @@ def column() -> Section:
 
 
 def bidisperse() -> Section:
-    """Let grains of two sizes settle, and equal ones for comparison."""
+    """Draw settled grains of two sizes, and equal ones for comparison.
+
+    Return the figure, and the numbers of grains and contacts.
+    """
     row, numbers = Row(2), {}
     for label, overrides in {"of two sizes": (), "equal": ("grains.radius=0.048",)}.items():
         simulation = wg.Simulation(wg.Scene.load("bidisperse", overrides))
@@ -66,7 +75,10 @@ def bidisperse() -> Section:
 
 
 def bullet() -> Section:
-    """Shoot a grain into a crystal, and compare the final momentum with that of the bullet."""
+    """Draw a grain that is shot into a crystal of grains.
+
+    Return the figure, its momentum, that of all grains in the end, and the worst overlap.
+    """
     scene = wg.Scene.load("bullet")
     figure, simulation, summary = moments(scene, (0.004, 0.006, 0.03, 0.09))
     moved = (scene.mass[:, np.newaxis] * simulation.velocity).sum(axis=0)
@@ -78,7 +90,10 @@ def bullet() -> Section:
 
 
 def slope() -> Section:
-    """Draw the grains on both slopes, and compare their distances with the closed forms."""
+    """Draw a grain that rolls on a slope and one that slides on another.
+
+    Return the figure, and their distances with the closed forms [m].
+    """
     scene, time = wg.Scene.load("slope"), 0.6
     figure, simulation, _ = moments(scene, (0.2, 0.4, time), "spin")
     g, theta, friction = -scene.gravity[1], radians(30.0), scene.wall_frictions[1]
@@ -93,7 +108,10 @@ def slope() -> Section:
 
 
 def balls() -> Section:
-    """Draw the balls, and compare the heights of their first bounces with the heights of the falls."""
+    """Draw balls with three restitutions that fall and bounce.
+
+    Return the figure, and the height of each first bounce, divided by that of the fall.
+    """
     scene = wg.Scene.load("bouncing")
     figure, _, _ = moments(scene, (0.45, 0.8, 1.2))
     simulation, heights = wg.Simulation(scene), []
@@ -109,7 +127,10 @@ def balls() -> Section:
 
 
 def cradle() -> Section:
-    """Draw the cradle before, during and after the first pass; count how often a ball passes its speed on."""
+    """Draw Newton's cradle before, during and after the first pass of speed through its balls.
+
+    Return the figure, the number of times that the fastest ball changes, and the final speed and energy.
+    """
     scene = wg.Scene.load("cradle")
     figure, _, _ = moments(scene, (0.2, 0.44, 0.7))
     simulation, moving, passes = wg.Simulation(scene), 0, 0
@@ -162,7 +183,10 @@ def hopper() -> Section:
 
 
 def refilled(name: str, *times: float) -> Section:
-    """Draw a scene whose sinks feed its source at some times [s], and count the grains that have left it."""
+    """Draw a shipped scene at some times [s], in which the source returns the grains that sinks remove.
+
+    Return the figure, and the numbers of grains that have left through the sinks.
+    """
     simulation, row = wg.Simulation(wg.Scene.load(name)), Row(len(times))
     numbers: Numbers = {"grains at the start": simulation.scene.n}
     for time in times:
@@ -190,7 +214,10 @@ def collapse() -> Section:
 
 
 def jamming() -> Section:
-    """Draw grains before, during and after their compression; return the numbers of the packing."""
+    """Draw grains before, during and after their compression.
+
+    Return the figure, and numbers of the final packing, such as its fraction and its contacts per grain.
+    """
     scene = wg.Scene.load("jamming")
     packing, simulation, row = wg.compress(scene), wg.Simulation(scene), Row(3)
     row.show(simulation, "pressure", largest=packing.largest_force)
@@ -208,7 +235,10 @@ def jamming() -> Section:
 
 
 def jam() -> Section:
-    """Wedge five grains between walls whose distance is a little less than five diameters."""
+    """Draw five grains that are wedged between walls whose distance is a little less than five diameters.
+
+    Return the figure, and the number of steps without a solution and the growth of the force.
+    """
     chain = np.column_stack([np.zeros(5), -0.55 - 0.1 * np.arange(5)])
     loose = np.column_stack([[-0.5, -0.35, 0.35, 0.5], [0.55, 0.75, 0.75, 0.55]])
     places, circles = np.vstack([chain, loose]), {"radius_in": 0.5, "radius_out": 1.0}

@@ -1,6 +1,6 @@
-"""Sections of a page: functions that return a figure and the numbers in it.
+"""Sections of a page, and the program that draws them.
 
-Also the program that draws them.
+A section is a function that does an experiment, and returns a figure and the numbers of the page by name.
 """
 
 import argparse
@@ -45,7 +45,11 @@ def panels(rows: int = 1, columns: int = 1, height: float = 3.2, **options: Any)
 
 
 def draw_orders(axes: Any, dt: Any, errors: Any, **labels: Any) -> None:
-    """Add a line of second order through the first error, and ticks at the time steps dt [s]."""
+    """Add the line of errors of second order in dt, through the first error, to logarithmic axes.
+
+    `dt` are the time steps [s], which become ticks, and `errors` the errors with each. `labels` are
+    properties of the axes, such as `ylabel`.
+    """
     axes.loglog(dt, errors[0] * (dt / dt[0]) ** 2, "k:", label="second order")
     axes.set(xlabel="dt [s]", **labels)
     axes.set_xticks(dt, [f"{one:g}" for one in dt])
@@ -53,7 +57,7 @@ def draw_orders(axes: Any, dt: Any, errors: Any, **labels: Any) -> None:
 
 
 class Row:
-    """A figure of states of simulations side by side."""
+    """A figure with `count` panels side by side, into which `show` draws states of simulations."""
 
     def __init__(self, count: int) -> None:
         self.figure = Figure(figsize=(3.0 * count + 0.7, 3.0), layout="constrained")
@@ -68,10 +72,10 @@ class Row:
         frame: str | None = None,
         range: str | None = None,
     ) -> None:
-        """Draw the present state in the next panel.
+        """Draw the present state of a simulation in the next free panel, with force chains.
 
-        `largest` is the force of a chain of full width [N]. Divided by the diameter of a mean grain, it is
-        the pressure of the last color.
+        If `largest` is given, it is the force of a chain of full width [N]. Colors of pressures then end at
+        `largest` divided by the diameter of a mean grain. The other arguments are fields of `Look`.
         """
         scene = simulation.scene
         painter = Painter(scene, Look(color_by=color_by, forces=True, frame=frame, range=range))
@@ -88,7 +92,10 @@ class Row:
 def moments(
     scene: wg.Scene, times: Sequence[float], color_by: str = "speed"
 ) -> tuple[Figure, wg.Simulation, wg.Summary]:
-    """Draw a scene at some times [s]; return the figure, the simulation at the last time, and a summary."""
+    """Simulate a scene and draw it at some times [s].
+
+    Returns the figure, the simulation at the last time, and the summary of all its steps.
+    """
     simulation, done, row = wg.Simulation(scene), Summary(), Row(len(times))
     for begin, end in pairwise([0, *(scene.steps_in(time) for time in times)]):
         done.add(simulation.advance(end - begin))

@@ -28,7 +28,11 @@ STEADY = (70.0, 130.0)  # s, between which its profiles are taken
 
 
 def box_of_discs(seed: int, rate: float = 0.0, **fields: Any) -> wg.Scene:
-    """Return discs of random sizes on a lattice in a box periodic in x, sheared at a rate [1/s]."""
+    """Return discs of random sizes on a lattice in a box that is periodic in x.
+
+    Their velocities are those of a shear at a rate [1/s]. `fields` are those of the scene and of the box's
+    sides.
+    """
     column, row = np.meshgrid(np.arange(COLUMNS), np.arange(1, ROWS + 1))
     position = STEP * np.stack([column + 0.5 * (row % 2), row], axis=-1).reshape(-1, 2)
     radius = np.random.default_rng(seed).uniform(0.4, 0.6, len(position))
@@ -41,7 +45,10 @@ def box_of_discs(seed: int, rate: float = 0.0, **fields: Any) -> wg.Scene:
 
 
 def sheared(number: float, seed: int) -> wg.Scene:
-    """Return discs between rough walls under a pressure of 1 N/m, sheared at about an inertial number."""
+    """Return discs between rough walls, of which the upper one moves and presses with 1 N/m.
+
+    Its speed is such that the inertial number becomes about `number`.
+    """
     speed = number * 0.85 * ROWS
     lid = {"velocity": (speed, 0.0), "pressure": 1.0, "mass": float(COLUMNS), **ROUGH}
     return box_of_discs(
@@ -56,7 +63,7 @@ def sheared(number: float, seed: int) -> wg.Scene:
 
 
 def stresses(now: Snapshot) -> tuple[float, float]:
-    """Return the mean shear stress and pressure of both walls [N/m]."""
+    """Return the shear stress and the pressure on the walls [N/m], means of the upper and the lower one."""
     normal = now.loads.normal[2 * len(now.pair) :]
     tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     force = now.wall_force[:, np.newaxis] * normal + now.wall_tangential_force[:, np.newaxis] * tangent
@@ -73,9 +80,10 @@ def middle_of(now: Snapshot) -> tuple[float, float]:
 
 
 def measured(number: float) -> FloatArray:
-    """Shear discs at about an inertial number.
+    """Simulate shear flows at about the inertial number `number`, one for each seed.
 
-    Returns, for each seed, shear stress by pressure, inertial number and packing fraction, shape (seeds, 3).
+    Returns, for each, shear stress divided by pressure, measured inertial number, and packing fraction, shape
+    (seeds, 3).
     """
     scenes = [sheared(number, seed) for seed in SEEDS]
     batch, found = wg.Batch(scenes), []
@@ -89,7 +97,10 @@ def measured(number: float) -> FloatArray:
 
 
 def shear() -> Section:
-    """Shear discs at several inertial numbers, and draw effective friction and packing fraction."""
+    """Draw effective friction and packing fraction of shear flows over the inertial number.
+
+    Return the figure, these numbers, and the fitted lines.
+    """
     found = np.array([measured(number) for number in NUMBERS])
     friction, number, fraction = found.mean(axis=1).T
     errors = found.std(axis=1, ddof=1).T / sqrt(len(SEEDS))
@@ -116,7 +127,11 @@ def shear() -> Section:
 
 
 def pressures(now: Snapshot, planes: FloatArray) -> FloatArray:
-    """Return the normal stress on planes at heights [m], of contacts and of motion [N/m]."""
+    """Return the normal stress on horizontal planes at heights [m], shape (k,) [N/m].
+
+    It is the sum of the contact forces across a plane, and of the momentum that moving grains carry through
+    it.
+    """
     (i, j), (nx, ny) = now.pair.T, now.normal.T
     y, force = now.position[:, 1], now.force * ny + now.tangential_force * nx
     crosses = (y[i] < planes[:, np.newaxis]) != (y[j] < planes[:, np.newaxis])
@@ -126,7 +141,11 @@ def pressures(now: Snapshot, planes: FloatArray) -> FloatArray:
 
 
 def chute() -> Section:
-    """Let discs flow down a rough bottom at several angles; draw velocity and pressure over height."""
+    """Let discs flow down a rough bottom at several angles.
+
+    Draw their mean velocity over time, and for one angle velocity and pressure over height. Return the
+    figure, and the differences from Bagnold's profile and from a linear pressure.
+    """
     scenes = []
     for angle in ANGLES:
         gravity = sin(radians(angle)), -cos(radians(angle))

@@ -1,4 +1,4 @@
-"""Silos of grains with friction: Beverloo's law of the flow out of one, and Janssen's law of its load."""
+"""Silos of grains with friction: Beverloo's law of the outflow, and Janssen's law of the bottom's load."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -33,7 +33,7 @@ SETTLING, SHEARED, MOVED = 1.0, 1.5, 3.0  # the bottom begins to move, the measu
 
 
 def room(count: int) -> float:
-    """Return the area that grains at rest take, including the space between them [m2]."""
+    """Return the area that `count` grains at rest take, including the space between them [m2]."""
     low, high = RADII
     return count * np.pi * (low**2 + low * high + high**2) / 3.0 / FRACTION
 
@@ -46,7 +46,11 @@ def filled(
     walls: Sequence[wg.Segment] = (),
     **fields: Any,
 ) -> wg.Scene:
-    """Return grains at random in a box, above y = 0 within x [m] or the whole width, looser than at rest."""
+    """Return a scene of `count` grains at random places in a box, looser than grains at rest.
+
+    They lie above y = 0 and within the interval `x` [m], by default the whole width. `fields` are further
+    fields of the scene.
+    """
     left, right = x or domain.x
     region = {"x": [left, right], "y": [0.0, LOOSER * room(count) / (right - left)]}
     position, radius = random_layout(domain.space, radius=list(RADII), count=count, region=region, seed=seed)
@@ -70,12 +74,18 @@ def straight_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
 
 
 def beverloo(opening: FloatArray, factor: float, k: float, exponent: float = 1.5) -> FloatArray:
-    """Return the number of grains that leave per second [1/s] through openings [diameters]."""
+    """Return the number of grains that leave per second by Beverloo's law [1/s].
+
+    It is factor (opening - k)^exponent, with the opening in diameters.
+    """
     return factor * (opening - k) ** exponent
 
 
 def hopper_silo(opening: float, count: int = COUNT) -> wg.Scene:
-    """Return a silo with an opening [diameters] in its flat floor, whose grains fall in again at the top."""
+    """Return a silo with an opening [diameters] in its flat floor.
+
+    A sink removes the grains that leave, and a source drops them in again at the top.
+    """
     half = 0.5 * opening * DIAMETER
     walls = [wg.Segment((left, 0.0), (right, 0.0)) for left, right in ((-HALF, -half), (half, HALF))]
     above = {"region": {"y": (TOP - 0.5, TOP)}, "radius": RADII, "density": DENSITY}
@@ -86,7 +96,11 @@ def hopper_silo(opening: float, count: int = COUNT) -> wg.Scene:
 
 
 def departures(scene: wg.Scene, end: float = END) -> tuple[FloatArray, FloatArray, int]:
-    """Return times [s], how many grains have left until then, and how many there are in the end."""
+    """Simulate a silo until the time `end` [s].
+
+    Returns times [s], the number of grains that have left by each, and the number of grains that exist in the
+    end.
+    """
     simulation = wg.Simulation(scene, threads=1)
     rows = simulation.measure("outflow_count", every=scene.steps_in(EVERY), duration=end).rows
     time, left = np.array([(row["time"], row["outflow_count"]) for row in rows]).T
@@ -94,13 +108,19 @@ def departures(scene: wg.Scene, end: float = END) -> tuple[FloatArray, FloatArra
 
 
 def rate(time: FloatArray, left: FloatArray, blocks: int = BLOCKS) -> tuple[float, float]:
-    """Return the number of grains that leave per second in the steady state, and its standard error [1/s]."""
+    """Return the number of grains that leave per second in the steady state, and its standard error [1/s].
+
+    `time` and `left` are those of `departures`. The error is from means over `blocks` blocks of time.
+    """
     mean, error = block_average(np.diff(left[time >= STEADY]) / EVERY, blocks)
     return float(mean), float(error)
 
 
 def hopper() -> Section:
-    """Let grains go round through silos with openings of several widths, and fit Beverloo's law."""
+    """Measure the outflow of silos with openings of several widths, and fit Beverloo's law.
+
+    Return the figure, the outflows, and the parameters of the fit with errors.
+    """
     figure, (counts, law, differences) = panels(1, 3)
     openings, rates, numbers, lost = np.array(OPENINGS), [], {}, 0
     for opening in OPENINGS:
@@ -136,14 +156,14 @@ def hopper() -> Section:
 
 
 def piston_silo(height: float, seed: int, wall_friction: float = 0.5, **fields: Any) -> wg.Scene:
-    """Return a silo whose bottom moves down like a piston; its filling has a height [widths]."""
+    """Return a silo whose bottom moves down like a piston. `height` is that of its filling [widths]."""
     side, bottom = {"friction": wall_friction}, {"velocity": (0.0, -SPEED), "start_time": SETTLING}
     domain = wg.Box((0.0, SIDE), (0.0, 2.0 * height * SIDE), left=side, right=side, bottom=bottom)
     return filled(domain, round(height * SIDE**2 / room(1)), seed, **fields)
 
 
 def load(scene: wg.Scene) -> float:
-    """Return the mean mass that weighs on the bottom while it moves, measured every 5 steps [kg]."""
+    """Return the mean force on the bottom while it moves, divided by g [kg]. It is measured every 5 steps."""
     simulation, loads = wg.Simulation(scene, threads=1), []
     simulation.advance(scene.steps_in(SHEARED))
     while simulation.time < MOVED:
@@ -153,12 +173,18 @@ def load(scene: wg.Scene) -> float:
 
 
 def janssen(mass: FloatArray, largest: float) -> FloatArray:
-    """Return the mass that weighs on the bottom [kg] for filled masses [kg]; its limit is `largest` [kg]."""
+    """Return the force on the bottom, divided by g, by Janssen's law [kg].
+
+    `mass` are masses of the filling [kg]; `largest` is the limit for large masses [kg].
+    """
     return largest * (1.0 - np.exp(-mass / largest))
 
 
 def piston() -> Section:
-    """Fill silos, lower their bottoms, and draw the loads on the bottoms."""
+    """Draw the loads on the bottoms of silos, as these move down, over the mass of the filling.
+
+    Return the figure, the loads, and the parameters of Janssen's law that fit them.
+    """
     rough, smooth = [], []
     for height in HEIGHTS:
         scenes = [piston_silo(height, seed) for seed in range(6)]

@@ -16,7 +16,10 @@ STEPS = 0.02 * 2.0 ** -np.arange(4)  # time steps of the orders [s]
 
 
 def way(start: FloatArray, wall: wg.Segment, duration: float, **fields: Any) -> float:
-    """Return the distance [m] that a disc moves from rest on a straight wall in a time [s]."""
+    """Return the distance that a disc moves on a straight wall within `duration` [s], from rest [m].
+
+    `start` is its center at the start [m], and `fields` are further fields of the scene.
+    """
     scene = wg.Scene(position=[start], radius=RADIUS, mass=1.0, walls=[wall], tolerance=1e-12, **fields)
     simulation = wg.Simulation(scene)
     simulation.run(duration=duration)
@@ -24,7 +27,7 @@ def way(start: FloatArray, wall: wg.Segment, duration: float, **fields: Any) -> 
 
 
 def way_on_a_slope(tangent: float, friction: float, scheme: str = "leapfrog", dt: float = 0.01) -> float:
-    """Return the distance that a disc moves down a slope in half a second [m]."""
+    """Return the distance that a disc moves down a slope in half a second [m]. `tangent` is tan(slope)."""
     theta = atan(tangent)
     along, up = np.array([cos(theta), -sin(theta)]), np.array([sin(theta), cos(theta)])
     wall = wg.Segment(tuple(-5.0 * along), tuple(5.0 * along))
@@ -41,7 +44,8 @@ def way_when_tilted(friction: float, dt: float) -> float:
 def exact_way_when_tilted(friction: float, time: float = 2.0) -> float:
     """Return the exact distance of `way_when_tilted` [m].
 
-    The disc rolls up to tan(TILT t) = 3 mu, then slides.
+    At the time t, gravity has turned by TILT t. The disc rolls until tan(TILT t) = 3 friction, then it
+    slides.
     """
     rolls = min(time, atan(3.0 * friction) / TILT)
     angle, end = TILT * rolls, TILT * time
@@ -53,7 +57,10 @@ def exact_way_when_tilted(friction: float, time: float = 2.0) -> float:
 
 
 def slope() -> Section:
-    """Let discs roll and slide on slopes, and while gravity turns; draw them next to closed forms."""
+    """Draw accelerations of discs on slopes, and errors of their distances while gravity turns.
+
+    Return the figure, the errors with respect to closed forms, and their orders in dt.
+    """
     figure, (slopes, tilts) = panels(1, 2)
     worst = draw_accelerations(slopes, lambda *slope: way_on_a_slope(*slope) / 0.125)
     numbers: Numbers = {"leapfrog: worst error of the acceleration [m/s2]": worst}

@@ -33,7 +33,10 @@ def falling(friction: float, seed: int) -> wg.Scene:
 
 
 def other_start(kept: Corrections, friction: float, rng: np.random.Generator) -> Corrections:
-    """Return random corrections of the same contacts, within Coulomb's bound."""
+    """Return random corrections of the contacts of `kept`, within Coulomb's bound.
+
+    Normal corrections are uniform between 0 and the largest one of a pair in `kept`.
+    """
     scale = kept.pair_correction.max(initial=0.0)
     changed: dict[str, Any] = {}
     for name in ("pair", "wall"):
@@ -44,7 +47,11 @@ def other_start(kept: Corrections, friction: float, rng: np.random.Generator) ->
 
 
 def solved(scene: wg.Scene, state: State, rng: np.random.Generator) -> FloatArray | None:
-    """Solve a step from several corrections; return velocities and rim speeds, or None if one fails."""
+    """Solve a step several times, each time from other random corrections.
+
+    Returns the velocities and rim speeds of each solution [m/s], shape (starts, 3 n), or None if one of them
+    does not converge.
+    """
     exactly, found = scene.replace(tolerance=TOLERANCE, max_iterations=20_000, stop="residual"), []
     for _ in range(STARTS):
         simulation = wg.Simulation(exactly)
@@ -57,7 +64,10 @@ def solved(scene: wg.Scene, state: State, rng: np.random.Generator) -> FloatArra
 
 
 def spreads(friction: float) -> FloatArray:
-    """Return the spread of the velocities [m/s] of each step that converges from all starts."""
+    """Return the largest difference of a velocity between the solutions of a step, for many steps [m/s].
+
+    Only steps that converge from all random corrections (`solved`) count.
+    """
     rng, found = np.random.default_rng(0), []
     for seed in range(RUNS):
         scene = falling(friction, seed)
@@ -71,7 +81,10 @@ def spreads(friction: float) -> FloatArray:
 
 
 def solutions() -> Section:
-    """Draw the spread of the solutions of each step, and count the steps that have several."""
+    """Draw the spread of the solutions of each step over friction.
+
+    Return the figure, the numbers of steps with several solutions, and the largest spreads.
+    """
     (figure, axes), numbers = panels(), {}
     for friction in FRICTIONS:
         found = spreads(friction)
@@ -86,7 +99,8 @@ def solutions() -> Section:
 def limited(name: str) -> wg.Scene:
     """Return a shipped scene whose steps end after `SWEEPS` sweeps at most.
 
-    Its tolerance is `SHARE` of the speed that gravity gives in a step, or its own one without gravity.
+    Its tolerance is `SHARE` of the speed that gravity gives a grain in a step. Without gravity, the tolerance
+    is not changed.
     """
     scene = wg.Scene.load(name)
     tolerance = SHARE * float(np.hypot(*scene.gravity)) * scene.dt or scene.tolerance
@@ -94,7 +108,10 @@ def limited(name: str) -> wg.Scene:
 
 
 def short_steps(scene: wg.Scene, steps: int) -> tuple[int, list[State]]:
-    """Return the number of steps that do not converge, and the states before up to `KEPT` of them."""
+    """Simulate a number of steps, and find those that do not converge.
+
+    Returns their number, and the states before up to `KEPT` of them.
+    """
     simulation, before = wg.Simulation(scene), []
     for _ in range(steps):
         state = simulation.state()
@@ -105,7 +122,7 @@ def short_steps(scene: wg.Scene, steps: int) -> tuple[int, list[State]]:
 
 
 def residuals(scene: wg.Scene, state: State, method: str) -> FloatArray:
-    """Return the residual of a step [m/s] after each budget of sweeps."""
+    """Return the residual of the step from a state after each number of sweeps in `BUDGETS` [m/s]."""
     found = []
     for sweeps in BUDGETS:
         simulation = wg.Simulation(scene.replace(method=method, tolerance=0.0, max_iterations=sweeps))
@@ -115,7 +132,10 @@ def residuals(scene: wg.Scene, state: State, method: str) -> FloatArray:
 
 
 def hard_steps() -> Section:
-    """Count the steps of each scene that do not converge, and draw the residual of some over sweeps."""
+    """Draw the residual over the number of sweeps, for steps that do not converge within `SWEEPS`.
+
+    Return the figure, the number of such steps in each scene, and the medians of the residuals.
+    """
     numbers: Numbers = {}
     hard = []
     for name, steps in SCENES.items():
@@ -136,7 +156,10 @@ def hard_steps() -> Section:
 
 
 def timed(scene: wg.Scene, state: State, **changes: Any) -> tuple[float, float]:
-    """Return the CPU time of a step [ms], the shortest of three, and its residual [m/s]."""
+    """Solve the step from a state three times, with the fields `changes`.
+
+    Returns the shortest CPU time [ms] and the residual [m/s].
+    """
     simulation, residual, taken = wg.Simulation(scene.replace(**changes), threads=1), np.nan, []
     for _ in range(3):
         simulation.restore(state)
@@ -147,7 +170,10 @@ def timed(scene: wg.Scene, state: State, **changes: Any) -> tuple[float, float]:
 
 
 def exact_step() -> Section:
-    """Draw the residual of a step of the drum that does not converge over the CPU time of each method."""
+    """Draw the residual over the CPU time of each method, for a step of the drum that converges slowly.
+
+    Return the figure and the residuals.
+    """
     scene, (figure, axes), numbers = limited("rotating_drum"), panels(), {}
     state = short_steps(scene, SCENES["rotating_drum"])[1][KEPT // 2]
     ways: dict[str, list[dict[str, Any]]] = {

@@ -34,9 +34,11 @@ Point = tuple[float, float]
 
 
 class Picture(NamedTuple):
-    """Contents of a picture: a row of panels for each title, which belongs to a value of a column.
+    """Contents of a picture of a table of measurements.
 
-    `point` returns the error and the time of a row of the table.
+    It has a row of panels for each value of `column`, with a title from `titles`. `error` and `time` are
+    labels of the axes. `point` returns the error and the time of a row of the table, among the rows of its
+    panel.
     """
 
     column: str
@@ -65,7 +67,7 @@ PICTURES = {
 
 
 def draw(rows: Rows, picture: Picture, file: Path) -> None:
-    """Draw a column of panels for each number of grains, a row for each title, and save the picture."""
+    """Draw a picture of the table `rows`, with a column of panels for each number of grains, and save it."""
     sizes = sorted({int(row["n"]) for row in rows})
     size = (4.4 * len(sizes), 7.8)
     figure, panels = pyplot.subplots(
@@ -102,7 +104,7 @@ def _axes(points: list[Point]) -> tuple[list[float], list[float]]:
 
 
 def _front(points: list[Point]) -> list[Point]:
-    """Return the points (error, time) to which no other point is superior in both."""
+    """Return the points (error, time) that no other point undercuts in both, by increasing error."""
     front: list[Point] = []
     for point in sorted(points):
         if not front or point[1] < front[-1][1]:

@@ -31,7 +31,10 @@ ROLLING = (0.0, 0.05, 0.1, 0.2, 0.3)  # rolling friction of drums and heaps
 
 
 def loose(friction: float, seed: int) -> wg.Scene:
-    """Return 600 grains of two sizes without gravity, in a box periodic in x whose top has a pressure."""
+    """Return 600 grains of two sizes without gravity, in a box that is periodic in x.
+
+    Its top is a lid that presses on the grains.
+    """
     lid = wg.Box((0.0, 1.0), (0.0, 2.5), periodic="x", top={"pressure": 1.0, "mass": 10.0})
     radii = {"distribution": "values", "values": [0.02, 0.028]}
     position, radius = random_layout(lid.space, radius=radii, count=600, seed=seed)
@@ -56,7 +59,8 @@ def loose(friction: float, seed: int) -> wg.Scene:
 def packed(now: Snapshot) -> list[float]:
     """Return contacts per grain, packing fraction, sliding contacts per grain and the largest speed [m/s].
 
-    The first two are without rattlers and grains nearer than three mean diameters to the top or the bottom.
+    The first two are those of the grains more than three mean diameters away from the top and the bottom.
+    Contacts per grain are without rattlers.
     """
     bottom, top = now.container.region.outer_box[:, 1] + np.array([0.15, -0.15])
     bulk = {"y": (bottom, top)}
@@ -71,7 +75,10 @@ def packed(now: Snapshot) -> list[float]:
 
 
 def packings() -> Section:
-    """Compress grains with several coefficients of friction; draw contact number and packing fraction."""
+    """Compress grains with several coefficients of friction; draw contacts per grain and packing fraction.
+
+    Return the figure, these numbers with errors, and the sliding contacts.
+    """
     scenes = [loose(friction, seed) for friction in FRICTIONS for seed in SEEDS]
     batch = wg.Batch(scenes)
     batch.run()
@@ -94,7 +101,10 @@ def packings() -> Section:
 
 
 def surface_angle(now: Snapshot) -> float:
-    """Return the slope of the surface [degrees] by a line through its highest grains, for |x| < 0.6 m."""
+    """Return the slope of the surface of grains in a drum [degrees].
+
+    It is that of a line fitted to the highest grains in slices of |x| < 0.6 m.
+    """
     touching = analysis.contact_numbers(now) > 0
     x, top = now.position[touching, 0], now.position[touching, 1] + now.scene.radius[touching]
     highest = []
@@ -118,7 +128,10 @@ def rotated(scenes: Sequence[wg.Scene]) -> tuple[FloatArray, FloatArray]:
 
 
 def repose() -> Section:
-    """Rotate drums with several coefficients of friction, one slowly; draw the slopes of their surfaces."""
+    """Draw the slopes of the surfaces in rotating drums, over time and over friction.
+
+    One drum rotates more slowly. Return the figure and the mean slopes [degrees].
+    """
     scene = wg.Scene.load("rotating_drum", SWEPT)
     scenes = [scene.replace(friction=friction) for friction in REPOSE]
     scenes.append(scene.replace(angular_velocity_out=scene.angular_velocity_out / 3.0))
@@ -139,7 +152,10 @@ def repose() -> Section:
 
 
 def rolling() -> Section:
-    """Let discs roll, drums turn and columns collapse, with several coefficients of rolling friction."""
+    """Draw results over rolling friction: accelerations on slopes, and slopes in drums and of heaps.
+
+    The heaps are columns that have collapsed. Return the figure and these numbers.
+    """
     figure, (slopes, angles) = panels(1, 2)
     tangents, worst = np.linspace(0.0, 2.0, 41), 0.0
     for mu in (0.0, 0.1, 0.3):
@@ -172,7 +188,10 @@ def rolling() -> Section:
 
 
 def couette() -> Section:
-    """Shear grains in the Couette cell; draw mean velocity and spin over the distance from the inner wall."""
+    """Draw mean velocity and spin in the Couette cell over the distance from the inner wall, which rotates.
+
+    Return the figure, the decay length of the velocity, and numbers of the first layers.
+    """
     scene, bins, start, end = wg.Scene.load("couette", SWEPT), 24, 5.0, 15.0
     simulation = wg.Simulation(scene)
     simulation.run(duration=start)
