@@ -1,7 +1,8 @@
 """The accelerated method in plain Python, contact by contact over all pairs (kernels/MODEL.md, eqs. 13, 14).
 
-It has no list of contacts. Products and sums of velocities, corrections and the residual are those of the
-page, in the same order. Only the sums of the test (14) are added in another order. Vectors are complex.
+There is no list of near contacts. Products and sums of velocities, corrections and the residual are those of
+that page, in the same order. Only the sums of the test (14) are added in another order. Vectors are complex
+numbers.
 """
 
 from collections.abc import Iterator
@@ -29,7 +30,11 @@ def normal(d: complex) -> tuple[complex, float]:
 
 @dataclass
 class Contact:
-    """Two grains that may touch, or one grain and the circles of the annulus, tangent or round."""
+    """Contact of two grains, or of grain i and both circles of the annulus (j is None).
+
+    `n` is the normal, `mu` the effective mass [kg], `dv` the correction and `last` that before the last sweep
+    [m/s]. `share` holds the parts of a correction that change the velocities of i and j.
+    """
 
     i: int
     j: int | None
@@ -85,7 +90,7 @@ def projection(pushed: float, outer: float, inner: float) -> float:
 
 
 class AcceleratedTwin:
-    """Simulation of a scene from its start, in sequential order."""
+    """Simulation of a scene from its start by the accelerated method, with contacts in sequential order."""
 
     def __init__(self, scene: Scene):
         self.scene = scene
@@ -128,7 +133,10 @@ class AcceleratedTwin:
         return v
 
     def _look(self, zeta: float) -> float:
-        """Choose the working set; return the largest violation of contacts without corrections [m/s]."""
+        """Choose the working set: contacts that carry a correction, or are near for this `zeta` [m/s].
+
+        Returns the largest violation of a contact that carries no correction [m/s].
+        """
         near = min(0.25 * zeta, 0.01 * float(self.scene.radius.min()) / self.scene.dt)
         self._working, violation = [], 0.0
         for c in self._contacts:
@@ -165,7 +173,10 @@ class AcceleratedTwin:
                     return
 
     def _sweep(self, k: int) -> bool:
-        """Extrapolate to y and do the k-th sweep from there; return whether its result is kept."""
+        """Extrapolate the corrections to y and do the k-th sweep from there.
+
+        Returns whether the result passes the test (14). If not, it is undone.
+        """
         beta, omega, mass = self._beta, 1.0 + self._rho * self._beta, contact_mass(self.scene).tolist()
         before = self._v
         self._v = [v + beta * (v - last) for v, last in zip(before, self._v_last, strict=True)]

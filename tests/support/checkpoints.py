@@ -1,4 +1,4 @@
-"""Invalid checkpoints for tests."""
+"""Modified checkpoints, such as invalid ones, for tests."""
 
 import json
 
@@ -6,7 +6,10 @@ import numpy as np
 
 
 def rewrite_checkpoint(path, header=None, **arrays):
-    """Change entries of a checkpoint: values in its header, and arrays (part__field); None removes one."""
+    """Change a checkpoint file: values in its header, and arrays by name, such as part__field.
+
+    None removes an entry.
+    """
     with np.load(path, allow_pickle=False) as archive:
         entries = dict(archive)
     text = json.loads(entries["header"].tobytes())

@@ -1,4 +1,4 @@
-"""The command line, as tests call it in their own process."""
+"""Calls of the command line within the process of a test, and checks of what it does."""
 
 import resource
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ def exit_code(*arguments: object) -> int:
 
 @contextmanager
 def small_disk(most: int) -> Iterator[None]:
-    """Limit the files of this process to `most` bytes each, as on a full disk."""
+    """Limit files that this process writes to `most` bytes each in the ``with`` block, as on a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
     try:
@@ -30,7 +30,10 @@ def small_disk(most: int) -> Iterator[None]:
 
 @contextmanager
 def dying_in_writing(error: type[BaseException], publication: int, before: bool) -> Iterator[None]:
-    """Raise `error` before or after the n-th file, n = `publication`, is published (moved to its name)."""
+    """Raise `error` in the ``with`` block, when the file number `publication` is moved to its final name.
+
+    `before` says whether the error comes before or after this move.
+    """
     publish, left = files.publish, [publication]
 
     def die(*arguments: object) -> None:

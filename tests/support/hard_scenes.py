@@ -1,4 +1,4 @@
-"""Scenes that a contact solver is known to fail on."""
+"""Scenes that are known to be hard for contact solvers."""
 
 from typing import Any
 
@@ -12,9 +12,9 @@ from warpgrains.walls.annulus import Annulus
 RADIUS_OUT = 1.0  # m
 ROUGH: dict[str, Any] = {"method": "exact", "tolerance": 1e-9, "max_iterations": 320}
 ROUGH |= {"friction": 0.5, "exact_budget": 1e3}
-"""Friction by the exact method, which uses the host solver after 320 sweeps at most."""
+"""Fields of scenes with friction and the exact method, which calls the host solver after 320 sweeps."""
 SOON: dict[str, Any] = {"method": "exact", "tolerance": 1e-10, "max_iterations": 3}
-"""The exact method, which uses the host solver after 3 sweeps."""
+"""Fields of the exact method with which it calls the host solver after 3 sweeps."""
 
 
 def stack(count: int) -> Scene:
@@ -29,7 +29,10 @@ def stack(count: int) -> Scene:
 
 
 def heap(count: int, spacing: float = 2.05, **changes: Any) -> Scene:
-    """Return equal grains that cover 40 % of the disc, each moved a little from its place on a lattice."""
+    """Return `count` equal grains that cover 40 % of the disc, from its bottom up.
+
+    They start on a lattice with this spacing [radii], each displaced a little. `changes` replace fields.
+    """
     radius = np.sqrt(0.4 / count)
     position, _ = lattice(Annulus(0.0, RADIUS_OUT).space, radius=radius, count=count, spacing=spacing)
     off = abs(spacing - 2.0) * radius / 4.0
@@ -38,7 +41,7 @@ def heap(count: int, spacing: float = 2.05, **changes: Any) -> Scene:
 
 
 def random_masses(count: int, ratio: float) -> Scene:
-    """Return a heap with random masses, uniform in the logarithm, from 0.1 kg to 0.1 `ratio` kg."""
+    """Return a heap with random masses from 0.1 kg to 0.1 `ratio` kg, whose logarithms are uniform."""
     return heap(count, mass=0.1 * ratio ** np.random.default_rng(2).uniform(0.0, 1.0, count))
 
 

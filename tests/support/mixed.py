@@ -12,7 +12,7 @@ STEPS = 25
 
 
 def mixed_scenes() -> list[Scene]:
-    """Return scenes of many kinds and sizes, in both orders, some with the accelerated method."""
+    """Return scenes of many kinds and sizes, with both orders of contacts, some by the accelerated method."""
     drawn = [random_scene(seed) for seed in range(12)] + [make() for make in SUDDEN]
     accelerated = {2, 7, 10, 12}
     return [

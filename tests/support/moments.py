@@ -18,25 +18,31 @@ EPS = float(np.finfo(np.float64).eps)
 
 
 def moment_of(position: Any, radius: Any = 0.02, **fields: Any) -> Snapshot:
-    """Return the start of a scene with these grains, in a circle of 1 m unless `domain` is given."""
+    """Return the snapshot of a scene with these grains at its start.
+
+    They are in a circle of radius 1 m unless `fields` has a domain.
+    """
     circle = {} if "domain" in fields else {"radius_out": 1.0}
     scene = Scene(position=np.array(position), radius=radius, **{**circle, "mass": 1.0, **fields})
     return snapshot(scene, first_state(scene))
 
 
 def random_moment(radius_in: float, **layout: Any) -> Snapshot:
-    """Return the start of a scene of random grains between circles of `radius_in` and 1 m."""
+    """Return the snapshot of a scene of random grains between circles of radii `radius_in` and 1 m.
+
+    `layout` are arguments of `random_layout`.
+    """
     return moment_of(*random_layout(Annulus(radius_in, 1.0).space, **layout), radius_in=radius_in)
 
 
 def far_away(now: Snapshot) -> Snapshot:
-    """Return a snapshot of a periodic box in which each grain is moved by up to 3 periods."""
+    """Return a snapshot of a periodic box with each grain moved by a whole number of periods, up to 3."""
     periods = np.random.default_rng(0).integers(-3, 4, (now.n, 2))
     return replace(now, position=now.position + now.scene.period.lengths * periods)
 
 
 def frictional(n: int = 120, **changes: Any) -> Scene:
-    """Return a scene like `cloud`, in which grains do not overlap at the start."""
+    """Return a scene like `walled_scenes.cloud`, in which no grains overlap at the start."""
     rng, above = np.random.default_rng(2), {"y": [-0.3, 1.0]}
     position, radius = random_layout(Annulus(0.2, 1.0).space, radius=[0.02, 0.05], count=n, region=above)
     own = {"mass": rng.uniform(0.1, 1.0, n), "spin": rng.normal(0.0, 5.0, n)}
@@ -45,10 +51,10 @@ def frictional(n: int = 120, **changes: Any) -> Scene:
 
 
 def step_and_balance_forces(simulation: Simulation) -> dict[str, WallForce]:
-    """Step, assert that forces on walls balance the momentum that grains gain, and return the wall forces.
+    """Advance by a step, and assert that the forces on walls balance the momentum that contacts give grains.
 
-    Forces between grains do not change the momentum. The tolerance is for sums of some hundred terms, each
-    rounded by eps of its size.
+    Forces between grains do not change the total momentum. The tolerance is for sums of some hundred terms,
+    each with a relative rounding error eps. Returns the forces on walls by name.
     """
     scene, before = simulation.scene, simulation.state()
     free = free_velocity(scene, before.velocity, before.staggered, simulation.time)

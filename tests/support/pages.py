@@ -1,4 +1,4 @@
-"""README.md and the pages of scenes/docs, as blocks of code with their output.
+"""Readers of README.md and the pages of scenes/docs: their blocks of code with output, and their sentences.
 
 A `text` block is the output of the block before it. A comment above a block marks it: `slow`, `not run: WHY`,
 or `exit code N`. A TOML block names its file in its first line.
@@ -49,7 +49,7 @@ def program(name: str) -> str:
 
 
 def commands_in_words(name: str) -> list[str]:
-    """Return the commands that are named in sentences and tables of a page."""
+    """Return the commands of warpgrains that sentences and tables of a page contain."""
     return _COMMAND.findall(PAGES[name].read_text())
 
 
@@ -62,7 +62,7 @@ _END_OF_SENTENCE = re.compile(r"(?<=[.!?])(?<!\beq\.)(?<!\beqs\.)[)*]*\s+(?=[A-Z
 
 
 def sentences(name: str) -> list[str]:
-    """Return the sentences of a page, in paragraphs and lists; links are replaced by their text.
+    """Return the sentences of a page, from its paragraphs and lists. Links are replaced by their text.
 
     The page "model" is kernels/MODEL.md, whose equations are indented.
     """

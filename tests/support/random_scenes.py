@@ -16,7 +16,11 @@ OFTEN = (0.25, 0.3, 0.005, 0.22, 0.225)
 
 
 def random_scene(rng: np.random.Generator, kind: str | None = None, **fixed: Any) -> Scene:
-    """Draw a scene. `kind`, a key of `GRAINS`, sets the number of grains and how densely they are placed."""
+    """Return a random scene, in which `fixed` replaces fields.
+
+    `kind`, a key of `GRAINS`, sets the number of grains and how densely they are placed; by default, it is
+    random.
+    """
     kind = kind or str(rng.choice(list(GRAINS), p=OFTEN))
     n = int(rng.integers(*GRAINS[kind]))
     inner = float(rng.choice([0.0, 0.3]))
@@ -65,7 +69,10 @@ def random_gravity(rng: np.random.Generator) -> Any:
 
 
 def random_contacts(rng: np.random.Generator, inner: float, method: str) -> dict[str, Any]:
-    """Draw friction, restitution and the like, and whether a pressure moves the outer wall."""
+    """Return random fields of a scene: friction, restitution, and perhaps a pressure on the outer wall.
+
+    `inner` is the radius of the inner wall [m]; 0 without one.
+    """
     fields: dict[str, Any] = {}
     if method != "exact" and rng.random() < 0.4:
         fields |= {"friction": float(rng.choice([0.0, 0.05, 0.5, 2.0])), "wall_friction": 0.6}
@@ -84,7 +91,10 @@ def random_contacts(rng: np.random.Generator, inner: float, method: str) -> dict
 
 
 def random_motion(rng: np.random.Generator, fastest: float) -> dict[str, Any]:
-    """Draw the motion of a wall, up to `fastest` [m/s], or {}; it may begin and end within a step."""
+    """Return random fields of the motion of a wall, up to `fastest` [m/s], or none for a wall at rest.
+
+    The motion may begin and end within a step.
+    """
     if rng.random() < 0.4:
         return {}
     return {
@@ -98,7 +108,10 @@ def random_motion(rng: np.random.Generator, fastest: float) -> dict[str, Any]:
 
 
 def random_walls(rng: np.random.Generator, fastest: float) -> list[Any]:
-    """Draw walls of every kind, and some joined walls, which share one motion."""
+    """Return random walls, up to one of every kind, and some joined walls, which share one motion.
+
+    `fastest` is the largest speed of a motion [m/s].
+    """
     one = random_motion(rng, fastest)
     joined = [replace(wall, **one) for wall in CORNERS["chute"]]
     crossing = Segment(*map(tuple, rng.uniform(-1.0, 1.0, (2, 2))))

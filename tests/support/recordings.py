@@ -1,4 +1,4 @@
-"""Scenes and frames for the tests of recordings."""
+"""Scenes, snapshots and recordings for the tests of recordings."""
 
 from dataclasses import replace
 
@@ -32,12 +32,15 @@ def make_scene(radius=RADIUS, **fields):
 
 
 def make_frames(count, grains=5, seed=0):
-    """Return random positions and velocities as doubles, shape (frames, position or velocity, grains, 2)."""
+    """Return random positions and velocities of grains in `count` frames, shape (count, 2, grains, 2).
+
+    Entry [k, 0] holds the positions of frame k [m], and [k, 1] the velocities [m/s].
+    """
     return np.random.default_rng(seed).uniform(-1.5, 1.5, (count, 2, grains, 2))
 
 
 def make_contacts(seed=0, friction=0.0):
-    """Return random contacts of 5 grains, as fields of a snapshot: 3 pairs, and one at each of 2 walls."""
+    """Return random contacts of 5 grains, as fields of a snapshot: 3 pairs, and one contact per wall."""
     random = np.random.default_rng(seed)
     force = random.uniform(1.0, 20.0, 6)
     pair, wall = np.array([(0, 1), (1, 2), (0, 4)], np.int32), np.array([(0, 0), (3, 1)], np.int32)
@@ -53,13 +56,13 @@ def make_contacts(seed=0, friction=0.0):
 
 
 def moment(position, velocity, scene=None, **fields):
-    """Return a snapshot of a scene with these positions and velocities."""
+    """Return a snapshot of a scene with these positions and velocities, by default of `make_scene`."""
     scene = make_scene() if scene is None else scene
     return replace(snapshot(scene, first_state(scene)), position=position, velocity=velocity, **fields)
 
 
 def recorder_of(path, scene=None, resume_at=None, first_step=0, fps=50, **options):
-    """Return a recorder; by default of 50 frames per second, colored by speed."""
+    """Return a recorder to a path, by default of 50 frames per second, and with colors by speed."""
     scene = make_scene() if scene is None else scene
     options = RunOptions(steps=1, record=path, fps=fps, **{"color_by": "speed"} | options)
     return Recorder(
@@ -68,7 +71,10 @@ def recorder_of(path, scene=None, resume_at=None, first_step=0, fps=50, **option
 
 
 def moments(frames, scene=None):
-    """Yield a snapshot per frame, with random contacts, and with spins and angles if there is friction."""
+    """Yield a snapshot for each of the `frames` of `make_frames`, with random contacts.
+
+    If the scene has friction, it also has random spins and angles.
+    """
     scene = make_scene() if scene is None else scene
     for seed, frame in enumerate(frames):
         fields = make_contacts(seed, scene.friction) if scene.n == len(RADIUS) else {}
@@ -79,7 +85,7 @@ def moments(frames, scene=None):
 
 
 def record(path, frames, scene=None, **options):
-    """Record the `moments` of frames, by default as points, and return the path."""
+    """Record the snapshots `moments(frames, scene)`, with grains as points by default; return the path."""
     with recorder_of(path, scene, **options) as recorder:
         for now in moments(frames, scene):
             recorder.record(now)
@@ -87,12 +93,15 @@ def record(path, frames, scene=None, **options):
 
 
 def opened(path, frames, scene=None, **options):
-    """Record a number of frames, and return the opened USD stage."""
+    """Record a number of random frames, and return the opened USD stage."""
     return Usd.Stage.Open(str(record(path, make_frames(frames), scene, **options)))
 
 
 def bands_of(path, code):
-    """Return middles of both ends, (m, 2, 2), and widths, (m,), of the bands of m force chains [m]."""
+    """Return the bands of m force chains in a recorded frame, as center lines and widths [m].
+
+    Center lines have shape (m, 2, 2): start and end of each. Widths have shape (m,). `code` is the time code.
+    """
     stage = Usd.Stage.Open(str(path))
     points = np.array(stage.GetAttributeAtPath("/World/Forces.points").Get(code), np.float64)
     a, b, c, d = points.reshape(-1, 4, 3)[:, :, :2].swapaxes(0, 1)

@@ -1,4 +1,4 @@
-"""The natural residual of a simulation's last step (kernels/MODEL.md, eq. 12), in NumPy, over all pairs."""
+"""The residual eta of a simulation's last step (kernels/MODEL.md, eq. 12), in NumPy, over all pairs."""
 
 import numpy as np
 from same_bits import at_annulus, dense_pair_correction
@@ -14,7 +14,10 @@ def free_velocity(simulation: Simulation) -> FloatArray:
 
 
 def twin_residual(simulation: Simulation, free_velocity: FloatArray) -> float:
-    """Return eta of the last step [m/s], for velocities rebuilt from the corrections."""
+    """Return eta of the last step [m/s], with the velocities that its corrections give.
+
+    `free_velocity` are the velocities after this step without contacts [m/s], shape (n, 2).
+    """
     scene, position, mass = simulation.scene, simulation.last_start().position, contact_mass(simulation.scene)
     rho, wall = np.hypot(*position.T), at_annulus(simulation).correction
     outward = position / rho[:, None]

@@ -1,4 +1,4 @@
-"""Bit-identity: of the content of dataclasses, and of a simulation with the C reference."""
+"""Comparisons of all bits: of dataclasses, and of a simulation with the C reference."""
 
 from dataclasses import fields
 from typing import Any, NamedTuple
@@ -11,7 +11,10 @@ from warpgrains.reference.reference import Reference, pair_index
 
 
 class AtAnnulus(NamedTuple):
-    """Correction [m/s] and force [N] per grain, shape (n,): > 0 at the outer circle, < 0 at the inner one."""
+    """Correction [m/s] and force [N] of each grain at the annulus, shape (n,).
+
+    They are > 0 at the outer circle, < 0 at the inner one, and 0 without contact.
+    """
 
     correction: FloatArray
     force: FloatArray
@@ -28,7 +31,7 @@ def at_annulus(simulation: Simulation) -> AtAnnulus:
 
 
 def contents(record: Any) -> Any:
-    """Return the fields of nested dataclasses, with arrays as bytes, so that == compares bits."""
+    """Return the fields of (nested) dataclasses, with arrays as bytes, so that == compares bits."""
     if isinstance(record, np.ndarray):
         return record.dtype, record.shape, record.tobytes()
     if hasattr(record, "__dataclass_fields__"):
@@ -37,14 +40,17 @@ def contents(record: Any) -> Any:
 
 
 def run_of(scene: Scene, steps: int, **options: Any) -> Simulation:
-    """Return a simulation after some steps."""
+    """Return the simulation of a scene after a number of steps."""
     simulation = Simulation(scene, **options)
     simulation.advance(steps)
     return simulation
 
 
 def dense_pair_correction(simulation: Simulation) -> FloatArray:
-    """Return the corrections of all pairs in the last step [m/s], shape (n (n - 1) / 2,); 0 if not listed."""
+    """Return the corrections of all pairs i < j in the last step [m/s], shape (n (n - 1) / 2,).
+
+    They are in lexicographic order, and 0 for pairs that are not in the list of contacts.
+    """
     n, contacts = simulation.scene.n, simulation.contacts()
     dense = np.zeros(n * (n - 1) // 2)
     dense[pair_index(contacts.pair, n)] = contacts.correction

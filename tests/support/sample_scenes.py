@@ -32,10 +32,11 @@ velocity = [1.0, 2.0]
 
 
 def random_scene(seed: int) -> Scene:
-    """Draw grains anywhere between the walls, with any overlaps; `seed` cycles through eight kinds of scene.
+    """Return a scene of grains at random places between the walls, with any overlaps.
 
-    The kinds are a fractional factorial design (2^(5-2)) of gravity, drag, inner wall, distinct radii and
-    distinct masses: for every two of these five, all four combinations occur.
+    Successive seeds cycle through eight kinds of scenes. The kinds are a fractional factorial design
+    (2^(5-2)) of gravity, drag, inner wall, distinct radii and distinct masses: for every two of these five,
+    all four combinations occur.
     """
     rng = np.random.default_rng(seed)
     gravity, drag, inner_wall = (bool(seed >> bit & 1) for bit in range(3))
@@ -65,7 +66,10 @@ def _anywhere(rng: np.random.Generator, n: int, radius_in: float) -> FloatArray:
 
 
 def dense_start(seed: int, filled: float, **changes: Any) -> Scene:
-    """Draw 60 to 260 overlapping grains of radii 1:4 in a unit disc; the sum of areas is `filled` of it."""
+    """Return 60 to 260 overlapping grains of radii 1:4 at random places in a disc of radius 1 m.
+
+    `filled` is the sum of their areas, divided by that of the disc. `changes` replace fields.
+    """
     rng = np.random.default_rng(seed)
     n = int(rng.integers(60, 260))
     radius = rng.uniform(0.25, 1.0, n)
@@ -97,7 +101,7 @@ def explosion() -> Scene:
 
 
 def squeezed_light_grains() -> Scene:
-    """Return grains of 1 mg between approaching grains of 1 kg, which squeeze them out to the sides."""
+    """Return grains of 1 mg between grains of 1 kg, which approach each other and squeeze them out."""
     heavy = np.array([[0.0, 0.3 * k - 1.0] for k in range(6)])
     light = np.array([[0.02 * (-1) ** k, 0.3 * k - 0.85] for k in range(5)])
     return _sudden(
@@ -127,7 +131,10 @@ def _heap(columns: int, rows: int, spacing: float, x: float = 1e-3, y: float = -
 
 
 def chain(grains: int, overlap: float, **options) -> Scene:
-    """Return a row of grains between walls, whose diameters add up to `overlap` [m] more than the gap."""
+    """Return a row of grains between the inner and the outer wall, which cannot fit.
+
+    The sum of their diameters exceeds the distance between the walls by `overlap` [m].
+    """
     radius = (0.5 + overlap) / (2 * grains)
     y = 0.5 + (np.arange(grains) + 0.5) * 0.5 / grains
     options = {"mass": 0.1, "max_iterations": 2000} | options
@@ -137,7 +144,10 @@ def chain(grains: int, overlap: float, **options) -> Scene:
 
 
 def ring(grains: int, too_large: float, **options) -> Scene:
-    """Return a closed ring of grains, whose radius is `too_large` times the radius that just fits."""
+    """Return a closed ring of equal grains between two walls, which touches both.
+
+    Their radius is `too_large` times the radius with which the ring just fits.
+    """
     fitting = np.sin(np.pi / grains) / (1.0 + np.sin(np.pi / grains))
     angle = 2.0 * np.pi * (np.arange(grains) + 0.3) / grains
     radius = too_large * fitting

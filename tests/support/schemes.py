@@ -16,7 +16,12 @@ MIXED = [
 
 
 def without_contacts(scene: Scene, v: FloatArray, staggered: bool) -> FloatArray:
-    """Return velocities after a step without contacts [m/s]: Euler, or leapfrog with midpoint drag."""
+    """Return the velocities after a step without contacts [m/s], shape (n, 2).
+
+    The step is explicit Euler, or leapfrog with drag at the midpoint. `v` are the velocities before it. In
+    leapfrog, they are half a step early if `staggered`; otherwise they belong to the same time as the
+    positions.
+    """
     g, rate = np.array(scene.gravity), (scene.drag / scene.mass)[:, None]
     if scene.scheme == "euler":
         return v + scene.dt * (g - rate * v)
@@ -25,5 +30,8 @@ def without_contacts(scene: Scene, v: FloatArray, staggered: bool) -> FloatArray
 
 
 def contact_mass(scene: Scene) -> FloatArray:
-    """Return impulse per change of velocity [kg], shape (n,): the mass; in leapfrog, plus dt drag / 2."""
+    """Return the contact impulse that changes the velocity of each grain by 1 m/s [kg], shape (n,).
+
+    It is the mass, in leapfrog plus dt drag / 2.
+    """
     return scene.mass + (0.5 * scene.dt * scene.drag if scene.scheme == "leapfrog" else 0.0)

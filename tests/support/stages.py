@@ -1,4 +1,8 @@
-"""Single stages of a step, run on the record of a scene whose arrays a test has set or poisoned."""
+"""Single stages of a step (device functions), run on a scene's record, whose arrays a test has set.
+
+A record is the struct of all arrays and numbers of a scene. Arrays that a stage must write can be filled with
+invalid numbers before.
+"""
 
 from functools import partial, reduce
 from operator import getitem
@@ -18,12 +22,12 @@ from warpgrains.solver.sizes import Sizes
 from warpgrains.solver.threads import run_threads
 
 Values = dict[str, Any]
-"""Values by name of an array or a number of a record."""
+"""Values of arrays and numbers of a record, by name, such as "contacts.dv" or "step.zeta"."""
 KERNELS: dict[str, wp.Kernel] = {}
 
 
 def kernel_of(*stages: Stage) -> wp.Kernel:
-    """Return the kernel that runs stages for the first record."""
+    """Return a kernel that runs stages one after the other, for the first record that it is given."""
     name = repr(stages)
     if name not in KERNELS:
         run = fuse(stages)
@@ -38,7 +42,7 @@ def kernel_of(*stages: Stage) -> wp.Kernel:
 
 
 class OneRecord:
-    """The record of one scene with capacity for `contacts` contacts, and a team of threads for its stages."""
+    """The record of one scene, with a capacity of `contacts` contacts, and threads that run its stages."""
 
     def __init__(self, scene: Scene, contacts: int, threads: int = 1):
         device = wp.get_device("cpu")
@@ -47,7 +51,7 @@ class OneRecord:
         self.team = team_records(threads)
 
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
-        """Return an array of the scene, or a number of the record such as `step.zeta`, as an array of one."""
+        """Return an array of the record by name. A number, such as "step.zeta", has shape (1,)."""
         try:
             return self.records.array(0, name)
         except KeyError:
@@ -91,7 +95,10 @@ def grain_total(pairs: IntArray) -> int:
 
 
 def listed(pairs: IntArray, at_walls: IntArray) -> IntArray:
-    """Return pairs and contacts with walls in list order; grain i touches the first `at_walls[i]` walls."""
+    """Return contacts in the order of the list, shape (m, 2): the given pairs, and contacts with walls.
+
+    Grain i touches the first `at_walls[i]` walls. Wall k has the number n + k, with n grains.
+    """
     n = len(at_walls)
     body = n + np.arange(at_walls.max(initial=0))
     at = np.nonzero(np.arange(len(body)) < at_walls[:, np.newaxis])
@@ -100,7 +107,7 @@ def listed(pairs: IntArray, at_walls: IntArray) -> IntArray:
 
 
 def record_of_graph(pairs: IntArray, at_walls: IntArray) -> OneRecord:
-    """Return a record whose list has pairs, shape (m, 2), and `at_walls[i]` contacts of grain i with walls.
+    """Return a record whose list of contacts is `listed(pairs, at_walls)`.
 
     Arrays that stages must write hold invalid numbers.
     """

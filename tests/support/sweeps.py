@@ -1,4 +1,4 @@
-"""Sweep files of several tests, and readers of their output."""
+"""Sweep files that several tests run, and readers of the output of sweeps."""
 
 import csv
 from pathlib import Path
@@ -22,7 +22,7 @@ solver.max_iterations = 30
 physics.drag = [0.1, 100.0, 0.5]
 grains.count = [5, 15]
 """
-"""Six runs of 40 steps, some not converged; runs 2 and 3 fail, because their drag is invalid."""
+"""Sweep file of six runs of 40 steps, some not converged. Runs 2 and 3 fail because of invalid drags."""
 
 LONG = """
 scene = "annulus"
@@ -32,7 +32,7 @@ solver.order = "color"
 physics.drag = {range = [0.1, 0.9], count = 3}
 grains.shift = {log_range = [1e-9, 1e-6], count = 4}
 """
-"""Twelve runs of 800 steps."""
+"""Sweep file of twelve runs of 800 steps."""
 
 
 def write(folder: Path, text: str = SMALL) -> Path:
@@ -61,17 +61,17 @@ def results(folder: Path) -> bytes:
 
 
 def parts(folder: Path) -> list[list[dict[str, str]]]:
-    """Read the shards, one table per group of runs."""
+    """Read the shards of the table of results, one for each group of runs."""
     return [table(part) for part in sorted(folder.glob("parts/[0-9]*.csv"))]
 
 
 def steps_kept(folder: Path) -> int:
-    """Return the sum of the steps of all checkpoints."""
+    """Return the sum of the numbers of steps that all checkpoints of a sweep hold."""
     return sum(read_checkpoint(path).statistics.steps for path in folder.glob("runs/*/checkpoint.npz"))
 
 
 def begin(folder: Path, text: str, out: Path | str = "out") -> tuple[SweepFolder, Sweep]:
-    """Write a sweep file, and in its output the files that are written before the first run."""
+    """Write the sweep file `text`, and in the output folder `out` all files that precede the first run."""
     folder.mkdir(exist_ok=True)
     sweep = Sweep.load(write(folder, text))
     output = SweepFolder(folder / out, sweep.axes, RunSettings())
@@ -81,11 +81,15 @@ def begin(folder: Path, text: str, out: Path | str = "out") -> tuple[SweepFolder
 
 
 class Interrupted(KeyboardInterrupt):
-    """Exception that replaces the end of a killed process."""
+    """Exception that simulates the end of a killed process."""
 
 
 class Slices:
-    """Patch: groups with folders (`of_all`: all) end after 4 steps; after `left` groups, it interrupts."""
+    """Patch of sweeps, so that they end early.
+
+    Groups of runs with folders, or if `of_all` all groups, stop after 4 steps. After `left` groups,
+    `Interrupted` is raised. `patch` is pytest's `monkeypatch`.
+    """
 
     def __init__(self, patch, of_all=False):
         self.left, self.of_all, self.is_slice = 1_000, of_all, False

@@ -19,11 +19,14 @@ LAWS = {
         ("rollingWalls", "drContacts", "drBoundary", "drWalls"),
     ),
 }
-"""Names of numbers and of arrays of the reference, by law; the last three arrays are corrections."""
+"""Names of the numbers and the arrays of the C struct that a law of friction uses.
+
+The last three arrays of each law are its corrections.
+"""
 
 
 def swept_pairs(simulation: Simulation) -> IntArray:
-    """Return the listed pairs in the order of the last step, shape (m, 2)."""
+    """Return the pairs of the list of contacts, in the order in which the last step swept them, (m, 2)."""
     records = simulation._engine.records
     listed = records.host["contacts"]["count"]["pairs"][0]
     pairs = records.array(0, "contacts.contact")[:listed]
@@ -31,7 +34,11 @@ def swept_pairs(simulation: Simulation) -> IntArray:
 
 
 def full_order(simulation: Simulation) -> IntArray:
-    """Return pairs as swept, then all other pairs, which must carry nothing, then all (grain, -1 - wall)."""
+    """Return the order of a sweep over all contacts for `Reference.step`, shape (m, 2).
+
+    The listed pairs come first, as the simulation sweeps them. Then come all other pairs, whose corrections
+    must be 0, and finally all grains at all walls as (grain, -1 - wall).
+    """
     n, swept = simulation.scene.n, swept_pairs(simulation)
     is_silent = np.ones(n * (n - 1) // 2, bool)
     is_silent[pair_index(swept, n)] = False
@@ -61,10 +68,10 @@ def worst_overlap(simulation: Simulation) -> float:
 
 
 def residual_in_c(library: ctypes.CDLL, simulation: Simulation, start: State) -> float:
-    """Return the largest error of a contact after the last step [m/s] (eqs. 12, 25, 30, 38).
+    """Return the residual of the last step, which the C reference computes [m/s] (eqs. 12, 25, 30, 38).
 
-    Each contact is visited alone. A visit changes the relative velocity, normal, tangential or of rolling, by
-    the error of the contact.
+    `start` is the state before the step. The reference iterates each contact alone. This changes a relative
+    velocity, normal, tangential or of rolling, by the error of the contact. The result is the largest error.
     """
     scene, worst = simulation.scene, 0.0
     after = replace(start, corrections=simulation.state().corrections)
@@ -98,7 +105,11 @@ def follow_reference(
     simulate: Callable[[Scene], Simulation] = Simulation,
     state: State | None = None,
 ) -> Followed:
-    """Assert that every step equals the reference, in the order of sweeps; restore both half-way."""
+    """Assert that a simulation and the C reference give the same bits in every step.
+
+    The reference sweeps contacts in the order of the simulation. Half-way, both are started again from the
+    state of the simulation. `simulate` creates the simulation, and `state` is its start.
+    """
     reports, touched = [], set[int]()
     for count in (steps // 2, steps - steps // 2):
         simulation, reference = simulate(scene), Reference(library, scene, state)

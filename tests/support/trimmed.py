@@ -1,4 +1,4 @@
-"""Numbers of examples of long tests, which the variable WARPGRAINS_EXAMPLES limits, as in CI."""
+"""Numbers of examples of long tests, which the environment variable WARPGRAINS_EXAMPLES limits, as in CI."""
 
 import os
 from collections.abc import Iterable
@@ -16,13 +16,17 @@ def trimmed(many: int) -> int:
 
 
 def first_fast(values: Iterable[Any], count: int) -> list[ParameterSet]:
-    """Return values as parameters of a test, of which those after the first `count` are slow."""
+    """Return values as parameters of a test. All after the first `count` are marked as slow."""
     marks = chain([()] * count, repeat(pytest.mark.slow))
     return [pytest.param(value, marks=own) for value, own in zip(values, marks, strict=False)]
 
 
 def few_or_many(few: int, many: int, **options: int) -> pytest.MarkDecorator:
-    """Parametrize `how`, settings of hypothesis: `few` fixed examples, and, if slow, `many` random ones."""
+    """Return a decorator that gives a test the parameter `how`, settings of hypothesis, with two values.
+
+    With the first, the test has `few` fixed examples. With the second, which is marked as slow, it has `many`
+    random ones. `options` are further settings.
+    """
     common = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None, **options}
     long = settings(max_examples=trimmed(many), **common)
     cases = [

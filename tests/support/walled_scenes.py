@@ -24,7 +24,7 @@ def on_circle(angle: Any) -> FloatArray:
 
 
 def chained(points: FloatArray, **motion: Any) -> list[Wall]:
-    """Return the segments from each of `points`, shape (m, 2) [m], to the next."""
+    """Return the m - 1 segments from each of `points` to the next, shape (m, 2) [m]; all have `motion`."""
     return [Segment(a, b, **motion) for a, b in pairwise(map(tuple, points.tolist()))]
 
 
@@ -37,7 +37,11 @@ def scattered(
     spinning: float = 0.0,
     **fields: Any,
 ) -> Scene:
-    """Return random grains at squared distances in `areas` [m2] from the origin, not inside of `outside`."""
+    """Return a scene with the walls `outside` and up to n random grains, whose centers are outside of them.
+
+    The squared distances of grains from the origin lie between the two numbers `areas` [m2]. Velocity
+    components lie within +-`thrown` [m/s], and spins have the standard deviation `spinning` [rad/s].
+    """
     rng = np.random.default_rng(seed)
     angle, distance = rng.uniform(0.0, tau, n), np.sqrt(rng.uniform(*areas, n))
     position = distance[:, np.newaxis] * on_circle(angle)
@@ -69,7 +73,10 @@ def alone(
     velocity: tuple[float, float] = (0.0, 0.0),
     **changes: Any,
 ) -> Simulation:
-    """Return a leapfrog simulation of one grain (radius 0.1 m) and walls, with tolerance 1e-12 m/s."""
+    """Return the simulation of one grain of radius 0.1 m and walls, by leapfrog and to 1e-12 m/s.
+
+    `changes` replace fields of the scene.
+    """
     fields = {
         "radius": 0.1,
         "mass": 1.0,
@@ -82,7 +89,7 @@ def alone(
 
 
 def force_on(contacts: Any) -> FloatArray:
-    """Return the forces of contacts on their second grains, or on walls [N], shape (m, 2)."""
+    """Return the force of each contact on its second grain, or on the wall [N], shape (m, 2)."""
     tangent = np.stack([-contacts.normal[:, 1], contacts.normal[:, 0]], axis=1)
     return contacts.force[:, None] * contacts.normal + contacts.tangential_force[:, None] * tangent
 
@@ -209,7 +216,10 @@ BOXES: dict[str, dict[str, Any]] = {
 
 
 def filled(**fields: Any) -> Scene:
-    """Return a scene of random grains in a box that is periodic in x; `fields` has sides and others."""
+    """Return a scene of random grains in a box that is periodic in x.
+
+    `fields` are fields of the scene, and the sides "bottom" and "top" of the box.
+    """
     sides = {name: fields.pop(name) for name in ("bottom", "top") if name in fields}
     box = Box((0.2, 0.7), (0.0, 0.6), periodic="x", **sides)
     position, radius = random_layout(box.space, box.among(()), radius=[0.02, 0.028], packing_fraction=0.6)
@@ -253,4 +263,4 @@ WALLED: dict[str, Callable[..., Scene]] = {
     **{f"corners, {kind}": partial(cornered, walls) for kind, walls in CORNERS.items()},
     **{f"box, {kind}": partial(boxed, kind) for kind in BOXES},
 }
-"""Scenes for tests of all kinds of walls, by name."""
+"""Functions that return scenes for tests of all kinds of walls, by a name of the test."""

@@ -1,4 +1,4 @@
-"""Colors of a picture at places of the scene."""
+"""Colors of the pixels of a picture at given points of the scene."""
 
 import numpy as np
 from scipy.ndimage import label
@@ -7,7 +7,10 @@ from warpgrains.drawing.shapes import WALL_COLOR
 
 
 class View:
-    """Map from places [m] to pixels of a picture, found from its outer wall, which has a radius of 2 m."""
+    """Map from points of a scene [m] to pixels of its picture.
+
+    It is found from the pixels that have the color of walls: the outer wall, which has a radius of 2 m.
+    """
 
     def __init__(self, pixels, atol=0.02):
         shape, _ = label(np.abs(pixels - WALL_COLOR).max(axis=2) < atol, np.ones((3, 3)))
@@ -19,6 +22,6 @@ class View:
         """Pixels per meter."""
 
     def at(self, pixels, places):
-        """Return the colors of the pixels at places [m], shape (n, 2)."""
+        """Return the colors of the pixels at the points `places` of the scene [m], shape (n, 2)."""
         column, row = (self._corner + self.scale * np.array([1.0, -1.0]) * places).astype(int).T
         return pixels[row, column]
