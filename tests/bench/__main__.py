@@ -19,7 +19,11 @@ from .rows import publish, say
 
 
 class Bench(NamedTuple):
-    """A bench: its subject, the functions that yield its rows, and its default options (`long`: --long)."""
+    """A bench, which writes one CSV file.
+
+    `measures` names its subject. `functions` are names of functions of tests.bench, separated by spaces,
+    which yield its rows. `options` are its default options, and `long` those that replace them with --long.
+    """
 
     measures: str
     functions: str
@@ -66,7 +70,7 @@ BENCHES = {
 
 
 def options_of(bench: Bench, given: argparse.Namespace) -> argparse.Namespace:
-    """Return the options given to the command, and the defaults of the bench for all others."""
+    """Return the options given to the command, completed by the defaults of the bench."""
     own = bench.options | (bench.long if given.long else {})
     chosen = {key: value for key, value in vars(given).items() if value is not None}
     return argparse.Namespace(**{**vars(given), **own, **chosen})
@@ -102,7 +106,7 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the chosen benches one after the other, each in a separate process."""
+    """Run the benches that command line arguments name, one after the other, each in a separate process."""
     given, failed = parse(arguments), []
     given.output.mkdir(parents=True, exist_ok=True)
     chosen = given.benches if "all" not in given.benches else [name for name in BENCHES if name != "gpu"]

@@ -1,4 +1,7 @@
-"""Time of one sweep, of steps and of the course's scene, here and in C built for this machine; same bits."""
+"""Times of a sweep, of steps and of the course's scene, compared with C that is built for this machine.
+
+Both programs must give the same bits.
+"""
 
 import argparse
 import ctypes
@@ -31,11 +34,14 @@ FASTER_IN_FLOW = {1_000: ">= 400"}
 COURSE_STEPS = 800
 VEC = ("<f8", (2,))
 CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<u4"), ("j", "<u4")], align=True)
-"""Record of a contact in in_c.c."""
+"""Memory layout of a contact, as in_c.c expects it."""
 
 
 def compiled(compiler: str, flags: Sequence[str], sources: Sequence[Path]) -> ctypes.CDLL:
-    """Compile C sources for this machine, and return the loaded library."""
+    """Compile C sources for this machine to one library, and return the loaded library.
+
+    `flags` are options in addition to `FLAGS`.
+    """
     with tempfile.TemporaryDirectory() as folder:
         built = f"{folder}/built.so"
         subprocess.run(
@@ -61,7 +67,10 @@ class CReference(Reference):
 
 
 class Sweeps:
-    """The contact iteration alone: plain sweeps over the arrays of a simulation's last step."""
+    """The contact iteration alone: `SWEEPS` plain sweeps over the arrays of a simulation's last step.
+
+    `run` does them by the kernels of the simulation, and `run_in_c` in C.
+    """
 
     def __init__(self, simulation: Simulation):
         records = simulation._engine.records
@@ -81,7 +90,7 @@ class Sweeps:
         return self.dv.copy(), self.velocity.copy()
 
     def reset(self) -> None:
-        """Restore the arrays from which the sweeps start, and turn off monitoring."""
+        """Restore the arrays from which the sweeps start, and turn off the monitoring of contacts."""
         self.dv[:], self.velocity[:] = self._start
         self._numbers["tuning"]["monitor_threshold"] = np.inf
         self._numbers["control"]["phase"] = Phase.SWEEP
@@ -104,7 +113,7 @@ class Sweeps:
 
 
 def sweeps(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield the time of a sweep in each order, here and in C, on the same arrays."""
+    """Yield a row for each order of contacts: the time of a sweep, here and in C, on the same arrays."""
     for n in options.grains or [SWEPT]:
         kind, *pile = settled_pile(n, options.cache)
         for order, target in (("sequential", "<= 1.1"), ("color", "")):
@@ -122,7 +131,7 @@ def sweeps(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def steps(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield the time of whole steps, here and in C (all pairs), for a resting pile and a flow."""
+    """Yield rows for piles and flows: the time of a step, here and in C, which visits all pairs."""
     for n in options.grains or FASTER_AT_REST:
         kind, *pile = settled_pile(n, options.cache)
         count, target = max(2, 4_000 // n), FASTER_AT_REST.get(n, "")

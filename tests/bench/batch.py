@@ -1,4 +1,7 @@
-"""Times of batches, with the same bits: one core and the C reference in a loop, two cores, a GPU."""
+"""Times of batches: compared with the C reference in a loop, on two cores, and on a GPU.
+
+All ways must give the same bits.
+"""
 
 import argparse
 from collections.abc import Iterator, Sequence
@@ -20,13 +23,16 @@ SETTLING_STEPS = 25
 COURSES = (1, 60, 1_000, 10_000)  # scenes of a batch on a GPU
 FALL, COURSE_STEPS = 80, 40  # steps of the course before the measurement, and per time
 PILES = ((1_000, 100), (10_000, 100), (200, 1_000), (1_000, 1_000), (1, 1_000), (1, 10_000), (1, 100_000))
-"""(number of scenes in a batch on a GPU, grains per scene)."""
+"""Batches of piles for a GPU: (number of scenes, grains per scene)."""
 SETTLED, PILE_STEPS = 200, 10  # steps of piles before the measurement, and per time
 ALONE = 25_000  # one thread is also measured up to this number of grains
 
 
 def course(count: int, grains: int = 15, columns: int = 5) -> list[Scene]:
-    """Return `count` copies of the course's scene, with grains moved at random by up to 1 % of a radius."""
+    """Return `count` copies of the course's scene, whose grains are moved by up to 1 % of a radius at random.
+
+    The scene has `grains` grains in `columns` columns.
+    """
     scene = Scene.load("annulus", [f"grains.count={grains}", f"grains.columns={columns}"])
     return [_moved(scene, seed, 0.01 * scene.radius[0]).replace(duration=8.0) for seed in range(count)]
 
@@ -37,7 +43,10 @@ def _moved(scene: Scene, seed: int, way: float) -> Scene:
 
 
 def piles(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield times of piles of 100 grains that settle from a lattice, solved to 1e-6 m/s, here and in C."""
+    """Yield times of batches of piles, here and in C.
+
+    The 100 grains of a pile settle from a lattice, in steps that are solved to 1e-6 m/s.
+    """
     scene = pile(100)
     dt = 3.0 * scene.dt
     duration = dt * (options.steps or SETTLING_STEPS)
@@ -50,7 +59,7 @@ def piles(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def courses(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield times of scenes of the course: against C, on two cores, and including making the batch."""
+    """Yield times of batches of the course's scene: compared with C, on two cores, and with the set-up."""
     for count in options.scenes:
         scenes = course(count)
         yield _against_c("scenes of the course", scenes, ">= 6", options.repeats)
@@ -59,7 +68,10 @@ def courses(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def _against_c(name: str, scenes: list[Scene], target: str, repeats: int) -> Row:
-    """Time a step of a batch on one core, and of some of its scenes in C, one after the other; same bits."""
+    """Return the time of a step of one scene, in a batch on one core, and in C.
+
+    In C, some scenes of the batch are simulated one after the other. Both results must have the same bits.
+    """
     chosen = range(0, len(scenes), max(1, len(scenes) // IN_C))
     steps_in_c = sum(scenes[k].steps for k in chosen)
     batches: list[Batch] = []
@@ -87,7 +99,10 @@ def _against_c(name: str, scenes: list[Scene], target: str, repeats: int) -> Row
 
 
 def _on_two_cores(scenes: list[Scene], repeats: int) -> Iterator[Row]:
-    """Time a batch on one thread and on two, and its halves as two separate batches at once."""
+    """Yield the time of a batch on two threads, and that of its halves as two batches at the same time.
+
+    Both are compared with the batch on one thread.
+    """
 
     def run(threads: int) -> float:
         batch = Batch(scenes, threads=threads)
@@ -106,7 +121,7 @@ def _on_two_cores(scenes: list[Scene], repeats: int) -> Iterator[Row]:
 
 
 def _overhead(scenes: list[Scene], repeats: int) -> Row:
-    """Time making and running a batch, and the part of this time that the kernels take."""
+    """Return the time to create and run a batch, compared with the time of its kernels alone."""
     whole, kernels = [], []
 
     def measure() -> None:
@@ -120,7 +135,10 @@ def _overhead(scenes: list[Scene], repeats: int) -> Row:
 
 
 def on_gpu(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield times on a GPU: batches of the course and of piles, after some steps, and single piles."""
+    """Yield times on a GPU: of batches of the course's scene and of piles, and of single piles.
+
+    The times are measured after some steps.
+    """
     for count in options.scenes or COURSES:
         yield from _on_gpu("course", course(count, 24, 6), FALL, COURSE_STEPS, options)
     for count, n in PILES:
@@ -134,7 +152,10 @@ def on_gpu(options: argparse.Namespace) -> Iterator[Row]:
 def _on_gpu(
     what: str, scenes: Sequence[Scene], before: int, steps: int, options: argparse.Namespace
 ) -> Iterator[Row]:
-    """Time a step of all scenes on the GPU, with all CPU threads and, for few grains, with one thread."""
+    """Yield the time of a step of all scenes on the GPU, compared with all CPU threads.
+
+    For few grains, also compare it with one thread. `before` steps are done first, and `steps` are timed.
+    """
     n, count = scenes[0].n, len(scenes)
     threads = [cores(), *([1] if count * n <= ALONE or count == 1 else [])]
     own = Batch(scenes, device=options.device)

@@ -1,9 +1,10 @@
-"""The common flow and plane shear in programs of Debian, run by the Python that Debian packages them for.
+"""The common flow and plane shear in programs that Debian packages, run by Debian's own Python.
 
 The script reads a line of JSON: the name of the program, its setting and the scene. Each further line is a
-number of frames to advance, or of steps in a shear. The answer to each line is the CPU time so far [s], and
-the centers [m] or, in a shear, a sample: the mean force [N] of the grains on the lid and on the bottom in
-these steps, the height of the lid [m], the centers of the grains [m] and their velocities along x [m/s].
+number of frames to advance, or of steps in a shear. The answer to each line is the CPU time so far [s] and,
+in the flow, the centers [m]. In a shear, a sample takes the place of the centers: the mean force of the
+grains on the lid and on the bottom in these steps [N], the height of the lid [m], the centers of the grains
+[m], and their velocities along x [m/s].
 
 Soft spheres, also in LAMMPS, are kept in the plane; LIGGGHTS uses the inertia of spheres. In the flow, linear
 springs are critically damped, a contact lasts at least 20 steps, and the stiffness is chosen so that grains
@@ -28,20 +29,29 @@ REACH = 0.1  # gap [radii] up to which Siconos gets contacts, in addition to the
 
 
 def springs(scene, overlap):
-    """Return the stiffness of a contact [N/m], and the number of steps per frame."""
+    """Return the stiffness of a contact [N/m] and the number of steps per frame of 10 ms, in the flow.
+
+    `overlap` is that of two grains which meet at 5 m/s [radii].
+    """
     m = scene["mass"]
     k = 0.5 * m * (FASTEST / (overlap * scene["radius"])) ** 2
     return k, math.ceil(FRAME / (math.pi * math.sqrt(0.5 * m / k) / 20.0))
 
 
 def contact(stiffness):
-    """Return duration [s] and damping per reduced mass [1/s] of a contact of mean discs in a shear."""
+    """Return duration [s] and damping per reduced mass [1/s] of a contact of mean discs in a shear.
+
+    `stiffness` is that of the contact [N/m].
+    """
     omega, decay = math.sqrt(2.0 * stiffness), -math.log(REBOUND)
     return math.pi / omega, 2.0 * omega * decay / math.hypot(math.pi, decay)
 
 
 class Yade:
-    """Spheres with viscoelastic contacts; the inner wall is a sphere, the outer one made of facets."""
+    """The flow in YADE: spheres with viscoelastic contacts.
+
+    The inner wall is a sphere, and the outer one is made of facets.
+    """
 
     def __init__(self, scene, overlap):
         import yade
@@ -93,12 +103,16 @@ class Yade:
 
 
 class OfLammps:
-    """Common part of LAMMPS and LIGGGHTS: the script, for grains in a plane between two cylinders."""
+    """The flow in LAMMPS and LIGGGHTS: their common script, for grains in a plane between two cylinders."""
 
     height, units = 1, ""  # half height of the box [radii]; suffix of lengths in LIGGGHTS
 
     def start(self, scene, begin, contacts, grain, moves):
-        """Run the script: lines of the scene between lines that are specific to the program."""
+        """Run the script.
+
+        The commands `begin`, `contacts`, `grain` (mass or density) and `moves` (walls and integration) are
+        those of the program. The others follow from the scene.
+        """
         x, z = 1.1 * scene["radius_out"], self.height * scene["radius"]
         lines = [
             "units si",
@@ -142,19 +156,19 @@ class InLiggghts:
         self._library.lammps_command(self._run, line.encode())
 
     def gather(self, name):
-        """Return an array with three numbers for each atom."""
+        """Return the quantity `name` of all atoms, such as "x", shape (n, 3)."""
         array = np.empty((self._library.lammps_get_natoms(self._run), 3))
         self._library.lammps_gather_atoms(self._run, name.encode(), 1, 3, array.ctypes)
         return array
 
 
 def properties(numbers):
-    """Return the commands that set the contact parameters of LIGGGHTS, given by name."""
+    """Return the LIGGGHTS commands that set contact parameters; `numbers` holds their values by name."""
     return [f"fix {name} all property/global {name} peratomtypepair 1 {v}" for name, v in numbers.items()]
 
 
 class Liggghts(InLiggghts, OfLammps):
-    """Soft spheres between cylinders (hooke/stiffness)."""
+    """The flow in LIGGGHTS: soft spheres between cylinders (hooke/stiffness)."""
 
     height, units = 2, " units box"
 
@@ -193,12 +207,16 @@ class Liggghts(InLiggghts, OfLammps):
 
 
 class ShearedOfLammps:
-    """Common part of LAMMPS and LIGGGHTS in a shear: a force presses the lid, which is a row of discs."""
+    """Plane shear in LAMMPS and LIGGGHTS: their common script. A force presses the lid, a row of discs."""
 
     units = ""  # suffix of lengths in LIGGGHTS
 
     def start(self, scene, dt, every, begin, contacts, moves):
-        """Run the script. Forces are averaged over `every` steps; if it is 0, they are not measured."""
+        """Run the script.
+
+        The commands `begin`, `contacts` and `moves` are those of the program. Forces on the walls are
+        averaged over `every` steps; if it is 0, they are not measured.
+        """
         length, height, rate, n = (scene[key] for key in ("length", "height", "rate", "n"))
         position, radius = scene["position"], scene["radius"]
         row = (len(radius) - n) // 2
@@ -248,7 +266,7 @@ class ShearedOfLammps:
 
 
 class ShearedLiggghts(InLiggghts, ShearedOfLammps):
-    """Soft spheres (hooke/stiffness)."""
+    """Plane shear in LIGGGHTS: soft spheres (hooke/stiffness)."""
 
     units = " units box"
 
@@ -276,7 +294,7 @@ class ShearedLiggghts(InLiggghts, ShearedOfLammps):
 
 
 class ShearedYade:
-    """Spheres with viscoelastic contacts; the lid is a clump that a force drives."""
+    """Plane shear in YADE: spheres with viscoelastic contacts. The lid is a clump that a force drives."""
 
     def __init__(self, scene, stiffness, dt, every):
         import yade
@@ -344,10 +362,11 @@ class ShearedYade:
 
 
 class Siconos:
-    """Discs by Moreau and Jean's scheme and nonsmooth Gauss-Seidel (NSGS), lengths in radii.
+    """The flow in Siconos: discs by Moreau and Jean's scheme and nonsmooth Gauss-Seidel (NSGS).
 
-    The search of Siconos never removes contacts, so a k-d tree finds them; its time is not counted. At each
-    grain near it, the outer wall is replaced by a tangent, which is renewed after 0.01 rad.
+    Lengths are in radii. The search of Siconos never removes contacts, so a k-d tree finds them; its time is
+    not counted. For each grain near the outer wall, a tangent plane replaces the wall. It is renewed when the
+    grain has moved by 0.01 rad.
     """
 
     def __init__(self, scene, dt, tolerance):

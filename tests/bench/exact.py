@@ -1,4 +1,4 @@
-"""The exact method against accelerated sweeps on single steps, and to the end of every shipped scene.
+"""The exact method compared with accelerated sweeps in single steps, and in runs of shipped scenes.
 
 Times are CPU times of one thread, so the machine may be busy. Piles are the shipped pile on other scales,
 with radii 1:1.5, after 4 s with at most 300 sweeps per step; they take minutes and are cached. Several steps
@@ -31,7 +31,10 @@ EXACT: dict[str, Any] = {"method": "exact", "order": "color", "max_iterations": 
 
 
 class Step(NamedTuple):
-    """A step to be solved: scene, start, exact velocities [m/s], and error of the free velocities [m/s]."""
+    """A step to be solved, with the state before it and the exact velocities after it [m/s].
+
+    `error_of_nothing` is the error of the free velocities [m/s], by which other errors are divided.
+    """
 
     scene: Scene
     start: State
@@ -68,7 +71,10 @@ def steps_of(n: int, options: argparse.Namespace) -> Iterator[Step]:
 
 
 def exactly(step: Step) -> tuple[float, int]:
-    """Return time [ms] and factorizations of the exact method, with the largest sufficient tolerance."""
+    """Return time [ms] and number of factorizations of the exact method for an error of `EXACT_ERROR`.
+
+    The tolerance is the largest power of ten that gives this error.
+    """
     for tolerance in 10.0 ** -np.arange(4.0, 14.0):
         simulation = Simulation(step.scene.replace(**EXACT, tolerance=tolerance), threads=1)
         taken, factorizations = _take(simulation, step)
@@ -78,7 +84,10 @@ def exactly(step: Step) -> tuple[float, int]:
 
 
 def by_sweeps(step: Step) -> tuple[float, int]:
-    """Return time [ms] and number (within 20 %) of accelerated sweeps down to an error of SWEPT_ERROR."""
+    """Return time [ms] and number of accelerated sweeps for an error of `SWEPT_ERROR`.
+
+    The number exceeds the least sufficient one by up to 20 %.
+    """
     sweeps = 20
     while True:
         changes = {"method": "accelerated", "order": "color", "tolerance": 0.0, "max_iterations": sweeps}
@@ -97,7 +106,7 @@ def _take(simulation: Simulation, step: Step) -> tuple[float, int]:
 
 
 def piles(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield the time of a step by both methods, and its factorizations and sweeps."""
+    """Yield rows for piles: times of a step by both methods, then its factorizations and sweeps."""
     for n in options.grains:
         steps = list(steps_of(n, options))
         times, counts = zip(*(exactly(step) for step in steps), strict=True)
@@ -109,7 +118,7 @@ def piles(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def shipped(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield the number of steps of each shipped scene without friction that are not solved to 1e-9 m/s."""
+    """Yield a row for each shipped scene without friction: the number of steps not solved to 1e-9 m/s."""
     for name in shipped_scenes():
         scene = Scene.load(name)
         if scene.has_friction:
@@ -122,7 +131,7 @@ def shipped(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def with_friction(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield numbers of unconverged steps and times of runs of scenes with friction, by both methods."""
+    """Yield rows for runs of scenes with friction by both methods: steps that do not converge, and times."""
     scenes = [Scene.load(name) for name in ("rotating_drum", "couette", "hopper", "collapse")]
     flow = flowing(1_000, friction=0.5, order="color", max_iterations=10_000)
     for scene, tolerance in (*product(scenes, (1e-4, 1e-6)), (flow, 1e-4)):

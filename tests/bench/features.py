@@ -1,8 +1,8 @@
-"""What every feature costs a scene that lacks it: ratios of steps with the feature to steps without it.
+"""Costs of features: ratios of the time of a step with a feature to that of a step without it.
 
-A feature is switched on with a value that has no effect, and the distance between the grains of both scenes
-at the end is printed, because collisions amplify rounding errors. Features that always have an effect are
-measured with a fixed number of sweeps per step, as is the plain method in the text's scheme.
+A feature is switched on with a value that has no effect on the motion. The distance between the grains of
+both scenes at the end is printed, because collisions amplify rounding errors. Features that always have an
+effect are compared with the plain method in the text's scheme, both with a fixed number of sweeps per step.
 """
 
 import argparse
@@ -26,13 +26,16 @@ MEASURED = (400, 10_000)  # grains of flows, for `measuring`
 FLOWING = 80  # steps of flows before the measurement
 STRIP = {"y": (-1.0, -0.8)}  # m
 NOTHING = 1e-100
-"""A gravity, drag or radius too small to change other numbers; squares are still normal floats."""
+"""Value of gravity, drag or a radius that is too small to change the motion. Its square is no denormal."""
 Changes = dict[str, Any]
 Switch = Changes | Callable[[Scene], Changes]
 
 
 class Case(NamedTuple):
-    """A scene, its corrections at the start, the steps of a pass, and the passes per time."""
+    """A scene to be timed, with its corrections at the start.
+
+    A measured time is that of `passes` passes of `steps` steps, each from the start of the scene.
+    """
 
     name: str
     scene: Scene
@@ -42,33 +45,36 @@ class Case(NamedTuple):
 
 
 def _without_inner_wall(scene: Scene) -> Changes:
-    """Remove the inner wall, move the grains below its place, and enlarge the outer wall accordingly."""
+    """Return changes that remove the inner wall.
+
+    The grains are moved below the place of this wall, and the outer wall is enlarged accordingly.
+    """
     down = max(0.0, (scene.position[:, 1] + 2.0 * scene.radius).max())
     position = scene.position - np.array([0.0, down])
     return {"radius_in": 0.0, "radius_out": scene.radius_out + down, "position": position}
 
 
 def _without_gravity(scene: Scene) -> Changes:
-    """Remove gravity and drag, and give grains random velocities, so that they collide."""
+    """Return changes that remove gravity and drag. Grains get random velocities, so that they collide."""
     velocity = np.random.default_rng(1).normal(0.0, 1.0, scene.position.shape)
     return {"gravity": (0.0, 0.0), "drag": 0.0, "velocity": velocity}
 
 
 def _in_a_box(scene: Scene, periodic: str = "") -> Changes:
-    """Replace the annulus by a box whose sides no grain reaches."""
+    """Return changes that replace the annulus by a box whose sides no grain reaches."""
     ends = -3.0 * scene.extent.half, 3.0 * scene.extent.half
     return {"domain": Box(ends, ends, periodic)}
 
 
 def _in_a_ring(scene: Scene) -> Changes:
-    """Replace the outer wall by a ring in a box."""
+    """Return changes that replace the annulus by a ring, inside of which the grains are, in a box."""
     changes = _without_inner_wall(scene)
     ring = Disc((0.0, 0.0), changes.pop("radius_out"), inside=True)
     return {**changes, **_in_a_box(scene), "walls": [ring]}
 
 
 def _of_distinct(field: str, scene: Scene) -> Changes:
-    """Enlarge the first of equal numbers by its last bit."""
+    """Return changes that make the equal numbers of a field distinct: the first grows by its last bit."""
     values = getattr(scene, field)
     return {field: np.append(np.nextafter(values[0], np.inf), values[1:])}
 
@@ -89,7 +95,7 @@ FEATURES: dict[str, tuple[Switch, Switch]] = {
     f"friction, {ITERATIONS} accelerated iterations": (FASTER, {"friction": 0.5}),
     f"rolling friction beside friction, {ITERATIONS} iterations": (RUBBING, {"rolling_friction": 0.1}),
 }
-"""By feature: changes of a scene that remove the feature, and then changes that switch it on."""
+"""Two changes of a scene for each feature: the first removes the feature, and the second switches it on."""
 
 TOGETHER = ["stress_xy", "force_y:Outer", "coordination_number", "packing_fraction"]
 MEASUREMENTS: dict[str, Callable[[Simulation], object]] = {
@@ -105,7 +111,7 @@ MEASUREMENTS: dict[str, Callable[[Simulation], object]] = {
 
 
 def costs(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield the cost of every feature in the course's scene, in a pile, and in a flow."""
+    """Yield a row with the cost of every feature in the course's scene, in piles, and in flows."""
     most = options.steps or 1_000_000
     course = Scene.load("annulus")
     cases = [Case("the course's scene", course, first_state(course).corrections, course.steps - FIRST, 3)]
@@ -121,7 +127,7 @@ def costs(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def measuring(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield the cost of measuring after each step of flows with friction."""
+    """Yield a row with the cost of each of `MEASUREMENTS`, if it is made after every step of a flow."""
     for n in options.grains or MEASURED:
         scene = flowing(n, **ACCELERATED, friction=0.5)
         simulation = Simulation(scene, threads=1)
@@ -148,7 +154,7 @@ def _us_of_steps(simulation: Simulation, steps: int, measure: Callable[[Simulati
 
 
 def cost(case: Case, name: str, repeats: int) -> Row:
-    """Time a scene with and without a feature, alternately."""
+    """Return the row with the cost of the feature `name`: times with and without it, taken alternately."""
     lacking, switched_on = FEATURES[name]
     without = _changed(case.scene, lacking)
     timed = [Simulation(scene, threads=1) for scene in (_changed(without, switched_on), without)]
@@ -171,7 +177,7 @@ def _changed(scene: Scene, changes: Switch) -> Scene:
 
 
 def _us_a_step(simulation: Simulation, case: Case) -> float:
-    """Return the mean time of a step [us] of a case, without the FIRST steps of each pass."""
+    """Return the mean time of a step of a case [us]. The first `FIRST` steps of each pass do not count."""
     scene, taken = simulation.scene, 0.0
     for _ in range(case.passes):
         simulation.restore(State(0, scene.position, scene.velocity, case.corrections))

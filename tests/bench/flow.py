@@ -1,12 +1,12 @@
 """Scenes of the benches: the common flow, which all programs simulate, and piles.
 
-In the flow, equal discs fill 40 % of an annulus. They are released at rest from a square lattice, lowest rows
-first, each moved a little, and fall with a small drag. The fastest of 1,000 grains reach 1.7 m/s, which is
-0.4 radii per step of 0.01 s, so that every second step needs a new list.
+In the flow, equal discs fill 40 % of an annulus. They are released at rest from the lowest points of a square
+lattice, each displaced a little, and fall with a small drag. The fastest of 1,000 grains reach 1.7 m/s, which
+is 0.4 radii per step of 0.01 s, so that every second step needs a new list.
 
-All piles are the same pile on other scales: equal discs fill 40 % of a disc from below, on a slightly widened
-hexagonal lattice, each moved a little, and sink with a large drag. Lengths scale with the radius, times with
-sqrt(radius / gravity).
+All piles are the same pile on other scales. Equal discs fill 40 % of a disc from below, on a slightly widened
+hexagonal lattice, each displaced a little, and sink with a large drag. Lengths scale with the radius, times
+with sqrt(radius / gravity).
 """
 
 from math import inf, pi, sqrt
@@ -38,13 +38,16 @@ STEP = 0.03  # dt of piles [sqrt(radius / gravity)]
 THICKNESS = 0.9  # part of a velocity that drag removes per step
 RESTING = 2e-4  # rms displacement per step [radii] below which a pile rests
 SETTLING = {1_000: 4_800, 10_000: 2_400, 100_000: 1_200, inf: 200}
-"""Steps of settling, by largest number of grains. Large piles get fewer than they need to rest."""
+"""Steps in which a pile settles, by the largest number of grains for which they hold.
+
+For large piles, these are fewer than needed to come to rest.
+"""
 SWEPT = {"method": "gauss-seidel", "stop": "zeta", "tolerance": 0.0, "max_iterations": ITERATIONS}
 """Solver settings for exactly ITERATIONS plain sweeps per step."""
 
 
 def flowing(n: int, **changes: Any) -> Scene:
-    """Return the common flow with n grains and changed fields."""
+    """Return the common flow with n grains. `changes` replace its fields."""
     radius = sqrt(FILLING * (RADIUS_OUT**2 - RADIUS_IN**2) / n)
     fields = {
         "position": _shaken_lattice(n, radius),
@@ -62,14 +65,20 @@ def flowing(n: int, **changes: Any) -> Scene:
 
 
 def splashing(n: int, cache: Path) -> tuple[Scene, State]:
-    """Return the flow and its state at SPLASHING; dt is 0.01 s for 1,000 grains and scales as radii."""
+    """Return the flow and its state at the time SPLASHING, from a checkpoint in `cache`, made if missing.
+
+    dt is 0.01 s for 1,000 grains, and proportional to the radius of the grains.
+    """
     dt = 0.01 * sqrt(1_000 / n)
     scene = flowing(n, **SOLVED, dt=dt)
     return scene, kept_state(cache / f"flow-{n}-{SPLASHING}.npz", scene, round(SPLASHING / dt))
 
 
 def _shaken_lattice(n: int, radius: float) -> FloatArray:
-    """Return the n lowest lattice points without walls, by height, then x, each moved a little [m]."""
+    """Return the n lowest lattice points at which grains touch no wall, each displaced a little [m].
+
+    They are sorted by height, then x; shape (n, 2).
+    """
     pitch = PITCH * radius
     k = np.arange(-int(RADIUS_OUT / pitch) - 1, int(RADIUS_OUT / pitch) + 2)
     place = np.stack([np.tile(k, len(k)), np.repeat(k, len(k))], axis=1) * pitch
@@ -82,7 +91,10 @@ def _shaken_lattice(n: int, radius: float) -> FloatArray:
 
 
 def settled_pile(n: int, cache: Path) -> tuple[str, Scene, State]:
-    """Return a name that tells whether the pile rests, the pile, and its state after SETTLING steps."""
+    """Return a name, the pile of n grains, and its state after settling.
+
+    The name says whether the pile rests. The state is from a checkpoint in `cache`, made if missing.
+    """
     scene, steps = pile(n), next(steps for most, steps in SETTLING.items() if n <= most)
     state = kept_state(cache / f"pile-{n}-{steps}-{STEP}-{THICKNESS}.npz", scene, steps)
     way = sqrt(np.mean(state.velocity**2) * 2.0) * scene.dt / scene.radius[0]
@@ -108,7 +120,10 @@ def pile(n: int) -> Scene:
 
 
 def _filled_disc(n: int, radius: float) -> FloatArray:
-    """Return n places in rows from the bottom up [m]. The pile later sinks by about a quarter of a radius."""
+    """Return n lattice points in rows from the bottom of the disc up, each displaced a little [m], (n, 2).
+
+    From there, the pile sinks by about a quarter of a radius.
+    """
     gap = 0.4 / sqrt(n)
     pitch = (2.0 + gap) * radius
     row = np.arange(int(2.0 / pitch * 2.0 / sqrt(3.0)))[:, np.newaxis]
@@ -121,7 +136,10 @@ def _filled_disc(n: int, radius: float) -> FloatArray:
 
 
 def kept_state(file: Path, scene: Scene, steps: int) -> State:
-    """Return the state after `steps` steps from the checkpoint `file`, which is made if it is missing."""
+    """Return the state of a scene after a number of steps, as the checkpoint `file` holds it.
+
+    If the file is missing, the steps are simulated and the checkpoint is written.
+    """
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
         say(f"{scene.name}: {steps:,} steps")
@@ -132,7 +150,7 @@ def kept_state(file: Path, scene: Scene, steps: int) -> State:
 
 
 def continued(scene: Scene, state: State, threads: int | None = 1, **changes: Any) -> Simulation:
-    """Return a simulation that continues from a state, after 3 steps, in which the first lists are made."""
+    """Return a simulation that has done 3 steps from a state, so that its first lists are made."""
     simulation = Simulation(scene, threads=threads, **changes)
     simulation.restore(state)
     simulation.advance(3)

@@ -1,4 +1,4 @@
-"""The common flowing scene in Newton's Kamino: projected Gauss-Seidel in Warp, in single precision."""
+"""The common flow in Kamino, a solver of Newton: projected Gauss-Seidel in Warp, in single precision."""
 
 from typing import Any
 
@@ -13,7 +13,10 @@ from .debian import FRAME
 
 @wp.struct
 class Contacts:
-    """Arrays of Newton's contacts that the outer wall adds to, its radius, and the radius of grains."""
+    """Arrays of Newton's contacts, to which `touch_outer_wall` appends those of the outer wall.
+
+    `outer` is the radius of this wall, and `radius` that of the grains [m].
+    """
 
     count: wp.array(dtype=int)
     shape0: wp.array(dtype=int)
@@ -63,10 +66,11 @@ def touch_outer_wall(q: wp.array(dtype=wp.transformf), wall: int, contacts: Cont
 
 
 class Kamino:
-    """Newton's Kamino with its solver DVI: spheres kept in a plane, gaps closed within a step of 10 ms.
+    """The flow in Kamino with its solver DVI: spheres kept in a plane, in steps of 10 ms.
 
-    Newton finds contacts of spheres and of the inner cylinder within a gap of one radius. It has no shape for
-    the outer wall, whose contacts are added as contacts of the inner wall. An iteration is two sweeps.
+    As in the text, a contact may close its gap within a step. Newton finds contacts of spheres and of the
+    inner cylinder within a gap of one radius. It has no shape for the outer wall, whose contacts are added as
+    contacts of the inner wall. An iteration is two sweeps.
     """
 
     def __init__(self, scene: Scene, iterations: int):
@@ -109,7 +113,7 @@ class Kamino:
 
 
 def _model(newton: Any, scene: Scene) -> Any:
-    """Return a builder with one sphere per body; the last shape is the inner wall."""
+    """Return a builder of Newton's model with one sphere per body; the last shape is the inner wall."""
     radius, mass = float(scene.radius[0]), float(scene.mass[0])
     shape = newton.ModelBuilder.ShapeConfig(
         density=0.0,  # bodies have mass, and inertia of discs

@@ -44,7 +44,10 @@ DECIDING = {
     "path": ("exact_friction",),
     "block_lu": ("exact_friction",),
 }
-"""Names of test files (see `test_file`) that must detect the mutants of a file, fastest first."""
+"""Names of test files, see `test_file`, by the file of kernels/ whose mutants they must detect.
+
+The fastest tests come first.
+"""
 NONE, LATE, UNBUILT = "none", "time limit", "cannot be built"
 BUILD_ERRORS = re.compile(r"WarpCodegen\w*Error|kernel build failed|SyntaxError|IndentationError")
 COPIED = {
@@ -54,7 +57,10 @@ COPIED = {
 
 
 class Mutant(NamedTuple):
-    """A change of text in one file of kernels/; without a file, the unchanged package."""
+    """A change of a file of kernels/: the text `old` is replaced by `new`.
+
+    Without a file, it is the unchanged package. `effect` and `reason` are explained in mutations.toml.
+    """
 
     file: str = ""
     old: str = ""
@@ -82,7 +88,10 @@ def mutants() -> list[Mutant]:
 
 
 def trial(mutant: Mutant, tests: list[str], warm: Path) -> dict[str, str]:
-    """Run tests of a copy of the package until one fails, and return the CSV row."""
+    """Run tests of a copy of the package with a mutant until one fails, and return the CSV row.
+
+    `warm` is the folder of compiled kernels of the unchanged package.
+    """
     start = monotonic()
     with TemporaryDirectory() as name:
         folder, cache, longest = Path(name), warm, 4.0 * TIME_LIMIT  # the first run compiles all
@@ -118,7 +127,10 @@ def test_file(name: str) -> str:
 
 
 def is_as_it_should_be(row: dict[str, str]) -> bool:
-    """Return whether the unchanged package passes, or a mutant is built, and detected if results change."""
+    """Return whether the row of a mutant, or of the unchanged package, is as it should be.
+
+    The unchanged package must pass. A mutant must be built and, if its effect is "result", detected.
+    """
     found = row["detected by"]
     if not row["file"]:
         return found == NONE
@@ -126,7 +138,10 @@ def is_as_it_should_be(row: dict[str, str]) -> bool:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Write the rows; exit with 1 if a row is not as it should be."""
+    """Try the mutants of the chosen files, and write their rows.
+
+    Exit with 1 if a row is not as it should be.
+    """
     summary = (__doc__ or "").partition("\n")[0]
     parser = argparse.ArgumentParser(prog="python -m tests.bench.mutations", description=summary)
     files = list(DECIDING)

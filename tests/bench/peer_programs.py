@@ -1,7 +1,8 @@
-"""The common flow in several programs: masses, walls, gravity, drag, friction if any, no restitution.
+"""The common flow in several programs, with a class for each.
 
-Each class takes the scene and its own settings; `advance` simulates frames of 10 ms in one thread, and
-`position` returns the centers [m]. Differences from the scene are as small as the program allows.
+A class takes the scene and settings of the program. `advance` simulates frames of 10 ms in one thread, and
+`position` returns the centers [m]. Masses, walls, gravity, drag and friction are those of the scene, as
+closely as the program allows, and there is no restitution.
 """
 
 import ctypes
@@ -41,7 +42,10 @@ class Warpgrains:
 
 
 class InSubSteps:
-    """Common part of pymunk and Box2D 2.3: bodies, and frames divided into sub-steps."""
+    """Common part of pymunk and Box2D 2.3: bodies, and frames that are divided into `substeps` sub-steps.
+
+    `scale` multiplies all lengths.
+    """
 
     def __init__(self, scene: Scene, scale: float, substeps: int):
         self.scale, self.substeps, self.bodies = scale, substeps, []
@@ -110,7 +114,11 @@ class Box2d(InSubSteps):
 
 
 class Box2d3:
-    """Box2D 3: soft contacts, searched `steps` times per frame; for more than once, as stiff as possible."""
+    """Box2D 3: soft contacts.
+
+    A frame has `steps` steps, each of which searches contacts once and has `substeps` sub-steps. If there are
+    several steps, contacts are as stiff as possible.
+    """
 
     def __init__(self, scene: Scene, source: Path | None, steps: int, substeps: int):
         self._library, self._steps, self._substeps = box2d3(source), steps, substeps
@@ -160,7 +168,10 @@ def new_lammps() -> Any:
 
 
 class Lammps(OfLammps):
-    """LAMMPS: soft discs (granular hooke), with friction also along the tangent."""
+    """LAMMPS: soft discs (granular hooke), with tangential springs if there is friction.
+
+    For `overlap`, see `springs`.
+    """
 
     def __init__(self, scene: Scene, overlap: float):
         plain = as_plain(scene)
@@ -186,7 +197,10 @@ class Lammps(OfLammps):
 
 
 class InDebian:
-    """A program of Debian, run by debian.py in a process of Debian's Python or of YADE."""
+    """A program that Debian packages, run by debian.py in another process, of Debian's Python or of YADE.
+
+    `name` and `setting` are the program's name in debian.py and its settings.
+    """
 
     def __init__(self, scene: dict[str, Any], name: str, **setting: Any):
         python = ["yade", "-n", "-x", "-j1"] if name.startswith("yade") else ["/usr/bin/python3"]
@@ -221,7 +235,7 @@ class InDebian:
 
 
 class OfDebian(InDebian):
-    """YADE, LIGGGHTS or Siconos."""
+    """The flow in YADE, LIGGGHTS or Siconos."""
 
     def __init__(self, scene: Scene, name: str, **setting: Any):
         super().__init__(as_plain(scene), name, **setting)
@@ -231,7 +245,10 @@ class OfDebian(InDebian):
 
 
 def as_plain(scene: Scene) -> dict[str, Any]:
-    """Return the parts of the scene that programs need, for JSON; grains are equal discs or spheres."""
+    """Return the parts of a scene of equal grains that the programs need, as plain values for JSON.
+
+    "density" is that of spheres.
+    """
     r, m = float(scene.radius[0]), float(scene.mass[0])
     fields = ("friction", "drag", "radius_in", "radius_out", "gravity")
     return {
@@ -245,7 +262,10 @@ def as_plain(scene: Scene) -> dict[str, Any]:
 
 
 def polygons(scene: Scene, scale: float) -> list[FloatArray]:
-    """Return corners of polygons around the outer wall and within the inner wall, times `scale`."""
+    """Return the corners of two polygons, times `scale`, shape (CORNERS, 2) each.
+
+    The first is circumscribed about the outer wall, and the second inscribed in the inner wall.
+    """
     angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return [reach * circle * scale for reach in (scene.radius_out / np.cos(np.pi / CORNERS), scene.radius_in)]

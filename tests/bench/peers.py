@@ -1,8 +1,9 @@
-"""The common flowing scene in this and other programs, with and without friction: time against overlap.
+"""The common flow in this and other programs, with and without friction: CPU time and overlap.
 
-Figures are the CPU time per 10 ms of simulated time on one thread, without set-up and compilation, and the
-worst overlaps with true circles, sampled every 10 ms. The measured window is 2 s; for more than 1,000 grains,
-0.05 s in which all splash. Programs that are not installed and settings that take too long are reported only.
+The time is that of 10 ms of simulated time on one thread, without set-up and compilation. The overlaps are
+the worst ones of the true circles, sampled every 10 ms. The measured window is 2 s; for more than 1,000
+grains, it is 0.05 s in which all splash. Programs that are not installed and settings that take too long have
+no row; a message names them.
 """
 
 import argparse
@@ -42,7 +43,10 @@ SEARCHES = [(f"{k} searches, {4 * k} sub-steps", {"steps": k, "substeps": 4}) fo
 
 
 def peers(box2d3: Path | None) -> dict[str, tuple[Callable[..., Any], Settings]]:
-    """Return by program its class, and its settings by name; `box2d3` is the source folder of Box2D 3."""
+    """Return all programs by name: each with its class, and its settings as (name, arguments of the class).
+
+    `box2d3` is the source folder of Box2D 3.
+    """
     accelerated = [
         (f"dt {dt:g}, to {tolerance:g} m/s", {"dt": dt, "tolerance": tolerance})
         for dt, tolerance in product((0.01, 0.0025), (1e-1, 3e-2, 1e-2, 1e-3, 1e-4))
@@ -66,7 +70,7 @@ def peers(box2d3: Path | None) -> dict[str, tuple[Callable[..., Any], Settings]]
 
 
 def start(n: int, friction: float, cache: Path) -> tuple[Scene, int]:
-    """Return the measured scene, and the number of frames of its window."""
+    """Return the flow of n grains at the start of the measured window, and the number of frames of this."""
     scene = flowing(n, friction=friction)
     if n <= FROM_REST:
         return scene, WHOLE
@@ -75,7 +79,10 @@ def start(n: int, friction: float, cache: Path) -> tuple[Scene, int]:
 
 
 def overlaps(scene: Scene, x: FloatArray) -> FloatArray:
-    """Return the worst overlaps of pairs, with the outer and with the inner wall [radii], shape (3,)."""
+    """Return the worst overlaps of pairs, of grains and the outer wall, and of grains and the inner wall.
+
+    `x` are the centers [m], shape (n, 2). Overlaps are in radii, shape (3,).
+    """
     radius = float(scene.radius[0])
     pairs = cKDTree(x).query_pairs(2.0 * radius, output_type="ndarray")
     apart = np.hypot(*(x[pairs[:, 0]] - x[pairs[:, 1]]).T)
@@ -91,7 +98,11 @@ def overlaps(scene: Scene, x: FloatArray) -> FloatArray:
 def measure(
     scene: Scene, frames: int, longest: float, make: Callable[..., Any], **setting: Any
 ) -> tuple[float, FloatArray]:
-    """Return the CPU time [ms] per 10 ms, and the worst overlaps [radii]; TimeoutError if it is too slow."""
+    """Simulate a scene by the program of the class `make` with a setting.
+
+    Returns the CPU time per 10 ms [ms] and the worst overlaps [radii]. Raises TimeoutError if all frames
+    would take more than `longest` [s].
+    """
     program, worst = make(scene, **setting), np.zeros(3)
     times: list[float] = []
     while len(times) < frames:
@@ -113,7 +124,7 @@ def cpu_seconds(program: Any, frames: int) -> float:
 
 
 def known(given: list[str] | None, programs: Iterable[str]) -> list[str]:
-    """Return the given names of programs, or all names; exit if a name is unknown."""
+    """Return the given names of programs, or all names if none are given; exit if one is unknown."""
     names = list(programs)
     if unknown := [name for name in given or () if name not in names]:
         raise SystemExit(f"--programs: no program is named {unknown[0]!r}: there are {'; '.join(names)}")
@@ -123,7 +134,11 @@ def known(given: list[str] | None, programs: Iterable[str]) -> list[str]:
 def of_each(
     name: str, settings: Settings, measure: Callable[..., Result], compiles: bool = False
 ) -> Iterator[tuple[str, Result]]:
-    """Yield each setting of a program with its result; print which settings are left out, and why."""
+    """Yield the name of each setting of a program with the result of `measure` for it.
+
+    Settings that take too long, or all if the program is missing, are left out with a message. If the program
+    `compiles` at first use, the first setting is measured twice.
+    """
     for k, (setting, values) in enumerate(settings):
         try:
             if compiles and k == 0:
@@ -137,7 +152,7 @@ def of_each(
 
 
 def rows(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield a row per setting of every program, for each number of grains, with and without friction."""
+    """Yield a row for each setting of every program, each number of grains, and with and without friction."""
     programs = peers(options.box2d3)
     chosen = known(options.programs, programs)
     for n, friction, name in product(options.grains or GRAINS, FRICTIONS, chosen):

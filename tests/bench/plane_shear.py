@@ -42,7 +42,10 @@ FIGURES = "mu", "phi", "rate"
 
 
 def box(n: int, rate: float) -> Box:
-    """Return a box of n square meters between rough walls, whose upper wall moves at a shear rate [1/s]."""
+    """Return a box of n square meters between rough walls, of which the upper one moves.
+
+    Its velocity is the shear rate `rate` [1/s] times the height of the box.
+    """
     height = 20.0 if n < 4_000 else 40.0
     rough: dict[str, Any] = {"roughness": {"radius": WALL, "spacing": 2.0 * WALL}}
     lid = {"velocity": (rate * height, 0.0), "pressure": 1.0, "mass": n / height}
@@ -57,7 +60,10 @@ def layout(n: int, seed: int) -> tuple[FloatArray, FloatArray]:
 
 
 def sheared(n: int, rate: float, seed: int) -> dict[str, Any]:
-    """Return a scene for all programs: n grains, then the discs of the bottom, then those of the lid."""
+    """Return a scene of n grains for all programs, as values by name.
+
+    Arrays hold n grains, then the discs of the bottom, then those of the lid.
+    """
     domain, (position, radius) = box(n, rate), layout(n, seed)
     length, height = domain.lengths
     along = np.arange(WALL, length, 2.0 * WALL)
@@ -75,7 +81,10 @@ def sheared(n: int, rate: float, seed: int) -> dict[str, Any]:
 
 
 class Warpgrains:
-    """This package, on one thread. Forces are read about READ times per `every` steps; never if it is 0."""
+    """This package, on one thread.
+
+    Forces on walls are read about READ times in `every` steps. If `every` is 0, they are not read.
+    """
 
     def __init__(self, scene: dict[str, Any], dt: float, tolerance: float, every: int):
         n, height = scene["n"], scene["height"]
@@ -111,7 +120,7 @@ class Warpgrains:
         self._force = np.mean(read, axis=0)
 
     def _wall_forces(self) -> FloatArray:
-        """Return the forces of the grains on the lid and on the bottom [N], shape (4,)."""
+        """Return the forces of the grains on the lid (x, y) and on the bottom (x, y) [N], shape (4,)."""
         found = analysis.wall_forces(self._simulation)
         return np.concatenate([found[name].force for name in ("top", "bottom")])
 
@@ -139,7 +148,10 @@ class Lammps(ShearedOfLammps):
 
 
 def programs(whole: bool) -> dict[str, tuple[Callable[..., Any], Settings]]:
-    """Return by program its class, and its settings by name, the finest last; only few unless `whole`."""
+    """Return all programs by name: each with its class, and its settings as (name, arguments of the class).
+
+    The finest setting is the last. Unless `whole`, there are only few settings.
+    """
     pairs = product(STEPS, TOLERANCES) if whole else product(STEPS[2:5], TOLERANCES[:1])
     ours = [(f"dt {dt:g}, to {part:g} dt", {"dt": dt, "tolerance": part * dt}) for dt, part in pairs]
     springs = [
@@ -155,7 +167,10 @@ def programs(whole: bool) -> dict[str, tuple[Callable[..., Any], Settings]]:
 
 
 def timed(make: Callable[..., Any], run_in: int, steps: int, all_steps: int, longest: float) -> float:
-    """Return the CPU time per step [s]; TimeoutError if `all_steps` would take more than `longest` [s]."""
+    """Return the CPU time per step [s], measured over `steps` steps after `run_in` steps.
+
+    `make` starts the program. Raises TimeoutError if `all_steps` steps would take more than `longest` [s].
+    """
     program, first = make(every=0), max(1, run_in // 10)
     program.advance(1)  # compiles the kernels
     expected = cpu_seconds(program, first) / first * all_steps
@@ -168,7 +183,11 @@ def timed(make: Callable[..., Any], run_in: int, steps: int, all_steps: int, lon
 def samples(
     program: Any, scene: dict[str, Any], begin: int, every: int, count: int, dt: float
 ) -> tuple[FloatArray, float]:
-    """Return shear and normal force [N], phi and rate [1/s], shape (count, 4), and the worst overlap."""
+    """Simulate a shear of `begin` steps, then take `count` samples, one after every `every` steps.
+
+    Returns shear force [N], normal force [N], phi and shear rate [1/s] of the samples, shape (count, 4), and
+    the worst overlap [mean radii].
+    """
     n, length, radius, place = scene["n"], scene["length"], scene["radius"], scene["position"].copy()
     lid, table, worst = n + (len(radius) - n) // 2, np.empty((count, 4)), 0.0
     program.advance(begin)
@@ -193,7 +212,10 @@ def area_below(line: float, y: FloatArray, r: FloatArray) -> FloatArray:
 
 
 def overlap(place: FloatArray, radius: FloatArray, n: int, length: float) -> float:
-    """Return the worst overlap of the first n discs, the grains, with any disc [mean radii]."""
+    """Return the worst overlap of a grain with any disc [mean radii], in a box of period `length` in x [m].
+
+    The grains are the first n discs; the others are those of the walls.
+    """
     raised = np.stack([place[:, 0] % length, place[:, 1] - place[:, 1].min()], axis=1)
     i, j = cKDTree(raised, boxsize=[length, 1e6]).query_pairs(2.0 * max(RADII), output_type="ndarray").T
     i, j = i[i < n], j[i < n]  # i < j
@@ -209,7 +231,11 @@ def measure(
     options: argparse.Namespace,
     **setting: Any,
 ) -> Row:
-    """Return the figures of a setting: means over all scenes, with standard errors from blocks of samples."""
+    """Return the figures of a program with a setting: CPU time, mu, phi, rate and the worst overlap.
+
+    They are means over all scenes. Standard errors are from means of blocks of samples. `strain` is the
+    strain in which samples are taken, and `make` the class of the program.
+    """
     a_step, most = scenes[0]["rate"] * setting["dt"], options.steps or inf
     run_in, steps, whole = (max(1, round(min(part / a_step, most))) for part in (RUN_IN, TIMED, strain))
     every = min(max(1, round(SAMPLE / a_step)), whole)
@@ -233,7 +259,7 @@ def measure(
 
 
 def rows(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield a row per setting of every program, for each number of grains and each inertial number."""
+    """Yield a row for each setting of every program, each number of grains, and each inertial number."""
     by_name = programs(options.long)
     for n, rate, name in product(options.grains, options.rates, known(options.programs, by_name)):
         make, settings = by_name[name]
@@ -245,10 +271,10 @@ def rows(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def error(row: Row, rows: list[Row]) -> float:
-    """Return the largest relative error of mu, phi and rate in `row`; `rows` are all rows of its case.
+    """Return the largest relative error of mu, phi and rate in a row.
 
-    The reference is the mean of the finest settings (last rows) of warpgrains and LAMMPS. An error is at
-    least its standard error.
+    `rows` are all rows of the same number of grains and inertial number. The reference is the mean of the
+    finest settings (last rows) of warpgrains and LAMMPS. An error is at least its standard error.
     """
     finest = {other["program"]: other for other in rows if other["program"] in REFERENCES}.values()
     relative = []

@@ -31,7 +31,10 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def in_turn(repeats: int, *measure: Callable[[], float]) -> list[list[float]]:
-    """Call all functions once per round, so that noise affects all; return the list of values of each."""
+    """Call all functions once in each of `repeats` rounds, so that noise of the machine affects all of them.
+
+    Returns a list for each function, with the values that it returned.
+    """
     rounds = [[take() for take in measure] for _ in range(repeats)]
     return [list(values) for values in zip(*rounds, strict=True)]
 
@@ -41,7 +44,7 @@ def say(text: str) -> None:
 
 
 class Subject(NamedTuple):
-    """Subject of a measurement: kind of scene, number of grains, order and threads."""
+    """Subject of a measurement: its name, the number of grains, the order of contacts, and the threads."""
 
     name: str
     n: int
@@ -58,7 +61,11 @@ def row(
     ratio_is: str = SLOWDOWN,
     target: str = "",
 ) -> Row:
-    """Return a row with medians and their ratio. `target` is a bound for readers, such as "<= 1.1"."""
+    """Return a row with the median of the measured `values`, that of `its_values`, and the ratio of both.
+
+    `its_values` are those of the program `compared_with`. `ratio_is` says which median is divided by which.
+    `target` is the bound that the ratio or the median should satisfy, as a text such as "<= 1.1".
+    """
     ours, its = median(values), median(its_values) if its_values else None
     ratio = None if its is None else ours / its if ratio_is == SLOWDOWN else its / ours
     return {
@@ -82,7 +89,10 @@ def _number(value: float | None) -> str:
 
 
 def publish(functions: str, options: argparse.Namespace, file: Path) -> None:
-    """Write the rows that functions of tests.bench yield to `file`, each as soon as it is measured."""
+    """Write the rows that functions of tests.bench yield to a CSV file, each as soon as it is measured.
+
+    `functions` are names such as "step.moving", separated by spaces.
+    """
     start_warp()
     stamp = dict(zip(STAMP, (__version__, _commit(), str(date.today()), _processor()), strict=True))
     part, writer = file.with_suffix(".part"), None

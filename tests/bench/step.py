@@ -1,4 +1,7 @@
-"""Times of whole runs, of steps of one and of two threads on idle and busy cores, and of a first run."""
+"""Times of whole runs, of steps by one and by two threads, and of a first run.
+
+Steps are timed on idle cores, and on cores that are kept busy by other processes.
+"""
 
 import argparse
 import os
@@ -26,7 +29,7 @@ LOOP = "import os, sys; os.sched_setaffinity(0, {int(sys.argv[1])})\nwhile True:
 
 
 def moving(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield time per step, worst overlap, iterations and lists of whole runs of the common flow."""
+    """Yield rows for whole runs of the flow: time, iterations and new lists per step, and worst overlap."""
     for n in options.grains or FLOWING:
         scene = flowing(n, **SOLVED)
         simulations = [Simulation(scene, threads=1) for _ in range(options.repeats)]
@@ -41,7 +44,10 @@ def moving(options: argparse.Namespace) -> Iterator[Row]:
 
 
 def threads(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield times of two threads, and of two simulations at once, against one thread; idle or busy cores."""
+    """Yield times of a step by two threads, and by two simulations at the same time, on idle and busy cores.
+
+    All are compared with one thread.
+    """
     for n in options.grains or SHARED:
         kind, *pile = settled_pile(n, options.cache)
         flow = splashing(n, options.cache)
@@ -85,7 +91,7 @@ def _against_one_thread(
 
 @contextmanager
 def _endless_loops(count: int) -> Iterator[None]:
-    """Keep every core busy with `count` processes."""
+    """Keep every core busy with `count` processes during the ``with`` block."""
     own = sorted(os.sched_getaffinity(0))
     loops = [subprocess.Popen([sys.executable, "-c", LOOP, str(core)]) for core in own * count]
     try:
@@ -97,7 +103,7 @@ def _endless_loops(count: int) -> Iterator[None]:
 
 
 def first_run(options: argparse.Namespace) -> Iterator[Row]:
-    """Yield the time of the command for the course's scene, with an empty cache of kernels."""
+    """Yield the time of `warpgrains run annulus` with an empty cache, so that it compiles all kernels."""
     taken = [_seconds_of_a_first_run() for _ in range(min(FIRST_RUNS, options.repeats))]
     subject = Subject("first run of a new kind of scene, kernels compiled in it", Scene.load("annulus").n)
     yield row(subject, taken, "s", target="<= 3")

@@ -1,4 +1,4 @@
-"""The benchmarks run and write the rows that the tables of the pages need. No time is asserted."""
+"""Tests that the benchmarks run and write the rows that the tables of pages need. No time is asserted."""
 
 import ast
 import csv
