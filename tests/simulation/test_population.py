@@ -207,7 +207,7 @@ def test_what_overlaps_is_refused_by_its_depth_or_moved_apart():
         ({"position": [(0.0, 0.8), (0.0, 0.805)]}, "added grain 1 is .*overlaps added grain 0 by 1.5e-02 m"),
         ({"position": [(0.02, 0.875)]}, "added grain 0 is .*overlaps Disc4 by 5.0e-03 m"),
         ({"position": [(0.0, 0.8)], "radius": 2.0}, "fit between the walls"),
-        ({"position": [(0.0, -0.5)]}, r"position of grain 0 .*inside walls\[0\]"),
+        ({"position": [(0.0, -0.5)]}, r"position of added grain 0 .*inside walls\[0\]"),
     ):
         with pytest.raises(InputError, match=complaint):
             simulation.add(**inside | more)

@@ -61,7 +61,8 @@ def test_values_of_an_axis(axis, expected):
     ],
 )
 def test_values_of_runs(tmp_path, combine, text, expected):
-    sweep = load(tmp_path, f'combine = "{combine}"\nscene = "annulus"\n[axes]\n{text}')
+    axes = f"[axes]\n{text}" if text else ""
+    sweep = load(tmp_path, f'combine = "{combine}"\nscene = "annulus"\n{axes}')
     assert [tuple(run.values.values()) for run in sweep.runs] == expected
     assert [run.number for run in sweep.runs] == list(range(len(expected)))
 

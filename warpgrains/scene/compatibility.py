@@ -36,20 +36,22 @@ def require_valid_positions(scene: Scene) -> None:
     require_distinct("position", scene.period.wrapped(scene.position))
 
 
-def require_clear(scene: Scene, numbers: Collection[int], position: FloatArray, time: float) -> None:
+def require_clear(
+    scene: Scene, numbers: Collection[int], position: FloatArray, time: float, of: str = "grain"
+) -> None:
     """Raise InputError if, at `time` [s], a center lies in a wall or a grain touches one without a normal.
 
-    `numbers` are the indices in `scene.walls` of the walls to check.
+    `numbers` are the indices in `scene.walls` of the walls to check. Messages call each grain `of`.
     """
     for number in numbers:
         wall = scene.walls[number]
         if (covered := wall.covers(wall.places(position, scene.period, time))).any():
-            grain = checks.first_bad("position", position, covered)
+            grain = checks.first_bad("position", position, covered, of)
             raise InputError(f"{grain}: {wall.complaint(number)}")
     for number in numbers:
         undefined = scene.side(number, position, scene.radius, time=time).without_normal()
         if undefined.any():
-            grain, name = checks.first_bad("position", position, undefined), scene.wall_names[number]
+            grain, name = checks.first_bad("position", position, undefined, of), scene.wall_names[number]
             raise InputError(f"{grain}: it touches {name}, which has no normal there")
 
 

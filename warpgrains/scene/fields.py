@@ -346,7 +346,7 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
     n = len(position)
     if len(velocity) != n:
         raise InputError(
-            f"velocity has shape {velocity.shape}: it must be that of position, {position.shape}"
+            f"velocity has shape {velocity.shape}: it must be that of position, {position.shape}: give both"
         )
     return {
         "position": position,

@@ -25,6 +25,7 @@ from warpgrains.walls.wall import Wall
 MOST_GRAINS = 10_000_000
 LEAST_SPACING, LARGEST_SPACING = 0.1, 1e12  # [radii]
 MOST_ADDED = 0.54  # largest packing fraction of random sequential addition here; its limit is 0.547
+MOST_GROWN = 0.82  # about the largest packing fraction of grains that grow and push each other apart
 
 COMMON = {
     "count": "Number of grains.",
@@ -71,6 +72,10 @@ def rows(
         widths = _fitting_widths(space, count, radius, lowest + height * radius, spacing * radius)
     else:
         columns = checks.whole_number("grains.columns", columns)
+        (first, _), (last, _) = _centers(space, radius)
+        most = floor((last - first) / (radius * spacing) * (1.0 + ROUNDING)) + (not space.period.x)
+        if columns > most:
+            raise InputError(f"grains.columns is {columns}: at most {most} of these grains fit in a row")
         widths = np.full(-(-count // columns), columns)
     row = np.repeat(np.arange(len(widths)), np.minimum(widths, count))[:count]
     column = np.arange(count) - (np.cumsum(widths) - widths)[row]
@@ -188,7 +193,8 @@ def random_layout(
     filled = float(np.pi * (radii**2).sum()) / space.area
     if filled >= 1.0:
         raise InputError(
-            f"{_stated(count, packing_fraction)}: the grains have {filled:.3g} times the area of their region"
+            f"{_stated(count, packing_fraction)}: the grains have {filled:.3g} times the area of their"
+            f" region: at most about {int(MOST_GROWN / filled * len(radii))} of these radii fit"
         )
     walls = with_images(walls, space.period, float(radii.max()))
     if filled <= MOST_ADDED:

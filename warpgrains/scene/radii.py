@@ -44,7 +44,9 @@ def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, floa
     if not isinstance(radius, dict):
         low, high = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
         return _uniform(checks.positive("grains.radius", low), high, generator), high
-    name = checks.one_of("grains.radius.distribution", radius.get("distribution"), DISTRIBUTIONS)
+    if "distribution" not in radius:
+        raise InputError(f"grains.radius.distribution is missing: give one of {', '.join(DISTRIBUTIONS)}")
+    name = checks.one_of("grains.radius.distribution", radius["distribution"], DISTRIBUTIONS)
     for key in radius:
         checks.one_of(f"key of grains.radius, {name},", key, ("distribution", *DISTRIBUTIONS[name]))
     given = {key: value for key, value in radius.items() if key != "distribution"}

@@ -510,12 +510,14 @@ class Scene(SceneFields, Shown):
         return self.steps_in(self.duration)
 
     def steps_in(self, duration: float) -> int:
-        """Return the whole number of time steps nearest to a duration [s]; InputError if that is 0."""
+        """Return the number of time steps nearest to a duration [s]; InputError if it is 0 or too large."""
         steps = _steps_in(checks.positive("duration", duration), self.dt)
         if steps == 0:
             raise InputError(
                 f"duration is {duration} s: it must be at least one step, dt, which is {self.dt} s"
             )
+        if steps > (most := checks.LARGEST_WHOLE_NUMBER):
+            raise InputError(f"duration is {duration} s: it must be at most {most} steps of {self.dt} s")
         return steps
 
     def count_overlaps(self) -> Overlaps:

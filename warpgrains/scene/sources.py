@@ -78,13 +78,13 @@ def _radius(field: str, value: Any) -> Any:
         value = dict(value)
     else:
         value = checks.vector(field, value) if np.iterable(value) else checks.positive(field, value)
-    with _radius_named(field):
+    with radius_named(field):
         drawn_radii(value, np.random.default_rng(0))
     return value
 
 
 @contextmanager
-def _radius_named(field: str) -> Iterator[None]:
+def radius_named(field: str) -> Iterator[None]:
     """Replace "grains.radius", which checks of layouts name, by `field` in the message of an InputError."""
     try:
         yield
@@ -264,7 +264,8 @@ def _checked_one(field: str, value: Any, kind: type[Kind]) -> Kind:
         checks.one_of(f"key of {field}", key, keys)
     for key, own in keys.items():
         if key not in value and own.default is MISSING:
-            raise InputError(f"{field}.{key} is missing")
+            such = ", such as {x = [-1.0, 0.0]}" if key == "region" else ""
+            raise InputError(f"{field}.{key} is missing: a {kind.__name__.lower()} needs it{such}")
     try:
         return kind(**value)
     except InputError as error:
@@ -283,6 +284,10 @@ def complaints(scene: Scene) -> Iterator[str]:
     names = [source.name for source in scene.sources if source.name]
     for k, sink in enumerate(scene.sinks):
         region_of(scene.space_at(scene.time), sink.region, f"sinks[{k}].region")
+        if sink.into is not None and not names:
+            raise InputError(
+                f"sinks[{k}].into is {sink.into!r}: no source has a name: give one the name {sink.into!r}"
+            )
         if sink.into is not None:
             checks.one_of(f"sinks[{k}].into", sink.into, names)
     fed = {sink.into for sink in scene.sinks} - {None}
@@ -291,7 +296,7 @@ def complaints(scene: Scene) -> Iterator[str]:
             yield f"sources[{k}].name is {source.name!r}: another source has it"
         if not (source.count or source.rate or source.name in fed):
             yield f"sources[{k}] has no count, no rate, and no sink that feeds it: give one of them"
-        with _radius_named(f"sources[{k}].radius"):
+        with radius_named(f"sources[{k}].radius"):
             largest = drawn_radii(source.radius, np.random.default_rng(0))[1]
             space_of(scene, source.region, largest, f"sources[{k}].region")
 

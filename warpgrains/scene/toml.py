@@ -62,7 +62,8 @@ def read_text(path: Path, kind: str) -> str:
     try:
         return read_regular(path, _LONGEST).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} cannot be read: {error}") from None
+        told = f"it must be a {kind} file; view and plot show recordings"
+        raise InputError(f"{path} is not UTF-8 text (byte {error.start}): {told}") from None
 
 
 def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:

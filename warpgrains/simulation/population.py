@@ -65,9 +65,8 @@ class Population:
             raise InputError(f"which has grain {gone[count > 1][0]} twice")
         if (unknown := gone[~np.isin(gone, self.id)]).size:
             is_gone = 0 <= unknown[0] < self.born
-            raise InputError(
-                f"which has grain {unknown[0]}: {'it was removed' if is_gone else 'it does not exist'}"
-            )
+            told = "it was removed" if is_gone else "it does not exist"
+            raise InputError(f"which has grain {unknown[0]}: {told}; Simulation.id lists the grains")
         if len(gone) == 0:
             return self
         if len(gone) == self.scene.n:
@@ -151,7 +150,7 @@ class Population:
         grains = {name: getattr(scene, name)[first:] for name in OF_GRAINS}
         added, place = scene.unchecked(**grains), grains["position"]
         require_size(scene)
-        require_clear(added, range(len(scene.walls)), place, scene.time)
+        require_clear(added, range(len(scene.walls)), place, scene.time, of="added grain")
         deepest, grain, other = allowed_overlap(scene), -1, ""
         for i, j in overlapping_pairs(scene.position, scene.radius, scene.period):
             pair = np.stack([i, j], axis=1)[j >= first]

@@ -11,7 +11,7 @@ from warpgrains.base.errors import InputError
 from warpgrains.scene.layouts import MOST_GRAINS
 from warpgrains.scene.placing import place_at_random
 from warpgrains.scene.radii import drawn_radii, listed_radii
-from warpgrains.scene.sources import space_of
+from warpgrains.scene.sources import radius_named, space_of
 from warpgrains.walls.bodies import with_images
 from warpgrains.walls.disc import Disc
 from warpgrains.walls.rim import Rim
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 TRIES = 1000  # places tried for one grain; enough to find most places in 1/200 of a region
 
 
+@radius_named("radius")
 def poured(
     now: Scene, count: int, radius: Any, density: float, region: Any, seed: tuple[int, int]
 ) -> dict[str, FloatArray]:

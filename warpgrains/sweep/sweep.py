@@ -156,6 +156,10 @@ class Sweep:
         for key in document:
             checks.one_of("key of a sweep", key, KEYS)
         combine = checks.one_of("combine", document.get("combine", "grid"), COMBINATIONS)
+        if document.get("axes") == {}:
+            raise InputError(
+                "axes is empty: give an axis such as physics.drag = [0.1, 0.2], or remove [axes]"
+            )
         fixed, axes = _by_key(document, "set"), _by_key(document, "axes")
         for key in fixed.keys() & axes.keys():
             raise InputError(f"{key} is in [set] and in [axes]: it must be in one of them")
@@ -200,7 +204,8 @@ def _by_key(document: Table, name: str) -> KeyValues:
         for key, value in _table(f"{name}.{section}", table).items():
             is_table = section == "walls" or (section == "domain" and key in SIDES)
             for full, each in _leaves(key, value) if is_table else [(key, value)]:
-                require_key(section, full)
+                with written_as({}, f"{name}.{section}.{full}"):
+                    require_key(section, full)
                 found[f"{section}.{full}"] = each
     return found
 
