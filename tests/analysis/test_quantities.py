@@ -111,6 +111,7 @@ def test_names_and_groups_in_order():
     absent = {*GROUPS["flow"], *(name for name in QUANTITIES if name.endswith(":WALL"))}
     assert list(quantities(now)) == [name for name in QUANTITIES if name not in absent]
     assert list(quantities(now, ["walls", "inner_wall_force"])) == ["outer_wall_force", "inner_wall_force"]
+    assert list(quantities(now, "walls, rattlers")) == ["outer_wall_force", "inner_wall_force", "rattlers"]
 
 
 @pytest.mark.parametrize("profile", [analysis.height_profile, analysis.radial_profile])

@@ -33,7 +33,7 @@ COMMAND = [sys.executable, "-m", "warpgrains"]
 
 def test_message_with_bytes_that_are_no_text(capfd):
     assert exit_code("recover", "\udcff") == 2
-    require_refusal(capfd, "'\\xff' is not the log of a recording")
+    require_refusal(capfd, "'\\xff' does not exist")
 
 
 def cpu_seconds(pid):

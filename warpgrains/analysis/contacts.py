@@ -44,7 +44,7 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
     Raises
     ------
     InputError
-        scipy is not installed, or a cell is unknown, see `cell_areas`.
+        An area is not positive, scipy is not installed, or a cell is unknown, see `cell_areas`.
 
     Examples
     --------
@@ -52,7 +52,7 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
     (15, 2, 2)
     """
     now = snapshot(of)
-    area = cell_areas(now) if area is None else area
+    area = cell_areas(now) if area is None else checks.positive_per_grain("area", area, now.n)
     return force_moments(now) / area[:, np.newaxis, np.newaxis]
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, snapshot
+from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.described import fields_in_help
 from warpgrains.base.errors import InputError
@@ -196,6 +197,11 @@ def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> E
 def energy_balance(simulation: Simulation, steps: int) -> EnergyBalance:
     """Advance a simulation by some steps and return the energy balance of all of them [J].
 
+    Raises
+    ------
+    InputError
+        `steps` is invalid, or the scene has sources or sinks.
+
     Examples
     --------
     >>> other = wg.Simulation(simulation.scene)
@@ -206,7 +212,7 @@ def energy_balance(simulation: Simulation, steps: int) -> EnergyBalance:
     """
     require_closed(simulation.scene, "energy_balance")
     total = np.zeros(len(EnergyBalance._fields))
-    for _ in range(steps):
+    for _ in range(checks.whole_number("steps", steps, least=0)):
         simulation.step()
         total += step_energy_balance(simulation)
     return EnergyBalance(*total.tolist())

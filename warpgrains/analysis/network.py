@@ -6,6 +6,7 @@ import numpy as np
 
 from warpgrains.analysis.region_table import Where, grains_in
 from warpgrains.analysis.snapshot import HasState, snapshot
+from warpgrains.base import checks
 from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from warpgrains.base.errors import InputError, requiring
 from warpgrains.scene.snapshot import Snapshot
@@ -29,6 +30,7 @@ class _Contacts(NamedTuple):
 
 
 def _contacts(now: Snapshot, least: float) -> _Contacts:
+    least = checks.number("least", least)
     return _Contacts(now.pair[now.force >= least], now.wall[now.wall_force >= least, 0])
 
 
@@ -183,6 +185,7 @@ def rigidity(
 
 def _rigidity_matrix(now: Snapshot, least: float, counted: BoolArray) -> FloatArray:
     """Return the matrix that maps velocities and r * spins of grains to relative velocities at contacts."""
+    least = checks.number("least", least)
     rough, n = now.scene.has_friction, int(counted.sum())
     per_grain = 3 if rough else 2
     if n * per_grain > MOST_FREEDOMS:

@@ -235,10 +235,13 @@ def find(name: str) -> Quantity:
     return QUANTITIES[checks.one_of("quantity", name, [*GROUPS, *QUANTITIES])]
 
 
-def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
-    """Return the quantities that names and groups denote, without duplicates, in the given order."""
+def names_of(wanted: str | Iterable[str]) -> tuple[str, ...]:
+    """Return the quantities that names and groups denote, without duplicates, in the given order.
+
+    A single text may hold several, separated by commas.
+    """
     found: dict[str, None] = {}
-    for name in wanted:
+    for name in map(str.strip, wanted.split(",") if isinstance(wanted, str) else wanted):
         if name not in GROUPS:
             find(name)
         found |= dict.fromkeys(GROUPS.get(name, (name,)))
@@ -277,15 +280,15 @@ def takes_region(names: Iterable[str]) -> bool:
 
 
 def quantities(
-    of: Snapshot | HasState, names: Iterable[str] | None = None, region: Where = None
+    of: Snapshot | HasState, names: str | Iterable[str] | None = None, region: Where = None
 ) -> dict[str, float]:
     """Return quantities by name, in the units of `QUANTITIES`.
 
     Parameters
     ----------
-    names : iterable of str, optional
-        Names of quantities, or of `GROUPS`. By default all quantities that the scene can have, except those
-        of single walls.
+    names : str or iterable of str, optional
+        Names of quantities, or of `GROUPS`, as of `Series`. By default all quantities that the scene can
+        have, except those of single walls.
     region : mapping, optional
         Region of packing fraction, coordination number, stresses and forces between grains, see `region_of`.
         Other quantities are those of all grains.

@@ -11,6 +11,7 @@ from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.base import checks
 from warpgrains.base.arrays import BoolArray, FloatArray
 from warpgrains.base.errors import InputError, NoAreaError
+from warpgrains.base.shown import number_of
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.space import region as ranges
 from warpgrains.space.region import Region, Side, sides_of
@@ -135,7 +136,8 @@ def _polygon(_: Snapshot, given: Any) -> list[list[Side]]:
     sides = list(sides_of(corner[::-1] if clockwise else corner))
     rounding = 1e-9 * float(np.ptp(corner, axis=0).max(initial=0.0))
     if len(corner) < 3 or any((corner @ normal > level + rounding).any() for normal, level in sides):
-        raise InputError(f"region.polygon has {len(corner)} corners: it must have at least 3, and be convex")
+        corners = number_of(len(corner), "corner")
+        raise InputError(f"region.polygon has {corners}: it must have at least 3, and be convex")
     return [sides]
 
 

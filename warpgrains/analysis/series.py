@@ -121,11 +121,10 @@ class Series:
         region: Mapping[str, Any] | None = None,
         mean: bool = False,
     ) -> None:
-        wanted = measure.split(",") if isinstance(measure, str) else measure
-        if not isinstance(wanted, Iterable):
+        if not isinstance(measure, Iterable):
             given = checks.shown(measure)
             raise InputError(f"measure is {given}: it must be names of quantities, such as 'kinetic_energy'")
-        self.names = names_of(name.strip() for name in wanted)
+        self.names = names_of(measure)
         self._interval = checks.whole_number("every", every)
         self.region, self._is_mean = region, checks.boolean("mean", mean)
         if region is not None and not takes_region(self.names):

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
+from warpgrains.base import checks
+from warpgrains.base.errors import InputError
 from warpgrains.scene.snapshot import Snapshot
 from warpgrains.solver.forces import contacts_at, start_of_step
 
@@ -41,6 +43,11 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     state : State, optional
         State of the scene, for example from `Batch.state`.
 
+    Raises
+    ------
+    InputError
+        `of` is none of these, or a scene without a state.
+
     Examples
     --------
     >>> now = analysis.snapshot(simulation.scene, simulation.state())
@@ -49,6 +56,9 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     """
     if isinstance(of, Snapshot):
         return of
+    if state is None and not hasattr(of, "scene"):
+        given = checks.shown(of)
+        raise InputError(f"of is {given}: it must be a Simulation; or give a scene and a state of it")
     if state is None:
         scene, state = of.scene, getattr(of, "measured_state", of.state)()
     else:

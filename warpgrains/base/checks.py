@@ -15,6 +15,7 @@ from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 from warpgrains.base.errors import InputError
+from warpgrains.base.shown import number_of
 
 if TYPE_CHECKING:
     from warpgrains.base.arrays import BoolArray, FloatArray
@@ -190,9 +191,8 @@ def per_grain(field: str, value: Any, n: int, of: str = "grain") -> FloatArray:
     if array.ndim == 0:
         array = np.full(n, number(field, array[()]))
     if array.shape != (n,):
-        raise InputError(
-            f"{field} has shape {array.shape}: there are {n} {of}s, it must be one number or ({n},)"
-        )
+        there = f"there {'is' if n == 1 else 'are'} {number_of(n, of)}"
+        raise InputError(f"{field} has shape {array.shape}: {there}, it must be one number or ({n},)")
     require_finite(field, array, of)
     return frozen(array)
 

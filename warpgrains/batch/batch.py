@@ -224,9 +224,8 @@ class Batch(Shown):
             return [steps_of(self.scenes[0], steps, duration)] * len(self)
         each = [None] * len(self) if steps is None else steps
         if len(each) != len(self):
-            raise InputError(
-                f"steps has {len(each)} numbers: it must have one for each of the {len(self)} scenes"
-            )
+            given = number_of(len(each), "number")
+            raise InputError(f"steps has {given}: it must have one for each of the {len(self)} scenes")
         return [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
 
     def _advance(
@@ -257,9 +256,14 @@ class Batch(Shown):
 
     def _checked_gravity(self, gravity: ArrayLike) -> FloatArray:
         one = np.iterable(gravity) and not any(map(np.iterable, gravity))
+        if one and np.size(gravity) != 2:
+            told = f"it must be two numbers, or two for each of the {len(self)} scenes"
+            raise InputError(f"gravity is {checks.shown(gravity)}: {told}")
         given = checks.vectors("gravity", [gravity] * len(self) if one else gravity, "scene")
         if len(given) != len(self):
-            raise InputError(f"gravity has {len(given)} rows: it must have {len(self)}, one for each scene")
+            raise InputError(
+                f"gravity has {number_of(len(given), 'row')}: it must have {len(self)}, one for each scene"
+            )
         if self._turning:
             k = self._turning[0]
             raise InputError(f"gravity is given, but scene {k} has one that turns: give one of them")

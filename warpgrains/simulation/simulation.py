@@ -195,11 +195,16 @@ class Simulation(LoadedScene, Shown):
 
         Raises
         ------
+        InputError
+            `history` is not a bool.
         SimulationError
             A number is no longer finite; or the step has not converged and the scene's `on_unconverged` is
             "raise" (the state is then that before the step); or a history of `max_iterations` does not fit in
             memory; or another thread advances this simulation.
         """
+        if not isinstance(history, bool):
+            given = checks.shown(history)
+            raise InputError(f"history is {given}: it must be True or False; advance(5) takes several steps")
         with self._use.held():
             self._exchange()
             report = self._advance(1, history=history).report(0)
@@ -559,6 +564,8 @@ class Simulation(LoadedScene, Shown):
         output is a symbolic link, its target is written.
         """
         for name in outputs:
+            if name in OPTIONS.keys() - Outputs.__annotations__.keys():
+                raise InputError(f"unknown option of a run {name!r}: Simulation.measure measures quantities")
             checks.one_of("option of a run", name, Outputs.__annotations__)
         text, question = (until, None) if isinstance(until, str) else (None, until)
         wanted = steps_of(self.scene, steps, duration)

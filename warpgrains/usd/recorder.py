@@ -167,6 +167,8 @@ def recover(log: str | Path) -> tuple[Path, int]:
     """
     log = Path(checks.path("log", log))
     target = log.parent / log.stem
+    if not log.exists():
+        raise InputError(f"'{log}' does not exist")
     if log.suffix != LOG_SUFFIX or suffix_of(target) not in RECORDINGS or not log.is_file():
         raise InputError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
     with lock_output(target):

@@ -49,7 +49,8 @@ class Arc(Wall):
         begin, end = self.from_angle, self.to_angle
         if not begin < end < begin + 2.0 * pi:
             raise InputError(
-                f"to_angle of an arc is {end} rad: it must be less than a turn above from_angle, {begin} rad"
+                f"to_angle of an arc is {end} rad: it must be greater than from_angle, {begin} rad, by less"
+                " than a turn"
             )
 
     @property

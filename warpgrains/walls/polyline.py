@@ -11,6 +11,7 @@ from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.described import described
 from warpgrains.base.errors import InputError
+from warpgrains.base.shown import number_of
 from warpgrains.space.geometry import SMALLEST
 from warpgrains.walls.segment import Segment
 from warpgrains.walls.wall import Wall, kind_of_wall
@@ -72,7 +73,8 @@ class Polyline(Wall):
         super().__post_init__()
         points, least = self.points, 2 + self.closed
         if len(points) < least:
-            raise InputError(f"points of a polyline has {len(points)} corners: it must have {least} or more")
+            corners = number_of(len(points), "corner")
+            raise InputError(f"points of a polyline has {corners}: it must have {least} or more")
         for k, (one, onward) in enumerate(zip(points, self._onward, strict=False)):
             if dist(one, onward) < SMALLEST:
                 raise InputError(f"points of a polyline of corner {k} is {one}: the next one is the same")
