@@ -35,7 +35,9 @@ def require_writable_folder(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise InputError(f"output folder '{folder}' cannot be written: {error.strerror}") from error
+        is_missing = isinstance(error, FileNotFoundError) and not folder.exists()
+        told = "does not exist: create it" if is_missing else f"cannot be written: {error.strerror}"
+        raise InputError(f"output folder '{folder}' {told}") from error
 
 
 def make_folder(folder: Path) -> None:

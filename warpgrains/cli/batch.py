@@ -35,6 +35,9 @@ def run(arguments: Namespace) -> bool:
     if arguments.sweep is None:
         if plot is None:
             raise InputError("SWEEP is missing: give a sweep, or --plot to draw existing results")
+        if not results.is_file():
+            told = f"`warpgrains batch SWEEP -o {path}` makes them"
+            raise InputError(f"'{path}' holds no results: {told}")
         print(plot.draw(results))
         return False
     sweep = Sweep.load(arguments.sweep)
@@ -115,7 +118,7 @@ def _settings(arguments: Namespace) -> RunSettings:
     if arguments.measure is not None:
         from warpgrains.analysis.quantities import names_of
 
-        measured = names_of(name.strip() for name in arguments.measure.split(","))
+        measured = names_of(arguments.measure)
     if arguments.until is not None:
         bounds_of(arguments.until)
     if arguments.region is not None:

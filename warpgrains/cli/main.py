@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 from warpgrains import __version__
 from warpgrains.base.console import INTERRUPTED, STDOUT, open_standard_streams, printable
-from warpgrains.base.errors import InputError, SimulationError, requiring
+from warpgrains.base.errors import InputError, SimulationError, requiring, written_as
 from warpgrains.cli.commands import COMMANDS
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
@@ -56,7 +56,8 @@ def _do(arguments: Sequence[str] | None) -> int:
     if parsed.command is None:
         parser.print_help()
         return DONE
-    return parsed.command.do(parsed)
+    with written_as({"override": "--set", "quantity": "--measure", "until": "--until"}):
+        return parsed.command.do(parsed)
 
 
 def _reason(error: OSError) -> str:
@@ -77,6 +78,11 @@ class _Parser(ArgumentParser):
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
+        if found := re.match(r"argument COMMAND: invalid choice: '([^']+)'", message):
+            from warpgrains.scene.toml import shipped_scenes  # slow to import
+
+            if found[1] in shipped_scenes() or found[1].endswith(".toml"):
+                message = f"unknown command {found[1]!r}: did you mean `warpgrains run {found[1]}`?"
         sys.exit(_complain(message, BAD_INPUT))
 
 

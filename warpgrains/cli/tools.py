@@ -14,6 +14,7 @@ from warpgrains.base.shown import number_of
 from warpgrains.base.warp_start import start_warp
 from warpgrains.drawing.kinds import FILMS, form_of
 from warpgrains.drawing.looks import Looks, with_style
+from warpgrains.scene.fields import KEY_OF
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.toml import shipped_scenes
 from warpgrains.simulation.options import FLAGS
@@ -22,8 +23,10 @@ if TYPE_CHECKING:
     from warpgrains.packings.compress import Packing
     from warpgrains.packings.pack import Settled
 
-_PACKED = {name: f"--{name}" for name in ("pressure", "duration", "steps", "threads")}
-"""Options of `compress` and `pack`, by name of the parameter."""
+_PACKED = {name: f"--{name}" for name in ("pressure", "duration", "steps", "threads")} | {
+    "gravity": KEY_OF["gravity"]
+}
+"""Options of `compress` and `pack`, and a key of scenes, by name of the parameter."""
 
 
 def recover(arguments: Namespace) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -191,7 +192,12 @@ def colormap(name: str, share: FloatArray) -> FloatArray:
     else:
         with requiring(f"colors {name!r}", "report"):
             from matplotlib import colormaps
-        checks.one_of("colors", name, colormaps)
+        if name not in colormaps:
+            nearest = (get_close_matches(name, colormaps, n=1) or ["viridis"])[0]
+            raise InputError(
+                f"unknown colors {checks.shown(name)}: give a colormap of Matplotlib, such as {nearest}, or a"
+                " list of colors, such as '#e8d3a8,tan'"
+            )
         known = colormaps[name](np.linspace(0.0, 1.0, 256))[:, :3]
     place = np.clip(share, 0.0, 1.0) * (len(known) - 1.0)
     return np.stack([np.interp(place, np.arange(len(known)), channel) for channel in known.T], axis=1)

@@ -137,7 +137,8 @@ def with_style(given: Mapping[str, Any], style: str | Path | None) -> dict[str, 
     try:
         table = tomllib.loads(path.read_text())
     except (OSError, ValueError) as error:
-        raise InputError(f"style '{path}' cannot be read: {error}") from None
+        told = "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read: {error}"
+        raise InputError(f"style '{path}' {told}") from None
     for name in table:
         checks.one_of(f"key of style '{path}'", name, LOOKS)
     return table | dict(given)

@@ -71,7 +71,8 @@ def read_checkpoint(path: Path) -> Checkpoint:
     """Read a checkpoint of this version; InputError if it is missing, damaged, or another file."""
     path = resolve_link(path)
     if not path.is_file():
-        raise InputError(f"checkpoint '{path}' does not exist")
+        told = "`warpgrains run SCENE --checkpoint FILE` writes one"
+        raise InputError(f"checkpoint '{path}' does not exist: {told}")
     try:
         header, arrays = _read(path)
     except Exception:  # readers of damaged files raise errors of any kind

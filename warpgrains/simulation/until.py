@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.base import checks
-from warpgrains.base.errors import InputError
+from warpgrains.base.errors import InputError, written_as
 from warpgrains.scene.energy import kinetic_energy
 from warpgrains.scene.gravity import TurningGravity
 
@@ -76,7 +76,8 @@ def bounds_of(until: str) -> dict[str, float]:
     given: dict[str, float] = {}
     for word in rest:
         key, _, value = word.partition("=")
-        checks.one_of("key of until=rest", key, BOUNDS)
+        with written_as({}, "until"):
+            checks.one_of("key", key, BOUNDS)
         try:
             bound = float(value)
         except ValueError:
