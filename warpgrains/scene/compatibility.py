@@ -30,7 +30,7 @@ FARTHEST = 1e6  # largest distance of a periodic box from the origin [smallest r
 
 
 def require_valid_positions(scene: Scene) -> None:
-    """Raise InputError unless grains lie between the walls, do not coincide, and have resolvable gaps."""
+    """Raise InputError unless centers are between the walls, no two coincide, and float64 resolves gaps."""
     require_size(scene)
     require_clear(scene, range(len(scene.walls)), scene.position, scene.time)
     require_distinct("position", scene.period.wrapped(scene.position))
@@ -39,9 +39,10 @@ def require_valid_positions(scene: Scene) -> None:
 def require_clear(
     scene: Scene, numbers: Collection[int], position: FloatArray, time: float, of: str = "grain"
 ) -> None:
-    """Raise InputError if, at `time` [s], a center lies in a wall or a grain touches one without a normal.
+    """Raise InputError if a center lies in a wall, or a grain touches a wall where its normal is undefined.
 
-    `numbers` are the indices in `scene.walls` of the walls to check. Messages call each grain `of`.
+    `position` holds the centers [m], shape (n, 2). `numbers` are the indices in `scene.walls` of the walls to
+    check, at their places at `time` [s]. Messages call each grain `of`.
     """
     for number in numbers:
         wall = scene.walls[number]
@@ -89,7 +90,10 @@ def require_compatible_settings(scene: Scene) -> None:
 
 
 def _of_walls(scene: Scene) -> Iterator[str]:
-    """Yield complaints about walls that are too large or not periodic, and rows without a second row."""
+    """Yield complaints about single walls.
+
+    A wall may be too large, or contradict the period of the scene. A row needs a second row.
+    """
     periods = scene.period.lengths.tolist()
     period = min((own for own in periods if own > 0.0), default=inf)
     smallest = scene.smallest_radius
@@ -210,7 +214,7 @@ def _of_restitution(scene: Scene) -> Iterator[str]:
 
 
 def _of_driven_walls(scene: Scene) -> Iterator[str]:
-    """Yield complaints about settings that contradict a force or a pressure on walls, or lack one."""
+    """Yield complaints about walls that a force or a pressure drives, and wall_mass without a pressure."""
     if scene.wall_mass is not None and scene.pressure is None:
         yield f"wall_mass is {scene.wall_mass} kg: the outer wall is fixed; give pressure"
     which = "pressure" if scene.pressure is not None else "force of a wall"
@@ -233,10 +237,10 @@ def allowed_overlap(scene: Scene) -> float:
 
 
 def warn_of_overlaps_of(state: State, scene: Scene) -> None:
-    """Warn if grains of a state overlap by more than a step causes.
+    """Warn if grains of a state overlap more deeply than one step can cause.
 
-    The limit is `allowed_overlap` + path^2 / (smallest radius). The path is the longest of a grain in a step
-    plus the longest of a wall.
+    The limit is `allowed_overlap` + path^2 / (smallest radius). Here path [m] is the longest way of a grain
+    in a step, plus the longest way of a wall in a step.
     """
     walls = None if state.driven is None else state.driven[:, 0]
     now = scene.placed(walls, scene.time_after(state.steps), position=state.position)

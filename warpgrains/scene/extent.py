@@ -20,7 +20,10 @@ _CELLS = 16384  # approximate number of cells of the grid in `_touched`
 
 
 def box_of_discs(position: FloatArray, reach: FloatArray) -> Bounds:
-    """Return the smallest box that contains rectangles with centers and half sides [m], shape (n, 2) each."""
+    """Return the smallest box around rectangles with these centers and half sides [m], shape (n, 2) each.
+
+    For discs, `reach` may have shape (n, 1).
+    """
     return Bounds.around(np.concatenate([position - reach, position + reach]))
 
 
@@ -43,7 +46,7 @@ def _outer(scene: Scene) -> int | None:
 
 
 def _extent_of_box(scene: Scene) -> Bounds:
-    """Return the box about the space at the start and all places of lines with prescribed motion."""
+    """Return the box that contains the space at the start, and the lines wherever they move in the scene."""
     sides = [wall for wall in scene.walls if isinstance(wall, Line)]
     corners = scene.space_at(scene.time).outer_box
     reached = np.concatenate([corners, *(_reached(scene, wall) for wall in sides)])
@@ -51,15 +54,17 @@ def _extent_of_box(scene: Scene) -> Bounds:
 
 
 def _reached(scene: Scene, wall: Wall) -> FloatArray:
-    """Return points of a wall [m], shape (k, 2): at the start, and during the scene if it moves."""
+    """Return points along a wall [m], shape (k, 2): at the start and, if it moves, at times of the scene."""
     times = wall.times(scene.time, scene.time + scene.duration) if wall.moves else [scene.time]
     return np.concatenate([wall.drawn_at(time, 0.0).first for time in times])
 
 
 def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[int]:
-    """Return the numbers of the walls that grains can touch: a flood fill finds cells that centers reach.
+    """Return the numbers of the walls that grains can touch.
 
-    `lines` holds points of each wall [m], by number.
+    A flood fill on a grid, which begins at the grains, finds the cells that centers can reach. A wall near
+    such a cell can be touched. `lines` holds points of each wall [m], by number, and `box` contains all
+    grains.
     """
     outer = _outer(scene)
     for number, line in lines.items():
@@ -88,7 +93,10 @@ def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[in
 
 
 def _direction_up(scene: Scene, is_lifted: bool) -> FloatArray | None:
-    """Return the unit vector against gravity; None if the initial energy does not bound the height."""
+    """Return the unit vector against gravity; None if grains may rise above what their initial energy allows.
+
+    `is_lifted` is True if walls move, which can lift grains.
+    """
     gravity = np.array(scene.gravity_at(0.0))
     is_lifted = is_lifted or scene.gravity_rate != 0.0 or not gravity.any() or scene.has_driven_walls
     is_lifted = is_lifted or any(wall.surface_speed for wall in scene.walls)
@@ -96,7 +104,7 @@ def _direction_up(scene: Scene, is_lifted: bool) -> FloatArray | None:
 
 
 def _flooded(is_free: BoolArray, row: FloatArray, column: FloatArray) -> BoolArray:
-    """Return the free cells that are connected with those of the cells (row, column) that are free."""
+    """Return the free cells of a grid that a path of free cells connects with a cell (row[k], column[k])."""
     reached = np.zeros_like(is_free)
     reached[row, column] = is_free[row, column]
     while True:

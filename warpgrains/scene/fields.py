@@ -35,7 +35,10 @@ UNCONVERGED = ("report", "raise")
 def _key(
     meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING, mark: str = "absent"
 ) -> Any:
-    """Declare a field of a scene, with its section in scene files. A tuple as check lists valid names."""
+    """Declare a field of a scene, with its section in scene files.
+
+    A tuple as `check` lists the valid names. If the field has no default, tables of keys show `mark` instead.
+    """
     known = partial(checks.one_of, known=check) if isinstance(check, tuple) else check
     return described(meaning, section=section, check=known, default=default, mark=mark)
 
@@ -241,7 +244,7 @@ class SceneFields:
 
 
 class SceneOptions(TypedDict, total=False):
-    """Fields with a default, in the types that callers may pass."""
+    """Fields of a scene that have a default, in the types that callers may pass."""
 
     radius_out: float
     domain: Box | Mapping[str, Any] | None
@@ -282,7 +285,7 @@ class SceneOptions(TypedDict, total=False):
 
 
 class SceneChanges(SceneOptions, total=False):
-    """All fields, in the types that callers may pass."""
+    """All fields of a scene, in the types that callers may pass."""
 
     position: ArrayLike
     radius: ArrayLike
@@ -305,7 +308,10 @@ KEY_OF = {
 
 
 def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]:
-    """Check the named fields and convert them to the types of a scene; "position" means all of grains."""
+    """Check the named fields of a scene, and return them by name, converted to their types in a scene.
+
+    The name "position" stands for all arrays of the grains.
+    """
     found = checked_grains(scene) if "position" in names else {}
     if not {"domain", *OF_ANNULUS}.isdisjoint(names):
         found |= _checked_boundary(scene)

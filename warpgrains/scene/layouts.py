@@ -224,7 +224,10 @@ def _part(space: Region, walls: Sequence[Wall], region: Any) -> Region:
 def _random_radii(
     radius: Any, count: Any, fraction: Any, region: Region, generator: np.random.Generator
 ) -> FloatArray:
-    """Return radii [m]: those listed, or `count` random ones, or as many as a packing fraction allows."""
+    """Return radii [m]: those listed in `radius`, or `count` random ones, or as many as fill a fraction.
+
+    The fraction is that of the area of the region, and is not exceeded.
+    """
     given = listed_radii(radius)
     if given is not None:
         if fraction is not None or count not in (None, len(given)):
@@ -282,7 +285,7 @@ def _count(value: Any) -> int:
 
 
 def fitting_radius(space: Region, value: Any) -> float:
-    """Check a radius [m]: such a grain must fit into a region, and float64 must resolve its gaps."""
+    """Check a radius [m] and return it. A grain must fit in the region, and float64 resolve its gaps."""
     radius, (low, high) = checks.positive("grains.radius", value), space.box
     near, far = space.ring
     widest = min(
@@ -306,13 +309,16 @@ def _spacing(value: Any) -> float:
 
 
 def _centers(space: Region, radius: float) -> FloatArray:
-    """Return the lower and upper corner of the box of the centers of grains [m], shape (2, 2)."""
+    """Return the corners of the box in which centers of grains of this radius [m] may lie, shape (2, 2)."""
     margin = np.where(space.period.repeats, 0.0, radius)
     return space.box + np.array([margin, -margin])
 
 
 def _fitting_widths(space: Region, count: int, radius: float, lowest: float, pitch: float) -> IndexArray:
-    """Return the numbers of grains that fit in the rows at y = lowest + k pitch [m], with sum >= count."""
+    """Return how many grains of this radius [m] fit in each row at y = lowest + k pitch [m], k = 0, 1, ...
+
+    The last row is the one with which the sum reaches `count`.
+    """
     (left, bottom), (right, top) = _centers(space, radius)
     widths: list[int] = []
     while (missing := count - sum(widths)) > 0:

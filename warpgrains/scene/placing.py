@@ -48,7 +48,8 @@ def place_at_random(
 ) -> FloatArray:
     """Place discs in a region by random sequential addition, the largest first, without overlaps.
 
-    Return positions [m], shape (n, 2). After `most_tries` failed tries for a disc, it and the rest are NaN.
+    Return positions [m], shape (n, 2). If `most_tries` tries for a disc fail, its position is NaN, and so are
+    those of all smaller discs.
     """
     order = np.argsort(-radius, kind="stable")
     discs = _Discs(region, radius[order], walls)
@@ -117,7 +118,10 @@ class _Discs:
         launch(_kernels().place, [record])
 
     def _set(self, name: str, array: np.ndarray[Any, Any], record: Any = None) -> None:
-        """Store the address of an array in the record. Making Warp arrays would take longer than placing."""
+        """Store the address of an array in field `name` of the record, by default that of all discs.
+
+        Making Warp arrays instead would take longer than placing the discs.
+        """
         self._arrays[name] = array
         field = (self._record if record is None else record)[name]
         field["data"], field["ndim"] = array.ctypes.data, 1
@@ -127,7 +131,10 @@ class _Discs:
 def grow(
     region: Region, radius: FloatArray, generator: np.random.Generator, walls: Sequence[Wall] = ()
 ) -> tuple[FloatArray, float]:
-    """Return dense positions of discs [m], (n, 2), and the factor <= 1 of the radii that removes overlaps."""
+    """Place discs densely, and return their positions [m], shape (n, 2), and a factor <= 1.
+
+    If the radii are multiplied by this factor, no discs overlap.
+    """
     filled = float(np.pi * (radius**2).sum()) / region.area
     start = min(1.0, float(np.sqrt(INITIAL_FRACTION / filled)))
     position = place_at_random(region, start * radius, generator, walls)
@@ -146,7 +153,7 @@ def grow(
 
 
 def _clear_share(region: Region, walls: Sequence[Wall], position: FloatArray, radius: FloatArray) -> float:
-    """Return the largest factor of the radii at which no disc overlaps another disc, a wall or the box."""
+    """Return the largest factor for the radii with which no disc overlaps another disc, a wall or the box."""
     if not (region.is_box or region.contains(position).all()):
         return 0.0
     i, j = _near(region, position, radius).T
@@ -170,7 +177,10 @@ def _push(
     enough: float,
     sweeps: int,
 ) -> float:
-    """Push discs apart in place until no overlap exceeds `enough`; return the largest. Both are in radii."""
+    """Push overlapping discs apart in place, until no overlap exceeds `enough` or `sweeps` sweeps are done.
+
+    Return the largest overlap. It and `enough` are relative to the radii.
+    """
     import warp as wp
 
     with BUILDING:
@@ -200,7 +210,7 @@ def _near(region: Region, position: FloatArray, radius: FloatArray) -> np.ndarra
 
 
 def _limits(region: Region, walls: Sequence[Wall]) -> tuple[Any, Any]:
-    """Return the walls and bounds of a region as kernel arguments."""
+    """Return walls and region as the structs `Walls` and `Bounds` of the kernels."""
     from warpgrains.base.host_kernels import shared
     from warpgrains.kernels.types import Shape, Vectors
     from warpgrains.kernels.walls.walls import Walls

@@ -94,7 +94,10 @@ def _parameters(name: str, mean: float, deviation: float) -> tuple[float, float]
 def _bounded(
     draw: Callable[..., FloatArray], parameters: tuple[float, float], low: float, high: float
 ) -> Draw:
-    """Return a function that draws radii and redraws those out of bounds."""
+    """Return a function that draws radii [m], and draws those outside [low, high] again.
+
+    It calls `draw` with the parameters of a distribution and a count.
+    """
 
     def drawn(count: int) -> FloatArray:
         radius, bad = draw(*parameters, count), np.arange(count)

@@ -99,7 +99,10 @@ class Scene(SceneFields, Shown):
             require_valid_positions(self)
 
     def _check(self, names: Collection[str]) -> None:
-        """Check and store fields and what follows from them. Positions are not checked against walls."""
+        """Check fields and store them, with the walls, sources and sinks that follow from them.
+
+        Whether walls cover positions is not checked.
+        """
         vars(self).update(checked_fields(self, names))
         walls = self.boundary.among([wall for wall in self.walls if wall.image is None])
         walls = tuple(wall.starting(self.time) for wall in walls)
@@ -142,7 +145,10 @@ class Scene(SceneFields, Shown):
 
     @classmethod
     def of_later_state(cls, **fields: Any) -> Self:
-        """Return a scene without checking positions: in a later state, walls have moved from the start."""
+        """Return a scene of these fields. All are checked, except positions against walls.
+
+        In a later state, walls are no longer at their places at the start.
+        """
         scene = object.__new__(cls)
         vars(scene).update(vars(SceneFields(**fields)))
         scene._check(FIELDS)
@@ -320,7 +326,10 @@ class Scene(SceneFields, Shown):
         return [common if value is None else value for value in own]
 
     def at_walls(self, name: str, wall: Indices) -> FloatArray:
-        """Return coefficient `name`, such as "friction", of contacts (grain, wall), shape (m, 2) to (m,)."""
+        """Return coefficient `name`, such as "friction", at each wall contact, shape (m,).
+
+        `wall` holds the grain and the wall of each contact, shape (m, 2).
+        """
         return np.array(self._at_walls(name), np.float64)[wall[:, 1]]
 
     @property
@@ -349,9 +358,10 @@ class Scene(SceneFields, Shown):
         return self.text + line if self.text and any(changed) and not self.text.endswith(line) else self.text
 
     def wall_speeds(self, position: FloatArray, wall: Indices, time: float) -> FloatArray:
-        """Return speeds of walls along normal and tangent of contacts (grain, wall) [m/s], shape (m, 2).
+        """Return the speeds of walls along the normal and the tangent of each contact [m/s], shape (m, 2).
 
-        `position` is that of all grains [m], and `time` that of the start of the step [s] (eq. 26b).
+        `wall` holds the grain and the wall of each contact, shape (m, 2), `position` the centers of all
+        grains [m], and `time` is the start of the step [s] (MODEL.md, eq. 26b).
         """
         found = np.zeros(wall.shape)
         for number in np.unique(wall[:, 1]).tolist():
@@ -371,12 +381,18 @@ class Scene(SceneFields, Shown):
 
     @property
     def rim_mass(self) -> FloatArray:
-        """Impulse at the rim that changes the rim speed by 2 m/s [kg], shape (n,) (MODEL.md, eq. 22)."""
+        """Mass M in the law of spins [kg], shape (n,) (MODEL.md, eq. 22).
+
+        A tangential impulse p at the rim changes the speed of the rim by 2 p / M.
+        """
         return self.mass if self.scheme == "euler" else self.mass + self.spin_drag * self.dt / self.radius**2
 
     @property
     def contact_mass(self) -> FloatArray:
-        """Contact impulse per change of a grain's velocity [kg], shape (n,) (MODEL.md, eq. 17b)."""
+        """Mass M in the law of contacts [kg], shape (n,) (MODEL.md, eq. 17b).
+
+        An impulse p of a contact changes the velocity of the grain by p / M.
+        """
         return self.mass if self.scheme == "euler" else self.mass + self.drag * self.dt / 2.0
 
     @property
@@ -420,12 +436,16 @@ class Scene(SceneFields, Shown):
 
     @cached_property
     def leaders(self) -> list[int]:
-        """Index of the wall with which each wall moves: a row's driven line, an image's wall, or itself."""
+        """For each wall, the index of the wall with which it moves.
+
+        A row moves with a driven line of the same name, an image with its wall. Every other wall has its own
+        index.
+        """
         return leaders_of(self.walls)
 
     @property
     def drives(self) -> list[Drive]:
-        """The drive of each wall; all 0 for walls on which no force acts."""
+        """The drive of each wall. Its numbers are all 0 if no force acts on the wall."""
         return [self.walls[leader].drive or Drive() for leader in self.leaders]
 
     @property
@@ -453,11 +473,11 @@ class Scene(SceneFields, Shown):
         time: float = 0.0,
         free: float | None = None,
     ) -> Side:
-        """Return normals and gaps of grains at one wall from positions [m], shape (k, 2), and radii [m].
+        """Return normals and gaps of k grains at one wall, from positions [m], shape (k, 2), and radii [m].
 
-        With the displacements `move` of a step [m], shape (k, 2), a round wall has the gaps of eq. 18. Walls
-        with prescribed motion are taken at `time` [s]. Where a joint allows no contact (eq. 8c), `free` [m],
-        by default twice the `reach`, is added to the gap.
+        With the displacements `move` of a step [m], shape (k, 2), a round outer circle has the gaps of eq.
+        18. A wall with prescribed motion is taken at `time` [s]. Where a joint with another wall allows no
+        contact (eq. 8c), `free` [m], by default twice the `reach`, is added to the gap.
         """
         wall = self.walls[number]
         if self.joints.of(number):

@@ -15,8 +15,9 @@ SCHEMES = ("euler", "leapfrog")
 
 
 def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool, time: float = 0.0) -> FloatArray:
-    """Return the velocities v* [m/s], (n, 2), after gravity and drag of the step that starts at `time` [s].
-    See eqs. 2, 16 and 17, and `State` for `staggered`.
+    """Return the velocities v* [m/s], shape (n, 2), after gravity and drag, before contacts act.
+
+    The step starts at `time` [s]. See eqs. 2, 16 and 17, and `State` for `staggered`.
     """
     dt, gravity, drag = scene.dt, np.array(scene.gravity_at(time)), scene.drag
     mass = scene.mass[:, np.newaxis]
@@ -86,7 +87,10 @@ def spin_kick_of(scene: Scene, free: FloatArray, spin: FloatArray, staggered: bo
 def _kick(
     scene: Scene, gravity: FloatArray, rate: FloatArray, free: FloatArray, now: FloatArray, staggered: bool
 ) -> Kick:
-    """Return the kick for an acceleration and a drag rate [1/s]; the step ends with the velocities `now`."""
+    """Return the kick of a step from an acceleration and a drag rate [1/s].
+
+    `free` are the velocities before contacts act, `now` those at the end of the step.
+    """
     dt = scene.dt
     if scene.scheme == "euler":
         before = (free - dt * gravity) / (1.0 - dt * rate)

@@ -54,7 +54,10 @@ class WallLoads(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """Contact forces on single grains: first of all pairs on i, then of all pairs on j, then of walls."""
+    """Contact forces on single grains, c in all.
+
+    First come the forces of all pairs on grain i, then of all pairs on grain j, then of all wall contacts.
+    """
 
     grain: IndexArray
     """Loaded grain, shape (c,)."""
@@ -97,9 +100,10 @@ class Snapshots:
 
     @classmethod
     def of(cls, scenes: Sequence[Scene], times: Sequence[float], **arrays: FloatArray) -> Self:
-        """Return the grains of scenes at times [s]. Walls that forces drive are already moved to the times.
+        """Return the snapshots of scenes at times [s].
 
-        `arrays` are position, velocity, spin and wall_force.
+        In the scenes, walls that forces drive must be at their places at these times. `arrays` are the fields
+        position, velocity, spin and wall_force.
         """
         return cls(
             scenes=scenes,
@@ -135,7 +139,7 @@ class Snapshots:
 
     @cached_property
     def containers(self) -> Mapping[int, Container]:
-        """Containers, by number, of the scenes that have a period, or walls other than circles."""
+        """Container of each scene that has a period, or walls other than circles, by index of the scene."""
         return {
             k: container_of(scene, time, self.position[k])
             for k, (scene, time) in enumerate(self._each)
@@ -247,8 +251,11 @@ class Snapshot:
 
     @cached_property
     def images(self) -> tuple[FloatArray, IndexArray]:
-        """Centers of drawn discs [m], shape (k, 2), and their grains, shape (k,): first all grains, wrapped
-        into a periodic box, then images on the opposite sides of grains that cross a periodic side."""
+        """Discs to draw: centers [m], shape (k, 2), and the grain of each, shape (k,).
+
+        The first n are the grains, wrapped into a periodic box. Images follow: a grain that crosses a
+        periodic side is drawn again at the opposite side.
+        """
         return self.scene.period.images(self.position, self.scene.radius)
 
     @cached_property

@@ -94,7 +94,7 @@ def radius_named(field: str) -> Iterator[None]:
 
 @dataclass(frozen=True, kw_only=True)
 class Exchange:
-    """The keys that sources and sinks share: a region, and the times at which it exchanges grains."""
+    """The keys that sources and sinks share: a region, and the times at which grains are exchanged."""
 
     region: Mapping[str, Any] = described(
         "Ranges ``x``, ``y`` and ``distance`` from the origin [m], such as {x = [-0.1, 0.1]}.",
@@ -126,20 +126,20 @@ class Exchange:
 
     @property
     def begin(self) -> float:
-        """Time at which it begins [s]."""
+        """Time at which the exchange begins [s]."""
         return self.start_time or 0.0
 
     @property
     def end(self) -> float:
-        """Time at which it ends [s]."""
+        """Time at which the exchange ends [s]; inf if it does not end."""
         return inf if self.end_time is None else self.end_time
 
     def starting(self, time: float) -> Self:
-        """Return a copy that begins at `time` [s], or self if `start_time` is given."""
+        """Return a copy whose exchange begins at `time` [s], or self if `start_time` is given."""
         return replace(self, start_time=time) if self.start_time is None else self
 
     def steps(self, dt: float) -> int:
-        """Return the number of steps between two exchanges."""
+        """Return the number of steps of `dt` [s] between two exchanges."""
         return max(1, round(self.interval / dt))
 
 
@@ -182,7 +182,7 @@ class Source(Exchange):
     name: str | None = described("Name by which a sink feeds it.", check=checked_name, default=None)
 
     def due(self, time: float) -> int:
-        """Return the number of grains due up to a time [s]."""
+        """Return how many grains should have appeared by a time [s], according to `count` and `rate`."""
         passed = min(time, self.end) - self.begin
         if passed < -ROUNDED * self.interval:
             return 0
@@ -273,7 +273,10 @@ def _checked_one(field: str, value: Any, kind: type[Kind]) -> Kind:
 
 
 def space_of(now: Scene, region: Any, radius: float, field: str = "region") -> Region:
-    """Return the part of the space of a scene that `region` selects; InputError if a grain does not fit."""
+    """Return the part of the space of a scene that `region` selects.
+
+    InputError, which names `field`, if the region is invalid or no grain of `radius` [m] fits in it.
+    """
     space = region_of(now.space_at(now.time), region, field)
     fitting_radius(space, radius)
     return space
@@ -308,6 +311,6 @@ def require_closed(scene: Scene, what: str) -> None:
 
 
 def steps_to_exchange(scene: Scene, steps: int) -> int:
-    """Return the number of steps, from `steps` on, to the next exchange of a source or a sink."""
+    """Return the number of steps from step `steps` to the next exchange of a source or a sink."""
     every = (one.steps(scene.dt) for one in (*scene.sources, *scene.sinks))
     return min((own - steps % own for own in every), default=checks.LARGEST_WHOLE_NUMBER)

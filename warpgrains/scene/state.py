@@ -261,7 +261,11 @@ def _require_flow(state: State, scene: Scene) -> None:
 
 
 def _require_arrays(record: Any, counts: dict[str, int]) -> None:
-    """Check the float64 arrays of a record; `counts` are their rows. Arrays with default None may be None."""
+    """Raise InputError unless the float64 arrays of a record have valid shapes and values.
+
+    `counts` holds the number of rows by the kind of row, such as "grain", see `_ARRAYS`. Arrays whose default
+    is None may be None.
+    """
     for own in fields(record):
         array = getattr(record, own.name)
         if own.name not in _ARRAYS or (array is None and own.default is None):
@@ -292,7 +296,7 @@ def _require_contacts(what: str, record: Any, kind: type, scene: Scene) -> None:
 
 
 def _indices(record: Corrections | VerletList, scene: Scene) -> tuple[IndexArray, IndexArray]:
-    """Return a unique number for each pair, and for each grain and body of a contact with a wall."""
+    """Return a key of each pair, unique for (i, j), and of each wall contact, unique for (grain, body)."""
     (i, j), (grain, wall) = (contact.T.astype(np.int64) for contact in (record.pair, record.wall))
     return i * scene.n + j, grain + scene.n * scene.bodies.of_walls[wall]
 

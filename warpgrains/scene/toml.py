@@ -151,7 +151,7 @@ def with_key(document: Table, key: str, value: Any) -> Table:
 
 
 def numbered_key(section: str, name: str) -> tuple[int, str]:
-    """Split "0.friction" into the number of a table in the list `section`, such as "walls", and its key."""
+    """Split a key of a list of tables: "0.friction" in section "walls" gives the number 0 and "friction"."""
     number, _, key = name.partition(".")
     if not (number.isascii() and number.isdigit() and key):
         raise InputError(f"{section}.{name}: it must be {section}.NUMBER.KEY, such as walls.0.friction")
