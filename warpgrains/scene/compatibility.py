@@ -57,7 +57,7 @@ def require_clear(
 
 
 def require_size(scene: Scene) -> None:
-    """Raise InputError if the domain is too large for float64 gaps, or too small for the grains."""
+    """Raise InputError if the domain is too small for the grains, or too large for gaps in float64."""
     smallest = scene.smallest_radius
     if scene.reach / MOST_RADII >= smallest:
         raise InputError(

@@ -60,7 +60,7 @@ class Arc(Wall):
 
     @property
     def circle(self) -> tuple[float, float, float]:
-        """The circle of which the arc is a part [m]."""
+        """Center and radius of the circle of which the arc is a part [m]."""
         return (*self.center, self.radius)
 
     @property
@@ -102,7 +102,10 @@ class Arc(Wall):
         return hollow_normals(self.center, self.radius, point, position)
 
     def drawn(self, thickness: float) -> Band:
-        """Return the drawing of the arc, half as thick as a circle, because grains touch both sides."""
+        """Return the drawing of the arc, centered on it and `thickness` / 2 [m] thick.
+
+        A circle, which grains touch from one side only, is drawn `thickness` [m] thick.
+        """
         angle = np.linspace(self.from_angle, self.to_angle, _POINTS)
         circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         return strip(self.center + self.radius * circle, 0.5 * thickness)

@@ -15,7 +15,7 @@ _END_SEGMENTS = 16  # number of angles in each half of a round end
 
 
 class Band(NamedTuple):
-    """Drawing of a wall: the flat band between two lines of equally many points."""
+    """Drawing of a wall: the area between a left and a right line, which have equally many points."""
 
     first: FloatArray
     """Points of the left line [m], shape (k, 2)."""
@@ -29,7 +29,10 @@ class Band(NamedTuple):
         return self._replace(first=pose.place(self.first), second=pose.place(self.second))
 
     def copied(self, ways: FloatArray) -> Band:
-        """Return copies displaced by `ways` [m], shape (k, 2), as one band. Links between have no area."""
+        """Return one band that shows k copies, displaced by `ways` [m], shape (k, 2).
+
+        Lines of no thickness, which are invisible, connect the copies.
+        """
         first, second = self.first, self.second
         if self.is_closed:
             first, second = (np.concatenate([line, line[:1]]) for line in (first, second))
@@ -50,7 +53,7 @@ class Band(NamedTuple):
 
 
 def ring(border: Circle, thickness: float) -> Band:
-    """Return the band of this thickness [m] along a circle, on the side where no grains are."""
+    """Return the band of this thickness [m] along a circle, on the side of `border` where no grains are."""
     x, y, r, keeps_inside = border
     inner, outer = (r, r + thickness) if keeps_inside else (max(r - thickness, r / 2), r)
     angle = np.arange(_WALL_SEGMENTS) * 2.0 * np.pi / _WALL_SEGMENTS

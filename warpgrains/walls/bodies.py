@@ -1,8 +1,8 @@
-"""The walls of a scene as bodies of the device (kernels/walls/walls.py).
+"""Bodies: the walls on the device (kernels/walls/walls.py), made from the walls of a scene.
 
-Body 0 is the annulus; its circles are the two sides of the body. Without an annulus, the outer circle is out
-of reach. The other walls follow. With friction or a driven wall the inner circle is body 1, a disc at the
-origin, because each circle then needs its own friction and speed.
+Body 0 is the annulus; its two circles are the two sides of the body. Without an annulus, the outer circle is
+out of reach. The other walls follow. With friction or a driven wall, the inner circle is body 1, a disc at
+the origin, because each circle then needs its own friction and speed.
 
 At a joint, an end of a wall lies on another wall (MODEL.md, eq. 8c).
 """
@@ -36,24 +36,33 @@ FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as 
 
 Shift = tuple[float, float]
 Joined = tuple[int, Shift]
-"""Number of a wall and the displacement [m] from the wall to its image at a joint."""
+"""A joined wall: its number, and the displacement [m] from it to its periodic image at the joint."""
 HERE = (0.0, 0.0)
 
 
 def with_images(walls: Sequence[Wall], period: Period, radius: float) -> tuple[Wall, ...]:
-    """Return walls, followed by their images that grains up to `radius` [m] can touch at the same time."""
+    """Return walls, followed by their periodic images that a grain can touch together with the wall itself.
+
+    The radius of such a grain is at most `radius` [m].
+    """
     every = enumerate(walls if period else ())
     return *walls, *(image for k, wall in every for image in wall.images(k, period, radius))
 
 
 def image_ways(walls: Sequence[Wall], period: Period) -> FloatArray:
-    """Return displacements of walls from their nearest images [m], (walls, 2); (0, 2) without images."""
+    """Return the displacement of each wall from the periodic image nearest to a grain [m], (walls, 2).
+
+    It is 0 except for an `Image`. If no wall is one, the shape is (0, 2).
+    """
     steps = [wall.image.steps if wall.image else (0, 0) for wall in walls]
     return period.lengths * np.array(steps if any(wall.image for wall in walls) else np.zeros((0, 2)))
 
 
 class Joints:
-    """The joints of walls that move alike. Walls that a force drives have none."""
+    """The joints between walls of equal motion: an end of one wall lies on the other wall.
+
+    Walls that a force drives have no joints.
+    """
 
     def __init__(self, walls: tuple[Wall, ...], period: Period):
         self._every, self._period = walls, period
@@ -89,14 +98,18 @@ class Joints:
         return bool(self._others)
 
     def of(self, number: int) -> list[list[Joined]]:
-        """Return the walls joined at end 0 and those joined at end 1 of a wall; [] without joints."""
+        """Return two lists: the walls joined at end 0 of a wall, and at its end 1; [] without joints."""
         image = self._every[number].image
         first = 2 * (image.of if image else number)
         own = self._others[first : first + 2]
         return own if any(own) else []
 
     def side(self, number: int, time: float, position: FloatArray, radius: FloatArray, free: float) -> Side:
-        """Return normals and gaps at a wall at `time` [s]; add `free` [m] where a joint allows no contact."""
+        """Return normals and gaps of grains at wall `number`, at its place at `time` [s].
+
+        Where a joint allows no contact of a grain with this wall, `free` [m] is added to the gap (MODEL.md,
+        eq. 8c).
+        """
         wall, pose = self._every[number], self._every[number].pose(time)
         here = wall.image.of if wall.image else number, HERE
         x = wall.places(position, self._period, time)
@@ -134,8 +147,9 @@ class Joints:
     ) -> FloatArray:
         """Return the positions [m], shape (n, 2), of grains in the frame of wall `joined`.
 
-        x are their positions in the frame of wall `here`. The periodic image is that at the joint. It has the
-        same bits when computed from either wall, so that both walls agree on which of them is nearer.
+        x are their positions in the frame of wall `here`. If the scene is periodic, the returned image is the
+        one next to the joint. The result has the same bits for both walls of a joint, so that both agree on
+        which wall is nearer.
         """
         (other, way), period = joined, self._period
         if joined == here or not period:
@@ -147,14 +161,15 @@ class Joints:
 
 @lru_cache(64)
 def joints_of(walls: tuple[Wall, ...], period: Period) -> Joints:
-    """Return the joints of walls."""
+    """Return the joints of walls in a periodic cell; equal walls share one object from the cache."""
     return Joints(walls, period)
 
 
 def leaders_of(walls: Sequence[Wall]) -> list[int]:
     """Return, for each wall, the index of the wall with which it moves.
 
-    A row moves with the line of the same name that a force drives, an image with its wall, others alone.
+    A row moves with the line of the same name that a force drives, an image with its wall. Every other wall
+    has its own index.
     """
     lines = {wall.name: k for k, wall in enumerate(walls) if isinstance(wall, Line) and wall.drive}
     own = [wall.image.of if wall.image else k for k, wall in enumerate(walls)]
@@ -165,7 +180,7 @@ def leaders_of(walls: Sequence[Wall]) -> list[int]:
 
 
 class Bodies:
-    """The bodies that the walls of a scene are on the device."""
+    """The bodies of a scene, which are its walls on the device, see the head of the module."""
 
     def __init__(self, scene: Scene):
         self._scene, walls = scene, scene.walls
@@ -184,20 +199,20 @@ class Bodies:
 
     @property
     def circles(self) -> tuple[float, float]:
-        """Radii of the inner and the outer circle of body 0 [m]: 0 and `NO_CIRCLE` without these."""
+        """Radii of the inner and the outer circle of body 0 [m]; 0 and `NO_CIRCLE` where it has none."""
         inner = self._scene.walls[self._inner] if self._inner != NONE else None
         near = inner.radius if isinstance(inner, Rim) else 0.0
         return near, NO_CIRCLE if self.outer is None else self.outer.radius
 
     @property
     def outer(self) -> Rim | None:
-        """The outer circle; None without one."""
+        """The outer circle of the annulus; None in a box."""
         wall = self._scene.walls[self.walls[0]] if self.walls[0] != NONE else None
         return wall if isinstance(wall, Rim) else None
 
     @property
     def is_round(self) -> bool:
-        """True if there is an outer circle that is round within a step, instead of its tangent."""
+        """True if a step uses the outer circle itself as the wall, instead of its tangent at each grain."""
         return self.outer is not None and self.outer.is_round
 
     @property
@@ -207,10 +222,10 @@ class Bodies:
 
     @property
     def joints(self) -> list[list[tuple[int, bool, Shift]]]:
-        """The joints at end 0 and end 1 of each body inside, 2 lists a body; [] without joints.
+        """Two lists for each body inside: the joints at its end 0, and at its end 1; [] without joints.
 
-        A joint is (index of the other body inside, whether the other wins if both are equally near,
-        displacement [m] to its image at the joint).
+        A joint is (index of the other body inside, whether that body counts as nearer if the gaps are equal,
+        displacement [m] from that body to its image at the joint).
         """
         joints = self._scene.joints
         if not joints:
@@ -225,11 +240,11 @@ class Bodies:
 
     @property
     def image_ways(self) -> FloatArray:
-        """`image_ways` of the bodies inside."""
+        """Displacements of the bodies inside from their images nearest to a grain [m], see `image_ways`."""
         return image_ways(self.inside, self._scene.period)
 
     def _of_bodies(self, values: Sequence[float]) -> list[float]:
-        """Return values of walls by body; 0 for body 0 without an outer circle."""
+        """Return values by body, given values by wall of the scene; 0 for body 0 without an outer circle."""
         return [values[k] if k != NONE else 0.0 for k in self.walls]
 
     @property
@@ -240,7 +255,7 @@ class Bodies:
 
     @property
     def rolling(self) -> FloatArray:
-        """Rolling friction and angular velocity in place [rad/s] of each body, shape (bodies, 2)."""
+        """Coefficient of rolling friction and angular velocity in place [rad/s] of each body, (bodies, 2)."""
         spins = [wall.rotation for wall in self._scene.walls]
         return np.transpose([*map(self._of_bodies, (self._scene.wall_rolling_frictions, spins))])
 
@@ -251,7 +266,10 @@ class Bodies:
 
     @property
     def drives(self) -> list[Drive]:
-        """The drive of each body, with its leader. The other fields are 0 if no force acts on the leader."""
+        """The drive of each body, with the body that it follows as `leader`.
+
+        All numbers but `leader` are 0 if no force acts on the leader.
+        """
         walls, leaders, bodies = self._scene.walls, self._scene.leaders, self.of_walls.tolist()
         drives = [(self.outer.drive if self.outer else None) or Drive()]
         for body, wall in enumerate(self.walls[1:], 1):
@@ -264,14 +282,14 @@ class Bodies:
         return drives
 
     def _between(self, k: int) -> tuple[int, int]:
-        """Return the bodies of the two opposite lines that bound a line, body 1 + k, or (0, 0)."""
+        """Return the bodies of two opposite lines that bound the length of a line, body 1 + k, or (0, 0)."""
         lines = {b: wall for b, wall in enumerate(self.inside, 1) if isinstance(wall, Line)}
         found = [b for b, other in lines.items() if other.bounds(lines[1 + k])]
         pairs = [(a, b) for a, b in pairwise(found) if np.dot(lines[a].normal, lines[b].normal) < 0.0]
         return pairs[0] if pairs else (0, 0)
 
     def pressed_length(self, line: Line) -> float:
-        """Return the length of a line on which a pressure acts, for the present places of walls [m]."""
+        """Return the length of a line on which its pressure acts [m], for the present places of walls."""
         between = self._between(self.inside.index(line))
         if not any(between):
             return line.length
@@ -288,13 +306,14 @@ class Bodies:
         return found
 
     def sign(self, wall: IntArray) -> FloatArray:
-        """Return the sign of the device's corrections at each wall: -1 at the inner side of body 0."""
+        """Return the sign of the device's corrections at walls: -1 at the inner side of body 0, else 1."""
         return np.where(wall == self._inner, -1.0, 1.0)
 
     def carried(self, body: IntArray, correction: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return the walls in `Scene.walls` and |correction| [m/s] of contacts, given by body and correction.
+        """Return index in `Scene.walls` and |correction| [m/s] of each wall contact, shapes (k,).
 
-        Body 0 is both circles of an annulus: a correction < 0 is at the inner one.
+        The device gives the body and the correction of a contact. Body 0 is both circles of an annulus, and a
+        correction < 0 there means the inner circle.
         """
         wall = np.array(self.walls, np.int32)[body]
         return np.where((body == 0) & (correction < 0.0), self._inner, wall), np.abs(correction)

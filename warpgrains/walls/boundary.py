@@ -13,11 +13,11 @@ from warpgrains.walls.wall import Wall
 
 
 class Boundary:
-    """The keys of `[domain]`. They define the walls at the border of a scene, and its period."""
+    """The keys of `[domain]` in a scene file: they define the outer walls of a scene, and its period."""
 
     @property
     def size(self) -> str:
-        """Text with the size of the boundary, with which error messages begin."""
+        """Text that describes the size of the boundary. Error messages begin with it."""
         raise NotImplementedError
 
     @property
@@ -26,15 +26,23 @@ class Boundary:
         raise NotImplementedError
 
     def owns(self, wall: Wall) -> bool:
-        """Return whether a wall of the scene is one of the boundary."""
+        """Return whether a wall of the scene belongs to the boundary."""
         raise NotImplementedError
 
     def among(self, walls: Sequence[Wall]) -> tuple[Wall, ...]:
-        """Return `walls` with those of the boundary. `walls` may hold them already, at later places."""
+        """Return `walls` and the walls of the boundary, each once.
+
+        Walls of the boundary that `walls` contains already, perhaps at their places at a later time, are
+        kept.
+        """
         raise NotImplementedError
 
     def continuing(self, before: Boundary, walls: Sequence[Wall], time: float) -> Iterable[Wall]:
-        """Return the walls of the boundary. Those equal in `before` continue from `walls`, at `time` [s]."""
+        """Return the walls of this boundary, which replaces boundary `before` at `time` [s].
+
+        Walls equal in both boundaries keep their places at this time, as in `walls`. Others are at their
+        start.
+        """
         raise NotImplementedError
 
     @property

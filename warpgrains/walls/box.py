@@ -52,7 +52,7 @@ def _side(field: str, value: Any) -> dict[str, Any]:
 
 
 def _quoted(names: Sequence[str]) -> str:
-    """Return names as a list in a text: ``a``, ``b`` and ``c``."""
+    """Return names as text, such as "``a``, ``b`` and ``c``"."""
     *most, last = [f"``{name}``" for name in names]
     return f"{', '.join(most)} and {last}"
 
@@ -185,7 +185,11 @@ class Box(Boundary):
         return wall.name in self.sides
 
     def continuing(self, before: Boundary, walls: Sequence[Wall], time: float) -> Iterator[Wall]:
-        """Yield the sides; unchanged sides and rows with unchanged discs keep their places at a time [s]."""
+        """Yield the walls of the sides, when the box replaces boundary `before` at `time` [s].
+
+        A side that does not change keeps its place at this time, as in `walls`. So do rows whose discs do not
+        change.
+        """
         for name, own in self.sides.items():
             was = before.sides.get(name, ()) if isinstance(before, Box) else ()
             now = [wall for wall in walls if wall.name == name]
@@ -214,7 +218,7 @@ class Box(Boundary):
             raise InputError(f"domain.{name}: {error}") from None
 
     def _rows(self, line: Line, radius: float, spacing: float) -> Iterator[Wall]:
-        """Yield the half discs on a side as two rows, whose discs alternate."""
+        """Yield the half discs on a side as two rows of equal discs; discs of both rows alternate."""
         largest = max(line.length, *map(abs, line.point))
         if spacing < (least := 2.0 * largest / MOST_SHOWN):
             raise InputError(f"roughness.spacing is {spacing} m: it must be at least {least:.3g} m")
@@ -238,7 +242,10 @@ documented(described_fields(Box).values())(Box)
 
 
 def _at_start(wall: Wall) -> Wall:
-    """Return a wall of a side at rest at `point` (0, 0), to compare the fields that time does not change."""
+    """Return a wall of a side with its motion and its `point` set to default values.
+
+    Two walls that differ only in what time changes are then equal.
+    """
     return replace(wall, **AT_REST | {"point": (0.0, 0.0)}) if hasattr(wall, "point") else wall
 
 

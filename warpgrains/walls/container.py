@@ -48,17 +48,23 @@ class Container:
 
     @cached_property
     def region(self) -> Region:
-        """The container up to its mouth."""
+        """The part of the container below its mouth."""
         return self.walled.cut((self.up, self.mouth)) if self.mouth < np.inf else self.walled
 
     def require_known(self, whose: str = "", takes_region: bool = True) -> None:
-        """Raise NoAreaError, which begins with `whose`, if the container is unknown."""
+        """Raise NoAreaError, which begins with `whose`, if the container is unknown.
+
+        If `takes_region`, the message proposes to give a region.
+        """
         if not self.is_known:
             hint = ": give region, such as {'x': (-0.1, 0.1), 'y': (-0.2, 0.0)}" if takes_region else ""
             raise NoAreaError(f"{whose}the walls do not form a convex polygon around the grains{hint}")
 
     def closed(self, whose: str = "", takes_region: bool = True) -> Region:
-        """Return the region of a closed container; raise NoAreaError if the container is open or unknown."""
+        """Return the region of a closed container; NoAreaError if the container is open or unknown.
+
+        The message begins with `whose` and, if `takes_region`, proposes to give a region.
+        """
         self.require_known(whose, takes_region)
         if self.mouth < np.inf:
             hint = ": give region, such as {'below': 'surface'}" if takes_region else ""
@@ -67,7 +73,7 @@ class Container:
 
 
 def space_of(walls: Iterable[Wall], period: Period, reach: float) -> Region:
-    """Return the space between lines and circles, at their given places, within +-2 `reach` [m]."""
+    """Return the space between the lines and circles among walls, inside coordinates of +-2 `reach` [m]."""
     circles, sides = list[Circle](), list[Side]()
     for wall in walls:
         if isinstance(wall, Line):
@@ -128,7 +134,7 @@ def without_discs(space: Region, walls: Iterable[Wall], time: float) -> Region:
 
 
 def _side(ends: FloatArray, position: FloatArray) -> Side | None:
-    """Return the half plane of a segment in which all centers lie; None if they are on both sides."""
+    """Return the half plane, bounded by the line of a segment, with all centers; None if on both sides."""
     start, (x, y) = ends[0], (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
     normal = np.array([y, -x])
     beyond = position @ normal - start @ normal
@@ -138,12 +144,12 @@ def _side(ends: FloatArray, position: FloatArray) -> Side | None:
 
 
 def _is_on(sides: list[Side], edge: FloatArray, rounding: float) -> bool:
-    """Return whether an edge lies on one of the sides of the domain."""
+    """Return whether an edge, shape (2, 2), lies on one of `sides`, up to `rounding` [m]."""
     return any((np.abs(edge @ normal - level) <= rounding).all() for normal, level in sides)
 
 
 def _cuts(part: Part, line: FloatArray, rounding: float) -> bool:
-    """Return whether a segment cuts the inside of a polygon."""
+    """Return whether a segment, shape (2, 2), has points in the polygon of `part`, off its border."""
     for normal, level in sides_of(part.corner):
         line = clip(line, normal, level - rounding)
     return len(line) > 1
@@ -152,9 +158,10 @@ def _cuts(part: Part, line: FloatArray, rounding: float) -> bool:
 def _uncovered(
     line: FloatArray, others: FloatArray, rounding: float, gap: float, circles: tuple[Circle, ...]
 ) -> FloatArray:
-    """Return the uncovered pieces of a segment [m], shape (k, 2, 2), that are wider than `gap` [m].
+    """Return the pieces of a segment [m], shape (k, 2, 2), that no wall covers, if wider than `gap` [m].
 
-    Segments `others` (ends, shape (m, 2, 2)) and the walls behind circles cover pieces.
+    Segments `others` (ends, shape (m, 2, 2)) that lie on the segment cover parts of it. So do the walls
+    behind circles.
     """
     start, length = line[0], np.hypot(*(line[1] - line[0]))
     if length == 0.0:

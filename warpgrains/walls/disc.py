@@ -58,7 +58,7 @@ class Disc(Wall):
         return self.center
 
     def farthest(self, point: tuple[float, float]) -> float:
-        """Return the distance from the center to a point [m]: turning a disc moves only its center."""
+        """Return the distance [m] from the pivot `point` to the center, which is all that turning moves."""
         return dist(self.center, point)
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:

@@ -81,7 +81,7 @@ class Line(InfiniteWall, StraightWall):
         return Drive(1.0 / self.mass, pressure=self.pressure, length=self.length, direction=self.normal)
 
     def bounds(self, other: "Line") -> bool:
-        """Return whether the line is perpendicular to another line, so that it bounds its length."""
+        """Return whether the line is perpendicular to `other`, so that it bounds the length of `other`."""
         return bool(abs(np.dot(self.normal, other.normal)) <= ROUNDING)
 
     @property

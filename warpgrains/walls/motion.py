@@ -18,7 +18,7 @@ Vector = tuple[float, float]
 
 
 class Pose(NamedTuple):
-    """Place of a wall that has moved: a point x of the wall at its start is at R(angle) x + shift."""
+    """Place of a moved wall. A point that was at x before the motion is at R(angle) x + shift."""
 
     angle: float
     """Angle by which the wall has turned [rad]."""
@@ -41,7 +41,7 @@ class Pose(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Motion:
-    """Translation of a wall, and rotation about a pivot that moves with it (kernels/MODEL.md, eq. 26).
+    """Prescribed motion: a translation, and a rotation about a pivot that moves with the wall (eq. 26).
 
     The device and the C reference take the motion as numbers, with the names of its fields.
     """
@@ -110,7 +110,10 @@ class Motion:
 
     @property
     def motion_numbers(self) -> dict[str, float]:
-        """The fields as numbers by name, such as velocity_x. They are equal for equal motions, 0 at rest."""
+        """The fields as numbers, by name, such as velocity_x. Walls of equal motion have equal numbers.
+
+        They are 0 for a wall at rest.
+        """
         if not self.moves:
             return dict.fromkeys(MOTION_NUMBERS, 0.0)
         values = {own.name: getattr(self, own.name) for own in fields(Motion)}
@@ -119,7 +122,7 @@ class Motion:
         return dict(zip(MOTION_NUMBERS, np.hstack([*values.values()]).tolist(), strict=True))
 
     def require_motion(self, what: str) -> None:
-        """Raise InputError if a value has no effect, or the motion would end before it begins."""
+        """Raise InputError, which names `what`, if a value has no effect, or the end is before the start."""
         if self.end_time is not None and self.start_time is not None and self.end_time <= self.start_time:
             raise InputError(
                 f"end_time of {what} is {self.end_time} s: it must be later than start_time,"
@@ -131,13 +134,19 @@ class Motion:
             raise InputError(f"phase of {what} is {self.phase} rad: give the frequency of the oscillation")
 
     def progress(self, time: float) -> float:
-        """Return the duration [s] of motion at constant velocities that leads to the place at `time` [s]."""
+        """Return the duration [s] for which motion at the given velocities leads to the place at `time` [s].
+
+        It differs from the time since the start if the wall oscillates or has stopped.
+        """
         moved = min(max(time, self.starts_at), self.stops_at) - self.starts_at
         rate = 2.0 * pi * self.frequency
         return (sin(rate * moved + self.phase) - sin(self.phase)) / rate if rate else moved
 
     def share(self, begin: float, end: float) -> float:
-        """Return the mean velocity from begin to end [s], as a fraction of the given velocities."""
+        """Return the mean velocity between two times [s], as a fraction of `velocity`.
+
+        It is the same fraction for `angular_velocity`.
+        """
         if self.frequency:
             return (self.progress(end) - self.progress(begin)) / (end - begin)
         return max(0.0, min(end, self.stops_at) - max(begin, self.starts_at)) / (end - begin)
@@ -154,7 +163,10 @@ class Motion:
         return Pose(angle, shift)
 
     def velocities(self, points: FloatArray, begin: float, end: float, dt: float) -> FloatArray:
-        """Return displacements of points from begin to end [s], divided by dt [m/s], shape (n, 2)."""
+        """Return the displacement of points of the wall between two times [s], over dt [m/s], (n, 2).
+
+        The points [m], shape (n, 2), are at their places at the first time.
+        """
         share = self.share(begin, end)
         turn = self.angular_velocity * (share * dt)
         arm = points - np.add(self.about, np.multiply(self.velocity, self.progress(begin)))
@@ -162,7 +174,7 @@ class Motion:
         return share * np.array(self.velocity) + along * arm + across * left_of(arm)
 
     def from_then(self, time: float) -> dict[str, Any]:
-        """Return the fields of the motion of a wall that is put where it is at `time` [s], and moves on.
+        """Return the fields with which the motion continues if the wall starts from its place at `time` [s].
 
         They are those of `AT_REST` if the motion has ended.
         """

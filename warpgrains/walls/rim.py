@@ -20,7 +20,7 @@ class Rim(Disc):
     rotation: float = 0.0
     """Angular velocity [rad/s]."""
     is_round: bool = False
-    """Whether a step uses the circle as the wall, or the tangent at each grain."""
+    """Whether the wall within a step is the circle itself; else it is the tangent at each grain."""
     pressure: float | None = None
     """Pressure that drives the outer circle outwards [N/m]."""
     mass: float | None = None

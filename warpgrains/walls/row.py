@@ -80,7 +80,10 @@ class Row(InfiniteWall):
         return Side.at(self.point + discs * self.spacing, position, radius + self.radius)
 
     def discs_at(self, time: float, middle: Vector) -> FloatArray:
-        """Return the centers [m], (k, 2), at a time [s] of the discs in the `length` about `middle`."""
+        """Return the centers [m], shape (k, 2), of the discs that are within `length` / 2 of `middle`.
+
+        The row is at its place at `time` [s]. Discs that reach partly into this range count.
+        """
         point = np.add(self.point, self.pose(time).shift)
         step, half = np.array(self.spacing), 0.5 * self.length + self.radius
         way = float((point - middle) @ step) / hypot(*step)
@@ -88,7 +91,7 @@ class Row(InfiniteWall):
         return np.asarray(point + np.arange(first, last + 1.0)[:, np.newaxis] * step)
 
     def fills_gaps_of(self, other: Wall) -> bool:
-        """Return whether each disc lies in the middle between two discs of a row `other`, equal otherwise."""
+        """Return whether `other` is an equal row, and these discs lie in the middle between its discs."""
         if not isinstance(other, Row) or (self.spacing, self.radius, self.motion_numbers) != (
             other.spacing,
             other.radius,
@@ -107,7 +110,7 @@ class Row(InfiniteWall):
         return self.drawn_about(self.point, time)
 
     def drawn_about(self, middle: Vector, time: float) -> Band:
-        """Return the drawing of the discs that, at a time [s], lie within `length` / 2 of a point [m]."""
+        """Return the drawing of the discs that, at `time` [s], are within `length` / 2 of `middle` [m]."""
         angle = np.linspace(np.pi, 0.0, _POINTS)
         along = self.radius * np.outer(np.cos(angle), self.spacing) / hypot(*self.spacing)
         across = (

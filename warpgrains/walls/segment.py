@@ -73,7 +73,7 @@ class Segment(StraightWall):
         return Side.at(self.start + self._share(position)[:, np.newaxis] * along, position, radius)
 
     def _share(self, position: FloatArray) -> FloatArray:
-        """Return t in [0, 1] of the nearest points, start + t (end - start), shape (n,)."""
+        """Return t in [0, 1], shape (n,), of the points start + t (end - start) nearest to positions."""
         (dx, dy), (x, y) = np.subtract(self.end, self.start), (position - self.start).T
         share: FloatArray = np.clip((x * dx + y * dy) / (dx * dx + dy * dy), 0.0, 1.0)
         return share

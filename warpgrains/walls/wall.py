@@ -29,16 +29,19 @@ Kind = TypeVar("Kind")
 
 
 class Image(NamedTuple):
-    """A periodic image of a wall as a wall of its own, for walls so wide that a grain can touch two."""
+    """A periodic image of a wall, which a scene holds as a separate wall.
+
+    It exists if a wall is so wide that a grain can touch it and its image at the same time.
+    """
 
     of: int
-    """Number of the wall of which this is an image."""
+    """Number in `Scene.walls` of the wall of which this is an image."""
     steps: tuple[int, int]
-    """Displacement, in periods along x and y, from the image that is nearest to a grain's center."""
+    """Displacement, in periods along x and y, from the image of the wall nearest to a grain to this image."""
 
 
 class Drive(NamedTuple):
-    """The mass and force that drive a wall (kernels/types.py, `Drive`)."""
+    """Mass, force and pressure that drive a wall (kernels/types.py, `Drive`)."""
 
     inverse_mass: float = 0.0
     """1 / mass [1/kg]; 0 if no force acts on the wall."""
@@ -47,9 +50,9 @@ class Drive(NamedTuple):
     pressure: float = 0.0
     """Pressure on the outer circle, or on the length of a line [N/m]."""
     length: float = 0.0
-    """Length of a line on which the pressure acts [m], unless two lines bound it."""
+    """Length of a line on which the pressure acts [m]. It has no effect if two lines bound the line."""
     between: tuple[int, int] = (0, 0)
-    """The bodies of the two lines that bound the line; (0, 0) without them."""
+    """The bodies of the two lines that bound the length of the line; (0, 0) without them."""
     direction: tuple[float, float] = (0.0, 0.0)
     """Unit vector along which the wall moves; 0 for the outer circle."""
     leader: int = 0
@@ -117,8 +120,9 @@ class Wall(Motion):
         self.require_motion(self.one())
 
     def images(self, number: int, period: Period, radius: float) -> Iterator[Self]:
-        """Yield images that grains up to `radius` [m] can touch together with the wall of this number.
+        """Yield the periodic images of the wall that a grain can touch together with the wall itself.
 
+        The radius of such a grain is at most `radius` [m]. The wall has the given number in `Scene.walls`.
         There are images along a period if the wall plus four radii is wider than the period.
         """
         width = np.add(self.widths, 4.0 * radius)
@@ -135,7 +139,7 @@ class Wall(Motion):
     @classmethod
     @cache
     def keys(cls) -> dict[str, Field[Any]]:
-        """Return the fields of the kind by their keys in a scene file."""
+        """Return the described fields of this kind of wall, by their keys in a scene file."""
         return {own.metadata.get("key", own.name): own for own in _own_first(cls)}
 
     @property
@@ -153,11 +157,11 @@ class Wall(Motion):
 
     @property
     def border(self) -> Circle | None:
-        """The circle that bounds the space of the grains; None for a wall that fills no area."""
+        """Circle between the grains and the area that the wall fills; None for a wall that fills no area."""
         return None
 
     def border_at(self, time: float) -> Circle | None:
-        """Return the border at its place at a time [s]."""
+        """Return `border` for the place of the wall at `time` [s]."""
         if self.border is None or not self.moves:
             return self.border
         ((x, y),) = self.pose(time).place(np.array([self.border[:2]])).tolist()
@@ -179,17 +183,17 @@ class Wall(Motion):
         return wall
 
     def driven_to(self, coordinate: float, direction: Vector) -> Self:
-        """Return the wall at a coordinate of `State.driven` [m]."""
+        """Return the wall displaced by a coordinate [m] along a unit vector, see `State.driven`."""
         return self.shifted(coordinate * direction[0], coordinate * direction[1])
 
     @property
     def coordinate(self) -> float:
-        """Coordinate at the start, see `State.driven` [m]."""
+        """Coordinate of a driven wall at the start, see `State.driven` [m]."""
         return 0.0
 
     @property
     def _places(self) -> dict[str, Any]:
-        """The given fields that are positions [m], by name."""
+        """The fields that are positions [m] and have a value, by name."""
         names = ("center", "point", "start", "end", "pivot")
         return {name: getattr(self, name) for name in names if getattr(self, name, None)}
 
@@ -214,10 +218,11 @@ class Wall(Motion):
         return self.largest_speed(self.farthest(self.about))
 
     def places(self, position: FloatArray, period: Period, time: float = -inf) -> FloatArray:
-        """Return points [m], shape (n, 2), in the frame of the wall at a time [s].
+        """Transform points [m], shape (n, 2), into the frame of the wall, which moved until `time` [s].
 
-        Of the periodic images of a point, the one nearest to the wall is returned; for a wall that is an
-        image, it is shifted by `image.steps` periods (kernels/walls/walls.py, `place_at`).
+        In a periodic scene, the image of a point that is nearest to the wall is returned. If this wall is
+        itself a periodic image, that point is shifted by `image.steps` periods (kernels/walls/walls.py,
+        `place_at`).
         """
         place = self.pose(time).to_frame(position) if self.moves else position
         if not period or self.circle[2] == inf:
@@ -229,10 +234,10 @@ class Wall(Motion):
     def velocity_at_contacts(
         self, step: tuple[float, float, float], position: FloatArray, hollow: FloatArray, normal: FloatArray
     ) -> FloatArray:
-        """Return the speeds of the wall along normals and tangents of contacts [m/s], (n, 2) (eq. 26b).
+        """Return the speeds of the wall along normal and tangent of contacts [m/s], shape (n, 2) (eq. 26b).
 
         `step` holds begin, end and length of the step [s], `position` the contact points [m], and `hollow`
-        the radii of the wall there, see `hollow_radii`.
+        the radii of curvature of the wall there, see `hollow_radii`.
         """
         if not self.moves:
             return np.tile((0.0, self.surface_speed), (len(position), 1))
@@ -260,14 +265,14 @@ class Wall(Motion):
 
     @property
     def shape(self) -> tuple[float, ...]:
-        """Kind, numbers and circle as the `SHAPE` numbers of the kernels (kernels/types.py)."""
+        """Kind, numbers and circle of the wall: its `SHAPE` numbers on the device (kernels/types.py)."""
         assert len(self.numbers) <= MOST_NUMBERS, f"{self.one()} has {len(self.numbers)} numbers"
         unused = (0.0,) * (MOST_NUMBERS - len(self.numbers))
         return (float(self.kind_number), *self.numbers, *unused, *self.circle)
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Numbers that the kernels need, at most `MOST_NUMBERS` (kernels/types.py)."""
+        """Numbers that define the shape for the kernels, at most `MOST_NUMBERS` (kernels/types.py)."""
         raise NotImplementedError
 
     @property
@@ -277,11 +282,11 @@ class Wall(Motion):
 
     @property
     def widths(self) -> tuple[float, float]:
-        """Upper bounds of the widths along x and y, about the center of the circle [m]."""
+        """Upper bounds of the widths of the wall along x and y, centered on the center of `circle` [m]."""
         return 2.0 * self.circle[2], 2.0 * self.circle[2]
 
     def farthest(self, point: tuple[float, float]) -> float:
-        """Return the largest distance [m] of `point` from points of the wall that turning displaces."""
+        """Return the largest distance [m] from the pivot `point` to a part of the wall that turning moves."""
         raise NotImplementedError
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
@@ -295,19 +300,28 @@ class Wall(Motion):
 
     @property
     def inwards(self) -> FloatArray:
-        """Unit vectors at both ends along the wall, away from the end, shape (2, 2)."""
+        """Unit vectors along the wall at its two ends, pointing away from the end, shape (2, 2)."""
         raise NotImplementedError
 
     def end_of(self, position: FloatArray) -> Indices:
-        """Return the end nearest to each position, shape (n,): 0, 1, or -1 if the wall between is nearer."""
+        """Return which end of the wall is nearest to each position, shape (n,): 0, 1, or -1.
+
+        -1 means that a point between the ends is nearer.
+        """
         return np.full(len(position), -1)
 
     def hollow_radii(self, position: FloatArray) -> FloatArray:
-        """Return radii of curvature where grains touch [m], (n,): < 0 if convex, 0 if straight or an end."""
+        """Return radii of curvature of the wall where it is nearest to each position [m], shape (n,).
+
+        They are > 0 on a hollow face, < 0 on a convex one, and 0 on a straight face or at an end.
+        """
         return np.zeros(len(position))
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
-        """Return normals at `point` of the faces towards `position`, (n, 2); 0 for convex faces."""
+        """Return the normal, at `point` of the wall, of the face towards each position, (n, 2).
+
+        It is 0 for a convex face.
+        """
         raise NotImplementedError
 
     def covers(self, position: FloatArray) -> BoolArray:
@@ -315,20 +329,20 @@ class Wall(Motion):
         return ~(self.side(position, np.zeros(len(position))).gap > 0.0)
 
     def complaint(self, number: int) -> str:
-        """Return the message for a grain with its center in the wall, which has this number."""
+        """Return the message for a grain with its center in this wall, which has this number in the scene."""
         return f"its center is inside walls[{number}], {self}"
 
     def named(self, number: int) -> str:
-        """Return the name of the wall, by default its kind and number, such as Segment0."""
+        """Return the name of the wall; without one, its kind and its number, such as Segment0."""
         return self.name or f"{self.kind.title()}{self.image.of if self.image else number}"
 
     def drawn_at(self, time: float, thickness: float) -> Band:
-        """Return the drawing of the wall at its place at a time [s]."""
+        """Return the drawing of the wall, with this thickness [m], at its place at `time` [s]."""
         band = self.drawn(thickness)
         return band.moved(self.pose(time)) if self.moves else band
 
     def drawn(self, thickness: float) -> Band:
-        """Return the drawing of the wall, with this thickness [m]."""
+        """Return the drawing of the wall before it moves, with this thickness [m]."""
         raise NotImplementedError
 
 
@@ -397,5 +411,5 @@ def kind_of_wall(kind: type[Kind]) -> type[Kind]:
 
 
 def _own_first(kind: type) -> list[Field[Any]]:
-    """Return the described fields: first those of the kind, then those common to all kinds."""
+    """Return the described fields of a kind of wall: first its own fields, then those of all walls."""
     return sorted(described_fields(kind).values(), key=lambda own: own.kw_only is True)
