@@ -22,7 +22,10 @@ class Bounds(NamedTuple):
         return cls(*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
     def grown(self, across: float, along: float | None = None) -> Self:
-        """Return the box grown on each side by `across` [m] along x, and by `along`, or `across`, along y."""
+        """Return the box grown on each side by `across` [m] along x, and by `along` [m] along y.
+
+        The default of `along` is `across`.
+        """
         up = across if along is None else along
         return type(self)(self.left - across, self.bottom - up, self.right + across, self.top + up)
 

@@ -15,7 +15,7 @@ from warpgrains.base.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.base.errors import InputError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
-"""Relative rounding error of a gap: an overlap below this fraction of the coordinates counts as a contact."""
+"""Rounding error of a gap, relative to coordinates: a smaller overlap counts as contact, not as overlap."""
 SMALLEST, LARGEST = 1e-140, 1e150  # bounds of lengths [m] whose squares are finite and not 0
 MOST_RADII = 1e12  # bound of lengths, in smallest grain radii; beyond it float64 cannot resolve a gap
 FEW = 64  # number of discs up to which all pairs are compared
@@ -39,7 +39,7 @@ class Period:
 
     @cached_property
     def repeats(self) -> BoolArray:
-        """True in the directions x and y along which the scene repeats, shape (2,)."""
+        """Which of the directions x and y have a period, shape (2,)."""
         return np.array([self.x is not None, self.y is not None])
 
     @cached_property
@@ -54,7 +54,7 @@ class Period:
 
     @property
     def shifts(self) -> FloatArray:
-        """Displacements from the cell to itself and its neighbors [m], shape (k, 2), k = 1, 3 or 9."""
+        """Displacements from the cell to itself and its neighbors [m], shape (k, 2), where k is 1, 3 or 9."""
         steps = [(0.0, 1.0, -1.0) if length else (0.0,) for length in self.lengths]
         return np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2) * self.lengths
 
@@ -63,22 +63,25 @@ class Period:
         return wrapped(position, self.lengths, self.low)
 
     def from_corner(self, position: FloatArray) -> FloatArray:
-        """Return wrapped points relative to the lower corner [m], (n, 2): in [0, length) along periods."""
+        """Return points, wrapped into the cell, relative to its lower corner [m], shape (n, 2).
+
+        Each component is in [0, length) in a direction with a period.
+        """
         places = self.wrapped(position) - self.low
         return np.where(self.repeats, np.clip(places, 0.0, np.nextafter(self.lengths, 0.0)), places)
 
     def nearest(self, ways: FloatArray) -> FloatArray:
-        """Return displacements to the nearest images [m], shape (..., 2) (kernels/MODEL.md, eq. 36)."""
+        """Return, for displacements [m], those to the nearest image, shape (..., 2) (MODEL.md, eq. 36)."""
         if not self:
             return ways
         images = np.rint(np.divide(ways, self.lengths, np.zeros_like(ways), where=self.repeats))
         return np.asarray(ways - self.lengths * images)
 
     def images(self, position: FloatArray, reach: FloatArray) -> tuple[FloatArray, IndexArray]:
-        """Return the n discs wrapped into the cell, then images of the discs that cross a periodic side.
+        """Return all discs, wrapped into the cell, and images of the discs that cross a periodic side.
 
-        `reach` holds the radii [m], shape (n,). The result is k centers [m], shape (k, 2), and the number of
-        the disc of each, shape (k,).
+        `position` and `reach` are the centers and radii of n discs [m]. The result is k >= n centers [m],
+        shape (k, 2), and the index of the disc of each, shape (k,). The first n are the discs themselves.
         """
         places = self.wrapped(position)
         number = np.arange(len(places))
@@ -105,17 +108,17 @@ class Circle(NamedTuple):
     """True if the shape lies inside of the circle, False if outside."""
 
     def meets(self, other: "Circle") -> bool:
-        """Return whether this circle may exclude points of another circle from the shape."""
+        """Return whether points of circle `other` may lie on the wrong side of this circle."""
         return self.keeps_inside or dist(self[:2], other[:2]) <= self.radius + other.radius
 
     def contains(self, points: FloatArray) -> BoolArray:
-        """Return which points [m], shape (..., 2), lie on the shape's side of the circle, shape (...,)."""
+        """Return which points [m], shape (..., 2), are on the side where the shape lies, shape (...,)."""
         rho = np.hypot(points[..., 0] - self.x, points[..., 1] - self.y)
         return np.asarray(rho <= self.radius if self.keeps_inside else rho >= self.radius)
 
 
 class Side(NamedTuple):
-    """Normals and gaps of grains at one wall."""
+    """Normals and gaps of n grains at one wall."""
 
     normal: FloatArray
     """Unit vectors into the wall, shape (n, 2)."""
@@ -124,12 +127,15 @@ class Side(NamedTuple):
 
     @classmethod
     def at(cls, point: FloatArray, position: FloatArray, radius: FloatArray) -> Self:
-        """Return the side of a wall from the points of the wall nearest to the grains [m], shape (n, 2)."""
+        """Return normals and gaps, given the points of the wall nearest to the n grains [m], shape (n, 2)."""
         away = point - position
         return cls(directions(away), distance(away) - radius)
 
     def without_normal(self, path: float = 0.0) -> BoolArray:
-        """Return which grains have no normal (0) and a gap of at most `path` [m], shape (n,)."""
+        """Return which grains have the normal 0 and a gap of at most `path` [m], shape (n,).
+
+        The normal is 0 where it is undefined, as for a center on a segment.
+        """
         return (distance(self.normal) == 0.0) & ~(self.gap > path)
 
 
@@ -140,7 +146,7 @@ def distance(vectors: FloatArray) -> FloatArray:
 
 
 def directions(vectors: FloatArray) -> FloatArray:
-    """Return unit vectors along vectors, and 0 along those of length 0, shape (m, 2)."""
+    """Return the unit vectors of vectors, shape (m, 2); 0 for a vector of length 0."""
     length = distance(vectors)[:, np.newaxis]
     return np.divide(vectors, length, np.zeros_like(vectors), where=length != 0.0)
 
@@ -169,7 +175,7 @@ def left_of(directions: FloatArray) -> FloatArray:
 
 
 def hollow_normals(center: Any, radius: float, point: FloatArray, position: FloatArray) -> FloatArray:
-    """Return, for positions within a circle, the unit vector from its center to `point`, else 0, (n, 2)."""
+    """Return the outward normals of a circle at `point`, shape (n, 2), but 0 for a position outside of it."""
     outwards = (point - center) / np.hypot(*(point - center))
     within: FloatArray = np.where(distance(position - center)[:, np.newaxis] < radius, outwards, 0.0)
     return within
@@ -188,7 +194,10 @@ def area_below(radius: FloatArray, level: FloatArray) -> FloatArray:
 
 
 def area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArray:
-    """Return the signed areas of triangles (origin, start, end) inside a disc about the origin [m2], (c,)."""
+    """Return the area that a triangle (origin, start, end) shares with a disc about the origin [m2], (c,).
+
+    It is negative if the corners are clockwise.
+    """
     along = end - start
     a, b = (along**2).sum(axis=1), (start * along).sum(axis=1)
     inside = np.maximum(b**2 - a * ((start**2).sum(axis=1) - radius**2), 0.0)
@@ -202,7 +211,7 @@ def area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArra
 
 
 def cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    """Return the cross products of vectors, shape (...)."""
+    """Return the cross products u_x v_y - u_y v_x of vectors (..., 2), shape (...)."""
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
@@ -264,14 +273,17 @@ def _all_pairs(n: int) -> tuple[IndexArray, IndexArray]:
 
 
 def _within(ascending: IndexArray, keys: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Return, for each key, the range [first, last) of indices of the numbers from key - 1 to key + 1."""
+    """Return, for each key, the range [first, last) of indices at which `ascending` is key - 1 to key + 1."""
     return np.searchsorted(ascending, keys - 1, side="left"), np.searchsorted(
         ascending, keys + 1, side="right"
     )
 
 
 def _matches(first: IndexArray, last: IndexArray) -> Iterator[tuple[IndexArray, IndexArray]]:
-    """Yield all k, m with first[k] <= m < last[k] in chunks: the first m of each k, then the next."""
+    """Yield all (k, m) with first[k] <= m < last[k], as arrays.
+
+    The first arrays have the first m of each k, the second ones the next m, and so on.
+    """
     k = np.arange(len(first))
     while (busy := first < last).any():
         k, first, last = k[busy], first[busy], last[busy]

@@ -20,18 +20,16 @@ FIXED = np.array([0.0, 1.0, 2.5, 4.1])  # extra cuts [rad], so that no arc has i
 
 
 class Part(NamedTuple):
-    """The part of a convex polygon that lies inside of some circles and outside of others.
-
-    `cut_areas` also takes a polygon for each disc.
-    """
+    """The part of a convex polygon that lies inside of some circles and outside of others."""
 
     corner: FloatArray
-    """Corners of the polygon [m], counter-clockwise, shape (k, 2); or of that of each disc, (n, k, 2)."""
+    """Corners of the polygon [m], counter-clockwise, shape (k, 2). For `cut_areas`, there may be one polygon
+    for each of n discs, shape (n, k, 2)."""
     circles: tuple[Circle, ...]
 
     @classmethod
     def of(cls, corner: FloatArray, circles: Iterable[Circle]) -> Self:
-        """Return a part without the circles that exclude their inside and do not reach the polygon."""
+        """Return a part, without circles that exclude their inside and do not reach the polygon."""
         low, high = corner.min(axis=0), corner.max(axis=0)
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         near = (c for c in circles if c.keeps_inside or (np.abs(middle - c[:2]) <= half + c.radius).all())
@@ -39,7 +37,7 @@ class Part(NamedTuple):
 
     @property
     def along(self) -> FloatArray:
-        """Edges from corner to corner [m], of the shape of the corners."""
+        """Vectors along the edges, from each corner to the next [m], in the shape of `corner`."""
         return np.roll(self.corner, -1, axis=-2) - self.corner
 
     def contains(self, points: FloatArray, margin: float = 0.0) -> BoolArray:
@@ -55,7 +53,7 @@ class Part(NamedTuple):
 
     @property
     def edges(self) -> FloatArray:
-        """Ends of the edges [m], shape (k, 2, 2)."""
+        """Both ends of each edge of the polygon [m], shape (k, 2, 2)."""
         return np.stack([self.corner, np.roll(self.corner, -1, axis=0)], axis=1)
 
     def clearance(self, points: FloatArray) -> FloatArray:
@@ -71,9 +69,10 @@ class Part(NamedTuple):
         return np.where(self.contains(points), nearest, -nearest)
 
     def outermost(self, direction: FloatArray) -> FloatArray:
-        """Return points [m], (m, 2), that include those farthest along and against a direction.
+        """Return points of the part [m], shape (m, 2).
 
-        Circles that exclude their inside are ignored.
+        They include the points farthest along a direction and against it. Circles that exclude their inside
+        are ignored.
         """
         outline = self._replace(circles=tuple(circle for circle in self.circles if circle.keeps_inside))
         points = [self.corner]
@@ -96,14 +95,17 @@ class Part(NamedTuple):
         return area
 
     def _within_and_cut(self, center: FloatArray, radius: FloatArray) -> tuple[IndexArray, IndexArray]:
-        """Return the numbers of the discs with centers inside, and of the discs that the border may cut."""
+        """Return the indices of the discs with centers inside, and of those that the border may cut."""
         low, high, reach = self.corner.min(axis=0), self.corner.max(axis=0), radius[:, np.newaxis]
         near = np.flatnonzero(((center + reach > low) & (center - reach < high)).all(axis=1))
         apart = self.clearance(center[near])
         return near[apart > 0.0], near[np.abs(apart) <= radius[near]]
 
     def cut_areas(self, center: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return what `areas` does, shape (n,) [m2], by the integral along the border for every disc."""
+        """Return the areas of discs inside the part [m2], shape (n,), by the integral along the border.
+
+        `areas` returns the same, and calls this function only for discs that the border may cut.
+        """
         area = 0.5 * radius**2 * self._cut_angles(center, radius)
         start = self.corner - center[:, np.newaxis]
         inside = [_roots(start, self.along, radius[:, np.newaxis])]
@@ -144,7 +146,10 @@ class Part(NamedTuple):
         return np.asarray(((end - begin) * self.contains(points)).sum(axis=1))
 
     def _along_circle(self, circle: Circle, center: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the integrals along the pieces of a circle inside the polygon and the discs [m2], (n,)."""
+        """Return the integral along the arcs of a circle inside the polygon and each disc [m2], shape (n,).
+
+        See the head of the module; the center of the disc is the origin.
+        """
         middle_of, rho = np.array(circle[:2]), circle.radius
         others = tuple(other for other in self.circles if other != circle and other.meets(circle))
         cuts = [FIXED, self._crossing_angles(circle)]
@@ -164,7 +169,7 @@ class Part(NamedTuple):
         return area if circle.keeps_inside else -area
 
     def _crossing_angles(self, circle: Circle) -> FloatArray:
-        """Return the angles at which a circle meets lines of edges, (2 k,) or (n, 2 k); NaN if nowhere."""
+        """Return the angles at which a circle meets the lines of the k edges, (2 k,) or (n, 2 k), or NaN."""
         t = self._fractions(circle)
         met = (self.corner - circle[:2])[..., np.newaxis, :] + t[..., np.newaxis] * self.along[
             ..., np.newaxis, :
@@ -172,13 +177,16 @@ class Part(NamedTuple):
         return np.asarray(np.arctan2(met[..., 1], met[..., 0])).reshape(*t.shape[:-2], 2 * t.shape[-2])
 
     def crossings(self, circle: Circle) -> FloatArray:
-        """Return the points at which the lines of edges meet a circle [m], shape (m, 2)."""
+        """Return the points at which the lines of the edges meet a circle [m], shape (m, 2)."""
         t = self._fractions(circle)
         edge, which = np.nonzero(np.isfinite(t))
         return self.corner[edge] + t[edge, which, np.newaxis] * self.along[edge]
 
     def _fractions(self, circle: Circle) -> FloatArray:
-        """Return where lines of edges meet a circle, as fractions of the edges, (..., k, 2), or NaN."""
+        """Return both t at which corner + t (next corner - corner) of each edge is on a circle, or NaN.
+
+        The shape is (..., k, 2).
+        """
         return _roots(self.corner - circle[:2], self.along, np.array(circle.radius))
 
 
@@ -189,7 +197,7 @@ def distinct(corner: FloatArray) -> FloatArray:
 
 
 def clip(corner: FloatArray, normal: FloatArray, level: float) -> FloatArray:
-    """Return the corners of the part of a convex polygon with normal . x <= level, (k, 2); |normal| = 1."""
+    """Cut a convex polygon with the half plane normal . x <= level [m], |normal| = 1; return its corners."""
     beyond = corner @ normal - level
     onward, beyond_onward = np.roll(corner, -1, axis=0), np.roll(beyond, -1)
     found = []
@@ -203,7 +211,10 @@ def clip(corner: FloatArray, normal: FloatArray, level: float) -> FloatArray:
 
 
 def _arcs(cut: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return begin and end of the arcs between cuts [rad], (n, k), and directions to their middles."""
+    """Return begin and end [rad], shape (n, k), of the arcs between the angles of cuts, (n, k).
+
+    The third result are the unit vectors to the middles of the arcs, shape (n, k, 2).
+    """
     begin = np.sort(np.nan_to_num(cut) % (2.0 * np.pi), axis=1)
     end = np.append(begin[:, 1:], np.full((len(begin), 1), 2.0 * np.pi), axis=1)
     middle = 0.5 * (begin + end)
@@ -213,7 +224,10 @@ def _arcs(cut: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _angles_at(
     center: FloatArray, radius: FloatArray | float, other: FloatArray, other_radius: FloatArray | float
 ) -> FloatArray:
-    """Return the angles on circles at which they meet circles `other` [rad], (..., 2); NaN if nowhere."""
+    """Return both angles, on circles about `center`, at which they meet circles about `other` [rad], or NaN.
+
+    The shape is (..., 2).
+    """
     to = center - other
     rho, towards = np.hypot(to[..., 0], to[..., 1]), np.arctan2(to[..., 1], to[..., 0])
     with np.errstate(divide="ignore", invalid="ignore"):

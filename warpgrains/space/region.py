@@ -29,7 +29,7 @@ ROUNDING = 1e-13  # rounding error of an area, relative to the square of the reg
 
 Corners = tuple[Ends, ...]
 Side = tuple[FloatArray, float]
-"""Half plane, normal . x <= level [m]."""
+"""A half plane: the unit vector `normal` and `level` [m] of normal . x <= level."""
 Measure = Callable[[Part, FloatArray, FloatArray], FloatArray]
 
 
@@ -48,13 +48,16 @@ class Region:
     cells: tuple[Corners, ...]
     """Convex polygons without overlap: the corners of each [m], counter-clockwise."""
     discs: tuple[Circle, ...] = ()
-    """Circles: the region lies outside of discs and inside of rings."""
+    """Circles that bound the region, each on the side that its `keeps_inside` says."""
     period: Period = field(default_factory=Period)
     """The periodic cell, whose images continue the region."""
 
     @cached_property
     def ring(self) -> Ends:
-        """Radii of the ring about the origin that holds the region [m]; 0 and inf without its circles."""
+        """Radii of the smallest ring about the origin that bounds the region [m].
+
+        They are 0 or inf if no circle about the origin bounds the region there.
+        """
         near, far = 0.0, inf
         for x, y, radius, keeps_inside in self.discs:
             if x == y == 0.0:
@@ -73,13 +76,16 @@ class Region:
 
     @property
     def outer_box(self) -> FloatArray:
-        """Box about the polygons: its lower left and upper right corner [m], shape (2, 2)."""
+        """Lower left and upper right corner of the smallest box around the polygons [m], shape (2, 2)."""
         corners = np.concatenate(self._corners) if self.cells else np.zeros((1, 2))
         return np.array([corners.min(axis=0), corners.max(axis=0)])
 
     @property
     def box(self) -> FloatArray:
-        """The part of `outer_box` in the box about the outer circle of `ring` [m], shape (2, 2)."""
+        """Corners of the intersection of `outer_box` and the box around the outer circle of `ring` [m].
+
+        The first row is the lower left corner, the second one the upper right corner.
+        """
         return np.clip(self.outer_box, -self.ring[1], self.ring[1])
 
     @property
@@ -96,20 +102,21 @@ class Region:
 
     @property
     def area(self) -> float:
-        """Area of the region without the discs inside [m2]."""
+        """Area of the region, and so without the discs that it excludes [m2]."""
         return _area(self)
 
     def areas(self, position: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the areas of discs inside the region [m2], of centers (n, 2) and radii (n,), shape (n,)."""
+        """Return the area of each disc inside the region [m2], shape (n,), from positions and radii [m]."""
         return self._sums(Part.areas, position, radius)
 
     def slices(
         self, direction: FloatArray, edges: FloatArray, center: FloatArray, radius: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the areas of discs in slices between edges along a direction, and those of the slices [m2].
+        """Divide the region by lines direction . x = edge; return areas inside the slices [m2].
 
-        The shapes are (slices, n) and (slices,). Discs near the border are cut by the border and the edges,
-        all other discs by the edges alone.
+        The first result are the areas of discs in each slice, shape (slices, n), the second those of the
+        slices, shape (slices,). Discs near the border of the region are cut by it and by the edges, all other
+        discs by the edges alone.
         """
         slices = _slices(self, tuple(direction.tolist()), tuple(edges.tolist()))
         inner = self._are_clear(center, radius)
@@ -127,7 +134,7 @@ class Region:
         return found, slices.area
 
     def _are_clear(self, center: FloatArray, radius: FloatArray) -> BoolArray:
-        """Return which discs lie inside with all of their images, up to rounding, shape (n,)."""
+        """Return which discs, with all of their periodic images, lie inside up to rounding, shape (n,)."""
         places, disc = self.period.images(center, radius)
         low, high = self.outer_box
         beyond = self.period.repeats & (high - low >= self.period.lengths)  # periodic sides are no border
@@ -140,11 +147,14 @@ class Region:
         return np.bincount(disc, apart < (1.0 - TOUCH**2) * radius[disc], len(radius)) == 0.0
 
     def angles(self, center: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the total angle of the arcs of each disc's circle inside the region [rad], shape (n,)."""
+        """Return the total angle of the arcs of each circle that are inside the region [rad], shape (n,)."""
         return self._sums(Part.angles, center, radius)
 
     def _sums(self, measure: Measure, center: FloatArray, radius: FloatArray) -> FloatArray:
-        """Return the sum of a measure of each disc over the parts and its images, shape (n,)."""
+        """Return, for each disc, the sum of a measure over its periodic images and the parts, shape (n,).
+
+        A measure, such as `Part.areas`, takes a part, centers and radii.
+        """
         places, disc = self.period.images(center, radius)
         found = sum((measure(part, places, radius[disc]) for part in self.parts), start=np.zeros(len(disc)))
         return found if len(disc) == len(radius) else np.bincount(disc, found).astype(np.float64)
@@ -155,7 +165,7 @@ class Region:
         return np.max([part.clearance(points) for part in self.parts], axis=0)
 
     def cut(self, *sides: Side) -> Region:
-        """Return the part of the region in the intersection of half planes."""
+        """Return the part of the region that lies in all of these half planes."""
         if not sides:
             return self
         cells = self._corners
@@ -165,17 +175,20 @@ class Region:
         return replace(self, cells=tuple(kept))
 
     def between(self, direction: FloatArray, low: float, high: float) -> Region:
-        """Return the part with low <= direction . x <= high [m]."""
+        """Return the part of the region with low <= direction . x <= high [m]."""
         return self.cut((-direction, -low), (direction, high))
 
     def distances(self, near: float, far: float) -> Region:
-        """Return the part at distances between near and far from the origin [m]."""
+        """Return the part of the region at distances between `near` and `far` [m] from the origin."""
         inner = (Circle(0.0, 0.0, near, False),) if near > self.ring[0] else ()
         outer = (Circle(0.0, 0.0, far, True),) if far < self.ring[1] else ()
         return replace(self, discs=outer + inner + self.discs)
 
     def split(self, cells: Iterable[Iterable[Side]]) -> Region:
-        """Return the part in a union of cells that do not overlap, each the intersection of half planes."""
+        """Return the part of the region in a union of cells.
+
+        Each cell is an intersection of half planes. Cells do not overlap.
+        """
         parts = [self.cut(*sides).cells for sides in cells]
         return replace(self, cells=tuple(corner for part in parts for corner in part))
 
@@ -185,7 +198,7 @@ class Region:
         return replace(both, discs=tuple(dict.fromkeys(self.discs + other.discs)))
 
     def without_layer(self, depth: float) -> Region:
-        """Return the part of a region of one polygon at least `depth` [m] from its border."""
+        """Return the part at least `depth` [m] from the border, of a region that consists of one polygon."""
         grown = [disc.radius + (-depth if disc.keeps_inside else depth) for disc in self.discs]
         discs = tuple(disc._replace(radius=radius) for disc, radius in zip(self.discs, grown, strict=True))
         if any(disc.radius <= 0.0 for disc in discs):
@@ -195,7 +208,7 @@ class Region:
         return kept.cut(*((way, level - depth) for way, level in sides if not self._is_periodic(way, level)))
 
     def _is_periodic(self, normal: FloatArray, level: float) -> bool:
-        """Return whether a side is one of the periodic sides of the box."""
+        """Return whether the line normal . x = level is one of the periodic sides of the box."""
         return any(
             ends is not None and level == (ends[1] if along > 0.0 else -ends[0])
             for along, ends in zip(normal.tolist(), (self.period.x, self.period.y), strict=True)
@@ -203,24 +216,25 @@ class Region:
         )
 
     def span(self, direction: FloatArray) -> tuple[float, float]:
-        """Return the smallest and the largest direction . x of the region and its discs inside [m]."""
+        """Return the smallest and the largest direction . x [m] in the region and the discs it excludes."""
         found = np.concatenate([part.outermost(direction) for part in self.parts]) @ direction
         return float(found.min()), float(found.max())
 
 
 class _Slices(NamedTuple):
-    """The slices of a region as convex polygons."""
+    """The slices of a region, divided into p convex polygons."""
 
     number: IndexArray
-    """Slice of each polygon, shape (p,)."""
+    """Index of the slice of each polygon, shape (p,)."""
     corner: FloatArray
-    """Corners of the polygons [m], shape (p, k, 2). The last corner of those with fewer is repeated."""
+    """Corners of the polygons [m], shape (p, k, 2). If a polygon has fewer than k, its last corner is
+    repeated."""
     circles: tuple[Circle, ...]
     area: FloatArray
     """Areas of the slices [m2], shape (slices,)."""
 
     def polygons(self, which: IndexArray) -> Part:
-        """Return one of the polygons for each disc."""
+        """Return a part that holds, for each disc, polygon which[disc], for `Part.cut_areas`."""
         return Part(self.corner[which], self.circles)
 
 
@@ -255,7 +269,7 @@ def rectangle(x: Ends, y: Ends) -> Corners:
 
 
 def polygon(field: str, corner: FloatArray) -> Region:
-    """Return the region in a polygon with corners [m], shape (k, 2), divided into trapezoids.
+    """Return the region inside a polygon with corners [m], shape (k, 2), divided into trapezoids.
 
     Raise InputError, which names `field`, if sides of the polygon cross.
     """
@@ -281,7 +295,10 @@ def sides_of(corner: FloatArray) -> Iterable[Side]:
 
 
 def region_of(space: Region, given: Any, field: str = "grains.region") -> Region:
-    """Return the part of `space` in the ranges [m] of a table, all optional; NoAreaError if it is empty."""
+    """Return the part of `space` that a table of ranges [m] selects; NoAreaError if it is empty.
+
+    The keys, all optional, are those of `ranges_of`. Messages name `field`.
+    """
     if given is None:
         return space
     ranges = ranges_of(field, given)
