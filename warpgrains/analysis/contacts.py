@@ -97,7 +97,10 @@ def mean_stress(of: Snapshot | HasState, region: Where = None, part: str = "all"
 
 
 def momentum_flow(mass: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return the sum of m (v - <v>) (v - <v>)^T over grains [N m], shape (2, 2); <v> is weighted by mass."""
+    """Return the sum of m (v - <v>) (v - <v>)^T over grains [N m], shape (2, 2).
+
+    v are velocities, shape (n, 2), and <v> is their mean weighted by mass.
+    """
     whole = mass.sum()
     fluctuation = velocity - mass @ velocity / whole if whole > 0.0 else velocity
     return np.asarray((mass * fluctuation.T) @ fluctuation)
@@ -115,7 +118,10 @@ def pressure(of: Snapshot | HasState, region: Where = None) -> float:
 
 
 def force_moments(now: Snapshot) -> FloatArray:
-    """Return the sum of l n (f n + q t)^T over the contacts of each grain [N m], shape (n, 2, 2)."""
+    """Return the sum of l n (f n + q t)^T over the contacts of each grain [N m], shape (n, 2, 2).
+
+    See the head of the module for the symbols.
+    """
     grain, normal, force, tangential = now.loads
     weight = force * now.scene.radius[grain]
     moments = np.empty((2, 2, now.n))

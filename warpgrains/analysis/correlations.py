@@ -22,7 +22,8 @@ class RadialDistribution(NamedTuple):
     edges: FloatArray
     """Edges of the bins [m], shape (bins + 1,)."""
     pairs: IndexArray
-    """Number of pairs i < j in each bin, both in the region, shape (bins,)."""
+    """Number of pairs of grains i < j in each bin of distance, shape (bins,). Both centers are in the
+    region."""
     g: FloatArray
     """g(r), shape (bins,): `pairs` divided by its expectation for the same number of independent, uniformly
     random points in the region."""
@@ -143,7 +144,7 @@ def radius_classes(of: Snapshot | HasState, count: int = 2) -> IndexArray:
 def _counted(
     now: Snapshot, label: IndexArray, bins: int, reach: float | None, region: Where
 ) -> PartialDistributions:
-    """Return pairs and g(r) between kinds of grains in a region; `label` is the kind of each grain."""
+    """Return edges, pairs and g(r) of the grains in a region; `label` is the kind of each grain, (n,)."""
     with requiring("radial_distribution"):
         from scipy.spatial import cKDTree
     counted, position = counted_region(now, region), now.position
@@ -179,7 +180,11 @@ def _counted(
 def _expected(
     region: Region, position: FloatArray, of_kind: list[BoolArray], edges: FloatArray
 ) -> FloatArray:
-    """Return the expected numbers of pairs for random centers, (k, k, bins), by the midpoint rule."""
+    """Return the number of pairs to expect in each bin for random centers, shape (k, k, bins).
+
+    `of_kind` says which of the positions [m] are those of each of k kinds. The integral over a bin is
+    computed by the midpoint rule.
+    """
     middle, k = 0.5 * (edges[1:] + edges[:-1]), len(of_kind)
     inside, clearance = np.empty((k, len(middle))), region.clearance(position)
     for b, r in enumerate(middle):
@@ -194,9 +199,9 @@ def _expected(
 
 
 def counted_region(now: Snapshot, region: Where) -> Region:
-    """Return a region, by default the container below the mean height without a layer at the walls.
+    """Return a region; by default the inside of the container, below the mean height of the grains.
 
-    The layer is a mean diameter wide.
+    The inside is a mean diameter away from the walls. Without gravity, heights do not count.
     """
     if region is not None:
         return region_of(now, region)

@@ -36,7 +36,7 @@ def kinetic_energy(of: Snapshot | HasState) -> float:
 
 
 def kinetic_energies(grains: Snapshots) -> FloatArray:
-    """Return the kinetic energies of many runs [J], shape (m,)."""
+    """Return the kinetic energy of the grains of each of m scenes [J], shape (m,)."""
     return energy.kinetic_energy(grains.mass, grains.radius, grains.velocity, grains.spin)
 
 
@@ -52,7 +52,7 @@ def potential_energy(of: Snapshot | HasState) -> float:
 
 
 def potential_energies(grains: Snapshots) -> FloatArray:
-    """Return the potential energies of many runs [J], shape (m,)."""
+    """Return the potential energy of the grains of each of m scenes [J], shape (m,)."""
     return -(grains.mass * (grains.position @ grains.gravity[..., np.newaxis])[..., 0]).sum(axis=-1)
 
 
@@ -120,12 +120,15 @@ class EnergyBalance(NamedTuple):
 
     @property
     def impact_loss(self) -> float:
-        """Part of `contact_loss` due to the normal forces."""
+        """Part of `contact_loss` due to normal forces [J]."""
         return self.contact_loss - self.friction_loss
 
 
 def require_energy_balance(what: str, scene: Scene) -> None:
-    """Raise InputError, which names `what`, with driven walls or rolling friction: their work is unknown."""
+    """Raise InputError, which names `what`, if the work of forces in the scene cannot be computed.
+
+    That is so with walls that a force or a pressure drives, and with rolling friction.
+    """
     if scene.has_driven_walls:
         raise InputError(f"{what} cannot be computed where a pressure or a force drives a wall")
     if scene.has_rolling_friction:
@@ -175,7 +178,10 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
 
 
 def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> EnergyBalance:
-    """Add spin drag, friction and tangential work of walls; `mean` is (v + v') / 2 [m/s], shape (n, 2)."""
+    """Return the balance with spin drag, friction and the tangential work of walls added [J].
+
+    `mean` are the velocities (v + v') / 2 of the step [m/s], shape (n, 2).
+    """
     scene, (grain, normal, _, tangential) = now.start_scene, now.loads
     turn = -scene.dt * scene.radius * np.bincount(grain, tangential, now.n)  # angular impulse
     free = now.spin - turn / (0.5 * scene.rim_mass * scene.radius**2)
@@ -234,5 +240,8 @@ def contact_forces(of: Snapshot | HasState) -> FloatArray:
 
 
 def _sums(now: Snapshot, force: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return the sum of -force * direction over the contacts of each grain [N], shape (n, 2)."""
+    """Return the sum of -force * direction over the contacts of each grain [N], shape (n, 2).
+
+    Forces [N], shape (c,), and directions, shape (c, 2), are in the order of `now.loads`.
+    """
     return np.stack([np.bincount(now.loads.grain, -force * along, now.n) for along in direction.T], axis=1)

@@ -69,7 +69,7 @@ PARTS: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
     "tangential": lambda _, tangential: np.abs(tangential),
     "total": np.hypot,
 }
-"""Functions that return moduli of forces [N] from normal and tangential components."""
+"""Functions that return the modulus of each force [N] from its normal and tangential component, by part."""
 
 
 class Distribution(NamedTuple):
@@ -147,7 +147,7 @@ def contact_directions(of: Snapshot | HasState, bins: int = 36, region: Where = 
 
 
 def _counted(now: Snapshot, region: Where) -> BoolArray | slice:
-    """Return an index of the contacts between grains whose contact points are in a region."""
+    """Return an index into the contacts between grains: those with a contact point in the region."""
     if region is None:
         return slice(None)
     grain = now.pair[:, 0]

@@ -16,14 +16,17 @@ MOST_FREEDOMS = 3000  # bound of velocity components in `rigidity`: the SVD of t
 
 
 class _Contacts(NamedTuple):
-    """Contacts whose force is at least `least`."""
+    """Contacts whose force is at least a given one. `pair` holds the grains i < j, shape (m, 2)."""
 
     pair: IntArray
     wall: IntArray
     """Grain of each contact with a wall, shape (k,)."""
 
     def numbers(self, without: BoolArray) -> IndexArray:
-        """Return the number of contacts of each grain, shape (n,), except contacts of grains `without`."""
+        """Return the number of contacts of each grain, shape (n,).
+
+        Contacts do not count if one of their grains is marked in `without`, shape (n,).
+        """
         kept = self.pair[~without[self.pair].any(axis=1)]
         wall, n = self.wall[~without[self.wall]], len(without)
         return np.bincount(kept.ravel(), minlength=n) + np.bincount(wall, minlength=n)
@@ -184,7 +187,11 @@ def rigidity(
 
 
 def _rigidity_matrix(now: Snapshot, least: float, counted: BoolArray) -> FloatArray:
-    """Return the matrix that maps velocities and r * spins of grains to relative velocities at contacts."""
+    """Return the matrix that maps velocities of the grains to relative velocities at the contacts.
+
+    Its columns are for the velocity and, with friction, r * spin of each grain in `counted`. Its rows are for
+    the normals of all contacts with a force of at least `least` [N] and, with friction, for their tangents.
+    """
     least = checks.number("least", least)
     rough, n = now.scene.has_friction, int(counted.sum())
     per_grain = 3 if rough else 2

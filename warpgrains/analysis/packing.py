@@ -58,7 +58,10 @@ def pile_height(of: Snapshot | HasState) -> float:
 
 
 def pile_heights(grains: Snapshots) -> FloatArray:
-    """Return the pile heights of many runs [m], (m,); NaN if the container is unknown or has no bottom."""
+    """Return the pile height of each of m scenes [m], shape (m,), see `pile_height`.
+
+    It is NaN if the container is unknown or has no bottom.
+    """
     lowest = -grains.circles[:, 1]
     for k, container in grains.containers.items():
         span = container.region.span(container.up)
@@ -102,7 +105,10 @@ def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
 
 
 def packing_fractions(grains: Snapshots) -> FloatArray:
-    """Return the packing fractions of many runs, shape (m,); NaN where the area is unknown."""
+    """Return the packing fraction of each of m scenes, shape (m,), see `packing_fraction`.
+
+    It is NaN if the area below the mean height is unknown.
+    """
     radius, height, level = grains.radius, _heights(grains), mean_heights(grains)
     inner, outer = (area_below(circle, level) for circle in grains.circles.T)
     space = outer - inner
@@ -114,9 +120,9 @@ def packing_fractions(grains: Snapshots) -> FloatArray:
 
 
 def mean_heights(grains: Snapshots) -> FloatArray:
-    """Return the mean heights of the grains of many runs, weighted by area [m], shape (m,).
+    """Return the mean height of the grains, weighted by area, of each of m scenes [m], shape (m,).
 
-    The result is inf in a box that is periodic in both directions, where heights have no meaning.
+    It is inf in a box that is periodic in both directions, where heights have no meaning.
     """
     area = grains.radius**2
     level: FloatArray = (area * _heights(grains)).sum(axis=-1) / area.sum(axis=-1)
@@ -180,7 +186,7 @@ def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
 
 
 def radical_cell_areas(position: FloatArray, radius: FloatArray, region: Region) -> FloatArray:
-    """Return the areas of the radical cells of discs in a region of one polygon [m2], shape (n,)."""
+    """Return the areas of the radical cells of discs, clipped to a region of one polygon [m2], shape (n,)."""
     near, far = region.ring
     size, shifts = float(distance(region.outer_box).max()), region.period.shifts
     images = np.concatenate([position + shift for shift in shifts])
@@ -211,7 +217,7 @@ def radical_cell_areas(position: FloatArray, radius: FloatArray, region: Region)
 
 
 def _corners(position: FloatArray, radius: FloatArray) -> tuple[IndexArray, FloatArray]:
-    """Return the grain of each corner of all cells, shape (c,), ascending, and the corners, shape (c, 2).
+    """Return the grain of each corner of all radical cells, shape (c,), ascending, and the corners, (c, 2).
 
     Lengths are in units of the size of the region.
     """

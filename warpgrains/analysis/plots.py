@@ -42,7 +42,7 @@ def plot(
 ) -> list[int]:
     """Draw frames of a recording, by default five, and curves over time; return the numbers of the frames.
 
-    The look is that of the recording, with changes by `looks`, see `RunOptions`.
+    The picture looks like the recording, except for the options in `looks`, see `RunOptions`.
     """
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
@@ -55,7 +55,7 @@ def plot(
 
 
 def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
-    """Return the numbers of the frames to draw, counted from the start."""
+    """Return the indices of the frames to draw, of `count` frames. A negative index counts from the end."""
     if frames is None:
         return sorted(set(np.linspace(0, count - 1, _FRAMES_IN_A_ROW).round().astype(int).tolist()))
     if not len(frames):
@@ -89,7 +89,7 @@ def _draw(source: Recording, painter: Painter, numbers: list[int], curves: bool)
 
 
 def _draw_curves(figure: SubFigure, source: Recording, marked: list[int]) -> None:
-    """Draw kinetic energy, height and number of contacts over time, and mark the times of some frames."""
+    """Draw the curves of `measure` over time, and mark the times of the frames with indices `marked`."""
     curves, time = measure(source), np.array([source.times.time(k) for k in range(len(source))])
     for axes, (label, values) in zip(
         figure.subplots(1, len(curves), squeeze=False).flat, curves.items(), strict=True
@@ -104,7 +104,10 @@ def _draw_curves(figure: SubFigure, source: Recording, marked: list[int]) -> Non
 
 
 def measure(source: Recording) -> dict[str, FloatArray]:
-    """Return the curves of a recording with f frames by title, shape (f,): energy, height and contacts."""
+    """Return curves of a recording with f frames, shape (f,) each, by their titles with units.
+
+    They are kinetic energy per mass, mean height and, if forces are recorded, the number of contacts.
+    """
     energies, heights, contacts = list[float](), list[float](), list[float]()
     for k in range(len(source)):
         now = source.frame(k, source.has_forces)
@@ -117,7 +120,10 @@ def measure(source: Recording) -> dict[str, FloatArray]:
 
 
 def plot_history(table: str | Path, output: str | Path) -> list[int]:
-    """Draw zeta and residual over the iterations of each step in a history table; return the steps."""
+    """Draw zeta and residual over the iterations of each step in a history table; return the steps.
+
+    `warpgrains run --history` writes such a table.
+    """
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
     step, iteration, *values = _columns(Path(table))

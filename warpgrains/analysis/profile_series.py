@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 ALONG = {"height": height_profile, "radius": radial_profile}
 UNITS = {"packing_fraction": "", "velocity": "m/s", "spin": "rad/s", "temperature": "m2/s2", "stress": "N/m"}
 WEIGHTED = {"velocity", "spin", "temperature"}
-"""Fields that means over time weight by the packing fraction, because they are NaN without grains."""
+"""Fields whose means over time are weighted by the packing fraction: they are NaN in slices without
+grains."""
 
 
 class ProfileAverage(NamedTuple):
@@ -75,16 +76,16 @@ class ProfileSeries:
         self.profiles: list[Profile] = []
 
     def observe(self, simulation: Snapshot | HasState) -> None:
-        """Measure a profile."""
+        """Measure and store a profile of the present state."""
         now = snapshot(simulation)
         self.profiles.append(self._measure(now))
         self.time.append(now.time)
 
     def flush(self) -> None:
-        """Do nothing: a run calls it at checkpoints."""
+        """Do nothing. A run calls it at checkpoints, because other observers write files then."""
 
     def _values(self, name: str, after: float = -np.inf) -> FloatArray:
-        """Return a field of all profiles from a time [s] on, stacked along the first axis."""
+        """Return field `name` of the profiles from time `after` [s] on, stacked along the first axis."""
         each = zip(self.time, self.profiles, strict=True)
         return np.array([getattr(profile, name) for time, profile in each if time >= after])
 

@@ -102,7 +102,7 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
 
 
 def _counted(now: Snapshot, region: Where) -> Region:
-    """Return a region, by default the container up to its opening, if any."""
+    """Return a region, by default the container, which ends at its opening if it is open above."""
     if not region:
         now.container.require_known()
         return now.container.region
@@ -112,9 +112,10 @@ def _counted(now: Snapshot, region: Where) -> Region:
 def _means(
     now: Snapshot, edges: FloatArray, slices: tuple[FloatArray, FloatArray], along: FloatArray
 ) -> Profile:
-    """Return means over slices from the areas of grains in slices, (slices, n), and of slices, (slices,).
+    """Return the profile of means over slices, whose edges are given [m].
 
-    `slices` holds these areas [m2], and `along` unit vectors along the profile at each grain, shape (n, 2).
+    `slices` holds the area of each grain inside each slice [m2], shape (slices, n), and the areas of the
+    slices, shape (slices,). `along` is the unit vector along the profile at each grain, shape (n, 2).
     """
     (weight, space), radius = slices, now.scene.radius
     axes = np.stack([along, left_of(along)], axis=1)

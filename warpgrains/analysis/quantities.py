@@ -23,21 +23,24 @@ from warpgrains.walls.container import container_of
 
 
 class Quantity(NamedTuple):
-    """A scalar quantity of a snapshot.
+    """A scalar quantity of a snapshot: one element of the result of a function.
 
-    It is one element of the result of a function. Quantities of the same function share one call.
+    Quantities of the same function share one call.
     """
 
     unit: str
     """Unit; empty for a dimensionless number."""
     function: Callable[..., Any]
     part: Callable[..., float] = float
-    """Function that returns the element. For a quantity of a wall, its second argument is the wall's name."""
+    """Function that returns the quantity from the result of `function`. For a quantity of a wall, its second
+    argument is the wall's name."""
     of_runs: Callable[[Snapshots], FloatArray] | None = None
-    """Function that returns the quantity of m runs, shape (m,); only for columns of every sweep's results."""
+    """Function that returns the quantity of m scenes, shape (m,). Only quantities that are columns of the
+    results of every sweep have one."""
     meaning: str = ""
     require: Callable[[str, Scene], object] = lambda name, scene: None
-    """Function that raises InputError if a scene cannot have the quantity of this name without a region."""
+    """Function that takes the name of the quantity and a scene. It raises InputError if the scene cannot have
+    the quantity without a region."""
 
 
 def _require_known(name: str, scene: Scene) -> None:
@@ -53,7 +56,7 @@ def _of_runs(unit: str, of_runs: Callable[[Snapshots], FloatArray], meaning: str
 
 
 def _stress(a: int, b: int, sign: float = 1.0) -> Quantity:
-    """Return a component of the symmetric part of the stress, or of the antisymmetric part with sign -1."""
+    """Return the quantity (sigma_ab + sign sigma_ba) / 2 of the mean stress sigma, see `mean_stress`."""
     part = "component" if sign > 0.0 else "antisymmetric part, (xy - yx) / 2,"
     return Quantity(
         "N/m",
@@ -108,7 +111,7 @@ def _power(part: str, meaning: str) -> Quantity:
 
 
 def _powers(now: Snapshot) -> EnergyBalance:
-    """Return the energy balance of the last step divided by its duration [W]."""
+    """Return the energy balance of the last step, divided by the duration of the step [W]."""
     return EnergyBalance(*(energy / now.scene.dt for energy in step_energy_balance(now)))
 
 
@@ -215,7 +218,7 @@ GROUPS = {
 """Names of groups of quantities."""
 
 SWEEP_QUANTITIES = {name: found.of_runs for name, found in QUANTITIES.items() if found.of_runs is not None}
-"""Quantities that are columns of every sweep's results, as functions of many runs."""
+"""Quantities that are columns of every sweep's results: functions that return those of m scenes, by name."""
 
 _TAKE_REGION = {name for name, one in QUANTITIES.items() if "region" in signature(one.function).parameters}
 
@@ -236,9 +239,9 @@ def find(name: str) -> Quantity:
 
 
 def names_of(wanted: str | Iterable[str]) -> tuple[str, ...]:
-    """Return the quantities that names and groups denote, without duplicates, in the given order.
+    """Return the names of quantities that names of quantities and groups denote, each once, in order.
 
-    A single text may hold several, separated by commas.
+    A single text may hold several names, separated by commas.
     """
     found: dict[str, None] = {}
     for name in map(str.strip, wanted.split(",") if isinstance(wanted, str) else wanted):
@@ -249,9 +252,10 @@ def names_of(wanted: str | Iterable[str]) -> tuple[str, ...]:
 
 
 def require_quantities(names: Iterable[str], scene: Scene, region: Mapping[str, Any] | None = None) -> None:
-    """Raise InputError if a scene cannot have one of these quantities, or a region, at its start.
+    """Raise InputError if a scene cannot have one of these quantities, or the region, at its start.
 
-    The surface of a pile, which is not known yet, is taken at the height `Scene.reach`.
+    For a region below the surface of a pile, which is not known yet, the surface is taken at the height
+    `Scene.reach`.
     """
     if region is not None:
         to_surface = {"below": scene.reach} if region.get("below") == "surface" else {}

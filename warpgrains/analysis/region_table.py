@@ -142,7 +142,7 @@ def _polygon(_: Snapshot, given: Any) -> list[list[Side]]:
 
 
 def _wedges(_: Snapshot, given: Any) -> list[list[Side]]:
-    """Return convex wedges, as half planes, that fill a range of angles [rad]."""
+    """Return convex wedges that together fill a range of angles [rad]. Each is a list of half planes."""
     start, end = checks.vector("region.angle", given)
     if not start < end <= start + 2.0 * pi * (1.0 + 1e-12):
         raise InputError(
@@ -156,7 +156,7 @@ def _wedges(_: Snapshot, given: Any) -> list[list[Side]]:
 
 
 def _below(now: Snapshot, given: Any) -> list[list[Side]]:
-    """Return the half plane below a height, or the columns below the surface of a pile."""
+    """Return the half plane below a height, or the columns below the surface of a pile, as half planes."""
     up, space = now.scene.up_at(now.time), now.scene.space_at(now.time)
     if not isinstance(given, str):
         return [[(up, checks.number("region.below", given))]]
@@ -177,4 +177,5 @@ def _below(now: Snapshot, given: Any) -> list[list[Side]]:
 
 
 _CELLS = {"polygon": _polygon, "angle": _wedges, "below": _below}
-"""Readers of keys. Each returns convex cells that do not overlap; the region lies in their union."""
+"""Functions that read the value of a key. Each returns convex cells, as lists of half planes, that do not
+overlap; the region lies in their union."""

@@ -46,9 +46,10 @@ class Average(NamedTuple):
 def block_average(
     values: FloatArray, blocks: int, weight: FloatArray | float = 1.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the weighted mean over the first axis, and its standard error from blocks of successive values.
+    """Return the weighted mean over the first axis, and its standard error.
 
-    Values of weight 0 may be NaN. InputError if there are fewer values than blocks.
+    The error follows from the means of blocks of successive values. Values of weight 0 may be NaN. InputError
+    if there are fewer values than blocks.
     """
     if len(values) < checks.whole_number("blocks", blocks, least=2):
         left = number_of(len(values), "measurement")
@@ -152,7 +153,7 @@ class Series:
         self.close()
 
     def observe(self, simulation: Simulation | Snapshot) -> None:
-        """Measure the present step, unless it is measured already; append a row if the interval is over."""
+        """Measure the present step, unless it is measured already, and append a row if one is due."""
         step, seen = simulation.steps, self._seen
         if seen is not None and step <= seen:
             return
@@ -225,7 +226,10 @@ class Series:
             self._lock.release()
 
     def _read_rows(self, path: Path, resume_at: int | None, first_step: int) -> None:
-        """Read the rows up to `resume_at` from the file, if any; raise OutputError if it is no series."""
+        """Read the rows up to step `resume_at` from the file; OutputError if it is no series.
+
+        `first_step` is the step at which the run began.
+        """
         rows = read_table(path) if path.exists() else []
         if path.exists() and (not rows or tuple(rows[0])[:2] != FIRST):
             raise OutputError(f"refusing to overwrite '{path}': not a series of warpgrains")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class HasState(Protocol):
-    """Protocol of objects with a scene and a state, such as a `Simulation`."""
+    """Protocol of objects that have a scene and return a state, such as a `Simulation`."""
 
     @property
     def scene(self) -> Scene:
@@ -91,7 +91,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
 
 
 def snapshot_of(now: LoadedScene, left: float = 0.0, has_contacts: bool = True) -> Snapshot:
-    """Return the snapshot of a simulation at `left` [s] before the end of its last step, for an output.
+    """Return a snapshot, for an output, at `left` [s] before the end of the last step of a simulation.
 
     Within a step, grains move in a straight line and turn with the velocities at its end (eqs. 3, 24).
     Without contacts, a snapshot takes little time.

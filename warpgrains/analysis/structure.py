@@ -84,7 +84,10 @@ def structure_factor(
 
 
 def _of_cell(k: FloatArray, way: FloatArray, position: FloatArray, period: FloatArray) -> StructureFactor:
-    """Return S(k) for the wave vectors of a periodic cell nearest to k times the directions `way`, (d, 2)."""
+    """Return S(k) in a periodic cell, as a mean over directions `way`, unit vectors of shape (d, 2).
+
+    The wave vectors are those of the cell that are nearest to k times a direction.
+    """
     vector = k[:, np.newaxis, np.newaxis] * way
     step = np.divide(2.0 * np.pi, period, out=np.zeros(2), where=period > 0.0)
     whole = np.rint(np.divide(vector, step, out=np.zeros_like(vector), where=step > 0.0))
@@ -97,7 +100,7 @@ def _of_cell(k: FloatArray, way: FloatArray, position: FloatArray, period: Float
 
 
 def _waves(k: FloatArray, along: FloatArray) -> ComplexArray:
-    """Return the sums of exp(-i k x) over coordinates x [m] of shape (d, c), shape (K, d).
+    """Return the sum over c of exp(-i k x), for K wave numbers and coordinates x [m], (d, c); shape (K, d).
 
     Each wave is the previous one times exp(-i dk x), which is computed again only where dk changes.
     """

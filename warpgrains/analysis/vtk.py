@@ -71,9 +71,9 @@ def _write(source: Recording, output: Path) -> None:
 
 
 def _blocks(source: Recording, k: int) -> dict[str, bytes]:
-    """Return the content of the VTK files of frame k by block: grains, contacts if recorded, and walls.
+    """Return the VTK files of frame k: content by name, "Grains", "Contacts" and "Walls".
 
-    If no wall moves, only frame 0 has walls.
+    There are contacts only if forces are recorded. If no wall moves, only frame 0 has walls.
     """
     frame = source.frame(k, contacts=source.has_forces)
     (places, number), scene = frame.images, frame.scene
@@ -114,7 +114,11 @@ def _vtp(
     of_points: Arrays | None = None,
     of_cells: Arrays | None = None,
 ) -> bytes:
-    """Return polydata as the content of a file: c cells of k corners each, from corners of shape (c, k)."""
+    """Return the content of a VTK file with points at `places` [m] and c cells, which are of one kind.
+
+    `corners` has the indices of the points of each cell, shape (c, k). `of_points` and `of_cells` are data by
+    name.
+    """
     sections = {
         "PointData": of_points or {},
         "CellData": of_cells or {},
@@ -136,7 +140,7 @@ def _vtp(
 
 
 def _array(name: str, values: np.ndarray) -> str:
-    """Return an array as XML: a header and the bytes as one compressed block, both in base 64."""
+    """Return an array as an XML element: a header and one compressed block of bytes, both in base 64."""
     data = values.astype(values.dtype.newbyteorder("<")).tobytes()
     block = compress(data) if data else b""
     header = np.array([1, len(data), 0, len(block)] if data else [0, 0, 0], "<u8")

@@ -28,7 +28,7 @@ class WallForce(NamedTuple):
     torque: float
     """Torque, counterclockwise, about the pivot of a wall that turns, or else about the origin [N m]."""
     normal: float
-    """Sum of the normal forces, whatever their directions [N]."""
+    """Sum of the moduli of the normal forces [N]."""
     contacts: int
     """Number of contacts."""
 
@@ -65,9 +65,10 @@ def wall_forces(of: Snapshot | HasState) -> dict[str, WallForce]:
 
 
 def wall_places(of: Snapshot | HasState) -> dict[str, FloatArray]:
-    """Return present positions of walls by name [m], shape (2,) each: the center, or the point of a line.
+    """Return present positions of walls by name [m], shape (2,) each.
 
-    If walls share a name, it is the position of the first.
+    The position is the center of a wall, or the point of a line. If walls share a name, it is that of the
+    first.
 
     Examples
     --------
@@ -94,9 +95,10 @@ def require_wall(quantity: str, scene: Scene) -> None:
 
 
 def circle_forces(grains: Snapshots, which: int) -> FloatArray:
-    """Return the sum of the forces on a circle for many runs [N], shape (m,): 0 is the inner, 1 the outer.
+    """Return the sum of the normal forces on a circle in each of m scenes [N], shape (m,).
 
-    The sum is 0 without an inner circle, and NaN without an outer circle.
+    `which` is 0 for the inner and 1 for the outer circle. The sum is 0 without an inner circle, and NaN
+    without an outer circle.
     """
     own, found = grains.circle_walls[:, which], np.zeros(len(grains.mass))
     for wall in np.unique(own[own >= 0]).tolist():
@@ -106,7 +108,10 @@ def circle_forces(grains: Snapshots, which: int) -> FloatArray:
 
 
 def _sums(force: FloatArray) -> FloatArray:
-    """Sum the forces of many runs, shape (m, n) to (m,), with the bits of the sum of a single run."""
+    """Return the sum of forces [N], shape (m, n), over the grains of each run, shape (m,).
+
+    The sum has the same bits as that of a single run.
+    """
     sums, is_positive = np.zeros(len(force)), force > 0.0
     for k in np.flatnonzero(is_positive.any(axis=-1)):
         sums[k] = force[k][is_positive[k]].sum()
