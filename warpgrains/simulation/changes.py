@@ -27,16 +27,17 @@ class Change(NamedTuple):
 
     scene: Scene
     staying: dict[int, int]
-    """New number of each wall that stays in place, by its old number. Contacts of other walls are dropped."""
+    """Number in the changed scene of each wall that stays in place, by its number before. Contacts of other
+    walls are dropped."""
     keeps_list: bool
-    """True if the list of contacts stays valid, because all walls keep their places and motions."""
+    """True if the Verlet list of contacts stays valid, because all walls keep their places and motions."""
     driven: FloatArray | None
     """Coordinates and speeds of the walls, see `State.driven`."""
     is_local: bool
     """True if all walls keep their places and numbers, and no field of `OF_LISTS` changes."""
 
     def state_after(self, state: State) -> State:
-        """Return the state from which the simulation continues."""
+        """Return the state from which the simulation continues, given the state before the change."""
         if self.keeps_list:
             return replace(state, driven=self.driven)
         corrections = at_walls(state.corrections, self.staying)
@@ -48,7 +49,8 @@ def change_of(
 ) -> Change:
     """Return the change of `fields` after `steps` steps, when grains are at `position` [m], shape (n, 2).
 
-    InputError if a field describes the start, or a new wall is where a grain is.
+    `driven` are the coordinates and speeds of walls then, see `State.driven`. InputError if a field describes
+    the start, or a new wall is where a grain is.
     """
     now = before.time_after(steps)
     scene = _changed(before, fields, steps)
@@ -102,7 +104,11 @@ def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
 
 
 def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -> FloatArray | None:
-    """Return coordinates and speeds of the walls: `driven` if the shape is as before, else as at a start."""
+    """Return coordinates and speeds of the walls after a change, see `State.driven`.
+
+    A wall keeps its row of `driven` if its shape does not change. Other walls have the values of a start.
+    `is_resized` is True if the outer circle was given a new radius.
+    """
     places = first_state(scene).driven
     if places is None:
         return None
@@ -116,7 +122,10 @@ def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -
 
 
 def _staying(was: Scene, put: Scene, now: float) -> dict[int, int]:
-    """Return by number in `was` the number in `put` of each wall with equal shape and place at `now` [s]."""
+    """Return which walls have equal shape and place in both scenes at time `now` [s].
+
+    They are given by their number in `was`, with their number in `put` as the value.
+    """
     if was.walls is put.walls:
         return {number: number for number in range(len(was.walls))}
     found: dict[int, int] = {}
@@ -135,7 +144,10 @@ def _move_alike(wall: Wall, other: Wall) -> bool:
 
 
 def at_walls(corrections: Corrections, numbers: dict[int, int]) -> Corrections:
-    """Return corrections in which walls have new `numbers`, by the old ones; drop contacts of other walls."""
+    """Return corrections in which walls are renumbered: `numbers` maps old to new numbers.
+
+    Contacts of walls without a new number are dropped.
+    """
     new = np.full(max([-1, *corrections.wall[:, 1].tolist(), *numbers]) + 1, -1, np.int32)
     new[[*numbers]] = [*numbers.values()]
     wall = np.stack([corrections.wall[:, 0], new[corrections.wall[:, 1]]], axis=1)

@@ -168,7 +168,7 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
 
 
 def _require_statistics(statistics: Summary, state: State, options: RunOptions | None) -> None:
-    """Raise InputError unless a run of these options can have these statistics."""
+    """Raise InputError unless a run of these options, now at this state, can have these statistics."""
     for field in fields(Summary):
         value = getattr(statistics, field.name)
         if isinstance(field.default, bool):

@@ -12,7 +12,10 @@ from warpgrains.simulation.population import Population
 
 
 def exchanged(present: Population) -> Population:
-    """Return the population after the exchanges due now: first sinks remove grains, then sources add some."""
+    """Return the population after all exchanges that are due at its time.
+
+    First sinks remove grains, then sources add grains.
+    """
     scene, state, time = present.scene, present.state, present.time
     assert state.inflow is not None
     assert state.outflow is not None

@@ -139,7 +139,10 @@ class RunOptions(Look):
         return None if self.record is None else KINDS[form_of(self.record)]
 
     def times(self, scene: Scene, first_step: int) -> FrameTimes | None:
-        """Return the times of the frames, whose rate the file can limit; None if the output has no frames."""
+        """Return the times of the frames of a run that begins at step `first_step`; None without frames.
+
+        The kind of the file can limit the frames per second.
+        """
         if self.shows is None or not self.shows.has_frames:
             return None
         film = FILMS.get(form_of(self.record or ""))
@@ -148,7 +151,10 @@ class RunOptions(Look):
         return FrameTimes.of(scene.dt, rate, first_step, scene.time, slow)
 
     def _slow_enough(self, duration: float, dt: float) -> float:
-        """Return how many times slower a film of `duration` [s] plays; it has at most one frame per step."""
+        """Return how many times slower than the run its film plays: more than 1 only for a brief run.
+
+        `duration` is that of the run [s]. The film has at most one frame per step.
+        """
         if not 0.0 < duration < _BRIEF or self.fps != type(self).fps:
             return 1.0
         enough = (slow for slow in _SLOWER if slow * duration >= 2.0 * _BRIEF)
@@ -181,7 +187,7 @@ class RunOptions(Look):
 
 
 def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
-    """Return the number of steps of a run: `steps`, those in `duration` [s], or by default the scene's."""
+    """Return the number of steps of a run: `steps`, or those in `duration` [s], by default the scene's."""
     if steps is not None and duration is not None:
         raise InputError("give steps or duration, not both")
     if steps is not None:
@@ -190,7 +196,10 @@ def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
 
 
 def require_needed(given: Collection[str], named: Callable[[str], str] = str) -> None:
-    """Raise InputError if an option is given without the one it needs. `named` returns names for messages."""
+    """Raise InputError if one of the options `given` has no effect without another one, which is missing.
+
+    `named` returns the name of an option for messages.
+    """
     for name in given:
         needed = OPTIONS[name].metadata["needs"]
         if needed is not None and needed not in given:
@@ -200,7 +209,11 @@ def require_needed(given: Collection[str], named: Callable[[str], str] = str) ->
 def spacing(
     every: int | None, checkpoint: Any, series: Any, named: Callable[[str], str] = str
 ) -> dict[str, int]:
-    """Return `every` [steps] as interval of checkpoints, of rows of a series, or of both, by option."""
+    """Return `every` [steps] as the value of options: the interval of checkpoints, or of rows of a series.
+
+    Each of these is set if its file, `checkpoint` or `series`, is not None. `named` returns the name of an
+    option for messages.
+    """
     if every is None:
         return {}
     if checkpoint is series is None:
@@ -228,4 +241,4 @@ FLAGS: dict[str, str] = {
     for name, one in OPTIONS.items()
     if (flag := one.metadata.get("flag", f"--{name.replace('_', '-')}")) is not None
 }
-"""Flags on the command line, by name in `OPTIONS`."""
+"""Flags on the command line of the options that have one, by name in `OPTIONS`."""

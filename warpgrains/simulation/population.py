@@ -74,9 +74,10 @@ class Population:
         return self._of(np.flatnonzero(~np.isin(self.id, gone)), NOBODY)
 
     def with_more(self, is_separated: bool, **grains: Any) -> Self:
-        """Return the population with `grains` appended, given by field; InputError if they are beyond a wall.
+        """Return the population with `grains` appended: arrays by field of a scene.
 
-        If they overlap grains or walls, grains are moved apart if `is_separated`; else InputError.
+        If they overlap grains or walls, all grains are moved apart if `is_separated`; else InputError.
+        InputError also if they are beyond a wall.
         """
         more = checked_grains(SceneFields(**grains))
         if more["spin"].any() and not self.scene.has_friction:
@@ -99,7 +100,10 @@ class Population:
         return self.with_more(is_separated=False, velocity=np.tile(velocity, (found, 1)), **grains)
 
     def _of(self, kept: IndexArray, more: Mapping[str, FloatArray]) -> Self:
-        """Return the population of the grains with ascending indices `kept`, and of the new grains `more`."""
+        """Return the population of some present grains, followed by new grains.
+
+        `kept` are the ascending indices of the present ones, and `more` has arrays of the new ones by field.
+        """
         before, state, added = self.scene, self.state, len(more["position"])
 
         def grown(array: FloatArray | None, new: FloatArray) -> FloatArray | None:
@@ -142,9 +146,9 @@ class Population:
         return self.scene.placed(walls, self.time, position=self.state.position)
 
     def _overlap(self, first: int) -> str | None:
-        """Return a message about the deepest overlap of grains from index `first` on, if it is too deep.
+        """Return a message if a grain from index `first` on overlaps too deeply, else None.
 
-        InputError if one of these grains is beyond a wall.
+        The message is about the deepest overlap. InputError if one of these grains is beyond a wall.
         """
         scene = self.now
         grains = {name: getattr(scene, name)[first:] for name in OF_GRAINS}
@@ -184,7 +188,7 @@ class Population:
 
 
 def _with_grains(scene: Scene, grains: dict[str, FloatArray]) -> Scene:
-    """Return the scene with `grains` instead of its own; InputError if walls or settings do not fit them."""
+    """Return the scene with `grains`, arrays by field; InputError if walls or settings contradict them."""
     spin = grains["spin"] if scene.has_friction else np.zeros(len(grains["spin"]))
     text = scene.text_after(OF_GRAINS)
     own = {name: getattr(scene, name) for name in SceneFields.__dataclass_fields__}
@@ -192,7 +196,10 @@ def _with_grains(scene: Scene, grains: dict[str, FloatArray]) -> Scene:
 
 
 def _of_grains(corrections: Corrections, kept: IndexArray, n: int) -> Corrections:
-    """Return the corrections of the contacts of `kept` of n grains, with the new indices of these grains."""
+    """Return the corrections after all but the `kept` of n grains are removed.
+
+    Grains have their new indices. The contacts of removed grains are dropped.
+    """
     new = np.full(n, -1, np.int32)
     new[kept] = np.arange(len(kept))
     pair = new[corrections.pair]

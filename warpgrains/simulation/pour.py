@@ -55,7 +55,7 @@ def poured(
 
 
 def _near(now: Scene, space: Region, radius: float) -> IndexArray:
-    """Return the indices of the grains that a new grain of radius `radius` [m] in the region may touch."""
+    """Return the indices of the grains that a new grain of this radius [m], inside the region, may touch."""
     reach = now.radius + radius
     place, grain = now.period.images(now.position, reach + radius)
     low, high = space.box

@@ -98,7 +98,10 @@ class SceneRun:
         statistics: Summary | None = None,
         first_scene: Scene | None = None,
     ) -> None:
-        """Begin the run, or continue it after `statistics.steps` steps, if statistics are given."""
+        """Begin the run or, if `statistics` are given, continue it from `state`.
+
+        `statistics.steps` steps are then done.
+        """
         self.scene, self.options, self.first_step, self.state = scene, options, first_step, state
         self.statistics, self._is_resumed = statistics or Summary(), statistics is not None
         self.first_scene = first_scene or scene
@@ -116,8 +119,9 @@ class SceneRun:
     def opened(self) -> Iterator[None]:
         """Lock the checkpoint, and open and lock the outputs. At the end, complete and unlock the outputs.
 
-        The log of a resumed run is truncated to `statistics.frames` frames; doing so twice is harmless.
-        InputError if a file cannot be written, or if the scene lacks a measured quantity, such as a wall.
+        If the run is resumed, the log of its recording is truncated to `statistics.frames` frames; doing so
+        twice is harmless. InputError if a file cannot be written, or if the scene lacks a measured quantity,
+        such as a wall.
         """
         with ExitStack() as held:
             self._lock(held)
@@ -162,12 +166,12 @@ class SceneRun:
 
     @property
     def missing_frames(self) -> int:
-        """Number of frames up to the present step that are not recorded. A run can be resumed if it is 0."""
+        """Number of frames due up to the present step that are not recorded. It must be 0 to resume a run."""
         return 0 if self.times is None else self.times.count(self.statistics.steps) - self.statistics.frames
 
     @property
     def lowered_rate(self) -> str | None:
-        """The reason why a new run has fewer frames per second than requested; None if there is none."""
+        """The reason why a new run has fewer frames per second than requested; None if it has as many."""
         times, fps = self.times, self.options.fps
         if times is None or times.played == fps or self._is_resumed:
             return None
@@ -196,7 +200,10 @@ class SceneRun:
         return self._begun_at is not None and self.options.checkpoint is not None
 
     def count(self, done: Summary, now: LoadedScene) -> None:
-        """Count the steps `done`, at most `steps_due`; end the run if its end criterion is now met."""
+        """Add the steps `done` to the statistics; end the run if its end criterion is met.
+
+        There are at most `steps_due` of them. `now` is the scene after these steps.
+        """
         statistics = self.statistics
         statistics.add(done)
         self.error = statistics.error = done.error
@@ -209,7 +216,7 @@ class SceneRun:
             statistics.met = statistics.held > self.until.steps
 
     def write_due(self, now: LoadedScene) -> None:
-        """Measure, record and save what is due after the present step."""
+        """Measure, record and save what is due after the present step, from the scene `now`."""
         statistics, steps = self.statistics, self.statistics.steps
         if self.observer is not None and (self.first_step + steps) % self.observer.every == 0:
             self.observer.observe(now)
@@ -272,9 +279,9 @@ class SceneRun:
 class ResumedRun(SceneRun):
     """A run that continues from a checkpoint to a total of `steps` or `duration` [s], or as far as planned.
 
-    The run keeps its options, except checkpoint and intervals in `given`. If `Simulation.save` has written
-    the checkpoint, a new run with the options `given` begins. `named` returns the name of an option for
-    messages. `opened` locks the checkpoint of a run, then reads it again.
+    If a run wrote the checkpoint, the run keeps its options, except checkpoint and intervals in `given`. If
+    `Simulation.save` wrote it, a new run with the options `given` begins. `named` returns the name of an
+    option for messages. `opened` locks the checkpoint of a run, then reads it again.
     """
 
     def __init__(
@@ -328,8 +335,8 @@ def advance_runs(
 ) -> Iterator[None]:
     """Advance every run to its end or failure. Yield whenever all runs have advanced to their next output.
 
-    `advance` receives the number of steps for each scene; it returns pairs (number of the scene, summary) of
-    the scenes that have advanced.
+    `advance` receives the number of steps to do for each of the scenes. It returns pairs of the index of a
+    scene and the summary of its steps, for the scenes that have advanced.
     """
     for run, now in zip(runs, scenes, strict=True):
         with now.observed():
@@ -343,7 +350,10 @@ def advance_runs(
 
 
 def _search_for_wedged_grains(simulation: Simulation) -> None:
-    """Warn if a search proves the last step to have no solution; set the failed steps to the next search."""
+    """Warn if a search proves that the last step has no solution, because grains cannot fit.
+
+    Set the number of steps that must fail before the next search, so that searches take little time.
+    """
     begun_at, scene = perf_counter(), simulation.scene
     if grains := simulation.infeasible_grains():
         warn(f"step {simulation.steps}: {named(grains)} cannot fit", stacklevel=6)

@@ -168,7 +168,7 @@ class Simulation(LoadedScene, Shown):
         self.replace_state(state)
 
     def summary(self) -> dict[str, str]:
-        """Return the fields of the one-line summary by name."""
+        """Return the values that represent the simulation on one line, as text by name."""
         return {
             self.scene.name: f"of {number_of(self.scene.n, 'grain')}",
             "steps": f"{self.steps}",

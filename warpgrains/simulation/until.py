@@ -70,7 +70,7 @@ def criterion(until: str | Question | EndCriterion | None, scene: Scene) -> EndC
 
 
 def bounds_of(until: str) -> dict[str, float]:
-    """Return the bounds in a text such as "rest,speed=1e-3,time=0.5", by key."""
+    """Return the bounds in the text of an end criterion, such as "rest,speed=1e-3,time=0.5", by key."""
     name, *rest = (word.strip() for word in until.split(","))
     checks.one_of("until", name, ("rest",))
     given: dict[str, float] = {}
