@@ -141,7 +141,7 @@ class Batch(Shown):
         self._restored = dict(enumerate(reports))
 
     def summary(self) -> dict[str, str]:
-        """Return the fields of the one-line summary by name."""
+        """Return the values that represent the batch on one line, as text by name."""
         names = sorted({scene.name for scene in self.scenes})
         grains = sum(scene.n for scene in self.scenes)
         shown = ", ".join([*names[:3], "..."] if len(names) > 3 else names)
@@ -235,7 +235,10 @@ class Batch(Shown):
         on_progress: OnProgress | None = None,
         runs: Sequence[SceneRun] = (),
     ) -> LastSteps:
-        """Advance each scene by its number of steps, or to the end of its run; return the last steps."""
+        """Advance scene k by `steps[k]` steps or, with `runs`, to the end of run k.
+
+        Return the last steps of all scenes. `gravity` replaces that of the scenes [m/s2].
+        """
         given = None if gravity is None else self._checked_gravity(gravity)
 
         last: list[LastSteps] = []
@@ -288,7 +291,7 @@ class Batch(Shown):
         return self._vectors("position", k)
 
     def velocity(self, k: int | None = None) -> FloatArray:
-        """Return the velocities of the grains of scene k, or of all scenes [m/s]; shapes as of `position`."""
+        """Return the velocities of the grains of scene k, or of all scenes [m/s], shapes as in `position`."""
         return self._vectors("velocity", k)
 
     def _vectors(self, name: str, k: int | None) -> FloatArray:

@@ -28,9 +28,10 @@ def team_size(scene: Scene, device: wp.Device, threads: int) -> int:
 
 
 class LoadedScenes:
-    """Scenes in memory. Those of one kind, shared by the same number of threads, are in one engine.
+    """Scenes in device memory that are advanced together.
 
-    Raises OutOfMemoryError if the scenes do not fit.
+    Scenes of one kind that are advanced by the same number of threads are in one engine. OutOfMemoryError if
+    the scenes do not fit.
 
     Attributes
     ----------
@@ -55,7 +56,7 @@ class LoadedScenes:
         self.scenes = [self._engines[e][0].scenes[index] for e, index in self._place]
 
     def load(self, k: int, state: State) -> None:
-        """Continue scene k from a state."""
+        """Set scene k to a state, from which it continues."""
         engine, index = self._place[k]
         load_state(self._engines[engine][0].records, index, state)
 
@@ -72,7 +73,10 @@ class LoadedScenes:
             engine.records.set_gravity(gravity[numbers])
 
     def advance(self, steps: Sequence[int], on_progress: OnProgress | None = None) -> LastSteps:
-        """Advance scene k by `steps[k]` steps, or until `cancel`: small scenes first, then large scenes."""
+        """Advance scene k by `steps[k]` steps, unless `cancel` is called; return the last step of each scene.
+
+        Small scenes, which one thread advances, are done first, then large scenes one after the other.
+        """
         for engine, numbers in self._engines:
             engine.submit([steps[k] for k in numbers])
         engines = [engine for engine, _ in self._engines]
@@ -89,9 +93,10 @@ class LoadedScenes:
     def ends(
         self, numbers: Iterable[int], done: Callable[[list[int]], Sums]
     ) -> Iterator[tuple[list[int], FinalStates]]:
-        """Yield numbers and final states of the scenes `numbers`, in groups with arrays of equal shapes.
+        """Yield the final states of the scenes with indices `numbers`, in groups of equal array shapes.
 
-        `done` returns the sums over all steps of a group, by its numbers. On a CPU only, see `Engine.ends`.
+        Each group comes with the indices of its scenes. `done` receives them, and returns sums over all steps
+        of these scenes. This works on a CPU only, see `Engine.ends`.
         """
         of_shape: dict[tuple[int, int, int, bool], list[int]] = {}
         for k in numbers:
