@@ -44,10 +44,10 @@ def finish_on_cluster(
     on_progress: OnFraction,
     client: Client,
 ) -> dict[int, str]:
-    """Finish runs on a cluster, as `finish_runs` does; return why runs remain unfinished, by number.
+    """Finish runs on a cluster, as `finish_runs` does in one process.
 
-    Runs that a bundle leaves unfinished are tried again one by one, because dask gives up a bundle if too
-    many of its workers die.
+    Return why runs remain unfinished, by number of the run. Runs that a bundle leaves unfinished are tried
+    again one by one, because dask gives up a bundle if too many of its workers die.
     """
     reasons: dict[int, str] = {}
     for run in _run_bundles(client, folder, runs, execution, on_progress):
@@ -68,7 +68,10 @@ def _run_bundles(
     execution: ExecutionOptions,
     on_progress: OnFraction,
 ) -> list[Run]:
-    """Execute runs in bundles, sized by the time that the last bundle took; return the unfinished runs."""
+    """Execute runs in bundles, which are tasks of the cluster; return the unfinished runs.
+
+    The size of the next bundles follows from the time that the last one took.
+    """
     from distributed import as_completed
 
     waiting, size = deque(runs), FIRST_BUNDLE
@@ -98,7 +101,10 @@ def _run_bundles(
 def finish_bundle(
     folder: SweepFolder, runs: list[Run], execution: ExecutionOptions
 ) -> tuple[dict[int, str], float]:
-    """Finish, on a worker, the runs without a result; return why runs remain unfinished, and the time [s]."""
+    """Finish those runs that have no result, on a worker.
+
+    Return why runs remain unfinished, by number of the run, and the time that the bundle took [s].
+    """
     from distributed import get_worker
 
     with _one_at_a_time:

@@ -1,4 +1,4 @@
-"""Settings of the runs of a sweep, options of their execution, and numbers of runs that run together."""
+"""Settings of the runs of a sweep, options of their execution, and the size of groups of runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from warpgrains.space.region import table_of
 GROWTH = 8  # largest ratio of the size of a group or bundle to the previous one
 
 OnFraction = Callable[[float], None]
-"""Called with the progress since the last call, in runs, such as 0.25."""
+"""Callback that receives the progress since its last call, in runs: 0.25 is a quarter of one run."""
 
 
 class RunSettings(NamedTuple):
@@ -34,7 +34,7 @@ class RunSettings(NamedTuple):
 
     @property
     def table(self) -> dict[str, Any] | None:
-        """The region as a table, or None."""
+        """`region` as a table, see `table_of`, or None."""
         return None if self.region is None else table_of("region", self.region)
 
 
@@ -47,10 +47,13 @@ class ExecutionOptions:
     threads: int | None = None
     """OS threads on a CPU; None for the number of cores."""
     folders: bool = False
-    """Whether every run has a folder. If not, only runs that take longer than a group have one."""
+    """Whether every run has a folder. If not, only runs that do not end in the time of one group have one."""
 
 
 def next_size(size: int, seconds: float, wanted: float, most: float, least: int = 1) -> int:
-    """Return the size of a group that takes `wanted` s if `size` took `seconds`; `most` outweighs `least`."""
+    """Return the size of a group that would take `wanted` s, if a group of this size took `seconds`.
+
+    It is between `least` and `most`; if these contradict each other, `most` counts.
+    """
     paced = size * min(GROWTH, wanted / max(seconds, 1e-3))
     return max(1, int(min(max(least, paced), most)))

@@ -27,7 +27,7 @@ WRITERS = 16
 class Group:
     """Runs that are advanced together, after `load` has loaded them into memory.
 
-    `ended` has the labels and results of the runs that have ended or failed, by number of the run.
+    `ended` has the labels and the result of each run that has ended or failed, by number of the run.
     """
 
     def __init__(self, members: list[SweepRun]):
@@ -49,7 +49,10 @@ class Group:
                 self._loaded.load(k, one.state)
 
     def advance(self, seconds: float, on_progress: OnFraction) -> None:
-        """Advance loaded runs until all have ended or failed, or until about `seconds` have passed."""
+        """Advance loaded runs until all have ended or failed, or until about `seconds` have passed.
+
+        If a run lacks memory that its group uses, it waits, and gets its own group later.
+        """
         if self._loaded is None:
             return
         loaded, members = self._loaded, self.members
@@ -82,7 +85,7 @@ class Group:
         self._uncounted = [(np.flatnonzero(last.left == 0).tolist(), last.stacked)]
 
     def save(self, chosen: Collection[int]) -> None:
-        """Save checkpoints of those runs `members[k]`, k in `chosen`, that are loaded and have a folder."""
+        """Save checkpoints of the runs `members[k]`, k in `chosen`. Runs without a folder have none."""
         if self._loaded is not None:
             for k in chosen:
                 self.members[k].state = self._loaded.scenes[k].state()
@@ -90,7 +93,10 @@ class Group:
                 list(writers.map(SweepRun.save_state, (self.members[k] for k in chosen)))
 
     def finish(self, settings: RunSettings) -> dict[int, str]:
-        """Complete outputs and results of ended runs; return why outputs are incomplete, by number."""
+        """Complete outputs and results of ended runs. Results are stored in `ended`.
+
+        Return why outputs are incomplete, by number of the run.
+        """
         members = self.members
         ended = [k for k, one in enumerate(members) if one.has_ended]
         self.save([k for k in ended if members[k].folder])

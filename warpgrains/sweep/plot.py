@@ -38,7 +38,7 @@ class SweepPlot:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Return the plot that a text such as "x=physics.drag, y=pile_height, color=scene" describes."""
+        """Return the plot that a text describes, such as "x=physics.drag, y=pile_height, color=scene"."""
         keys: dict[str, str] = {}
         for part in text.split(","):
             key, equals, column = part.strip().partition("=")
@@ -57,7 +57,10 @@ class SweepPlot:
                 checks.one_of("column to plot", name, columns)
 
     def draw(self, results: Path) -> Path:
-        """Plot the table `results`; return the path of its picture. InputError if no run succeeded."""
+        """Draw the plot from the table of results, and return the path of the picture.
+
+        InputError if no run succeeded.
+        """
         columns = read_columns(results, self._columns)
         good = [k for k, error in enumerate(columns["error"]) if not error]
         if not good:
@@ -74,7 +77,10 @@ class SweepPlot:
         return {self.x, self.y, self.color or "error", "error"}
 
     def draw_on(self, axes: Axes, columns: Columns) -> None:
-        """Draw columns of a table without failed runs. Of more than `MOST_POINTS` points, draw every k-th."""
+        """Draw the plot from columns of the results, without failed runs.
+
+        Of more than `MOST_POINTS` points, every k-th is drawn.
+        """
         x, y = _numbers(axes.xaxis, columns[self.x]), _numbers(axes.yaxis, columns[self.y])
         names, group = _coded(columns[self.color] if self.color else [""] * len(x))
         every = -(-len(x) // MOST_POINTS)
@@ -98,7 +104,7 @@ class SweepPlot:
 
 
 def _numbers(axis: Axis, cells: list[str]) -> FloatArray:
-    """Return the cells as numbers; words become indices of the distinct words, which are the axis labels."""
+    """Return the cells of a column as numbers; words become indices of words, which label the axis."""
     try:
         return np.array([float(cell) for cell in cells])
     except ValueError:
@@ -114,7 +120,10 @@ def _coded(cells: list[str]) -> tuple[list[str], IndexArray]:
 
 
 def _is_geometric(values: FloatArray) -> bool:
-    """Return whether the median is closer to the geometric than to the arithmetic mean of the extremes."""
+    """Return whether values are spaced like a geometric series, so that the axis should be logarithmic.
+
+    The median is then closer to the geometric than to the arithmetic mean of the extremes.
+    """
     low, middle, high = np.quantile(np.unique(values), [0.0, 0.5, 1.0])
     if low <= 0.0 or high < LEAST_RATIO_FOR_LOG * low:
         return False

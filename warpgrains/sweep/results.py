@@ -23,7 +23,7 @@ from warpgrains.sweep.execution import RunSettings
 
 
 class Column(NamedTuple):
-    """A column of the results of every sweep; `met` only exists with an end criterion."""
+    """A column of the results of every sweep. Only the column `met` needs an end criterion to exist."""
 
     meaning: str
     of_runs: Callable[[FinalStates], NDArray[Any]]
@@ -32,7 +32,7 @@ class Column(NamedTuple):
 
 
 def _counted(field: str, meaning: str) -> Column:
-    """Return the column of a count, which is a field of `Summary`."""
+    """Return a column that holds a count of steps or iterations, which is a field of `Summary`."""
     return Column(meaning, lambda ends: ends.done[field].astype(np.int64))
 
 
@@ -43,7 +43,7 @@ def _at_the_end(name: str, of_runs: Callable[[Snapshots], FloatArray]) -> Column
 
 
 OF_MEAN, OF_ERROR = ":mean", ":error"
-"""Ends of the names of columns with means over a series, and with their standard errors."""
+"""Suffixes of the names of columns with means over a series, and with the standard errors of these."""
 MET = "met"
 SECONDS = "seconds"
 COLUMNS = {
@@ -78,7 +78,7 @@ RunResult = tuple[Any, ...]
 
 
 def value_columns(settings: RunSettings) -> list[str]:
-    """Return the names of the columns between the labels and the seconds."""
+    """Return the names of the columns after the labels, except that of the seconds."""
     *common, error = (name for name in COLUMNS if name != MET or settings.until is not None)
     means = () if settings.after is None else settings.measured
     averaged = (f"{name}{end}" for name in means for end in (OF_MEAN, OF_ERROR))
@@ -91,9 +91,10 @@ def results(
     means: Sequence[Mapping[str, float]],
     settings: RunSettings,
 ) -> Iterator[RunResult]:
-    """Return the result of each run in `ends`, without labels.
+    """Return the result of each of m runs, without labels, from their final states.
 
-    Quantities are measured in `snapshots`. `means` has the columns of means over the series of each run.
+    Quantities are measured in `snapshots`, one per run. `means` has, for each run, the columns of means over
+    its series.
     """
     columns, region = value_columns(settings), settings.table
     in_region = [name for name in SWEEP_QUANTITIES if region is not None and takes_region([name])]

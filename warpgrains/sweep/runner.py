@@ -45,8 +45,8 @@ def finish_runs(
 ) -> dict[int, str]:
     """Execute unfinished runs, from checkpoints if any; return why runs remain unfinished, by number.
 
-    If a run fails, its result is the reason. Runs that another process holds, or whose files cannot be used,
-    remain unfinished.
+    If a run fails, this is its result. Runs that another process holds, or whose files cannot be used, remain
+    unfinished.
     """
     runner = Runner(folder, runs, execution, on_progress)
     with runner.held, ThreadPoolExecutor(1) as ahead:
@@ -74,7 +74,7 @@ def finish_runs(
 class Runner:
     """Queues of runs, from which groups are chosen, loaded and advanced.
 
-    `held` has the locks and open outputs of runs. `reasons` has why runs remain unfinished, by number.
+    `held` has the locks and open outputs of runs. `reasons` says why runs remain unfinished, by number.
     """
 
     def __init__(
@@ -93,7 +93,11 @@ class Runner:
         self.held.callback(self._locks.close)
 
     def choose(self, width: int) -> Sequence[Run | SweepRun]:
-        """Return at most `width` runs for the next group: begun runs if they suffice, else new runs."""
+        """Return at most `width` runs for the next group, from one queue.
+
+        A run that needs its own group comes first. Otherwise begun runs are chosen if they suffice, else new
+        runs.
+        """
         if self._alone:
             return [self._alone.popleft()]
         is_enough = len(self._begun) >= self.narrowest or not self._waiting
@@ -101,7 +105,7 @@ class Runner:
         return [source.popleft() for _ in range(min(width, len(source)))]
 
     def prepare(self, chosen: Sequence[Run | SweepRun]) -> Group:
-        """Return a group of runs, loaded if memory suffices, in a thread while another group advances."""
+        """Return a group of runs, loaded if memory suffices. Another group may advance in the meantime."""
         group = Group([one for one in chosen if isinstance(one, SweepRun)])
         self._begin([one for one in chosen if isinstance(one, Run)], group)
         if group.members and not group.members[0].is_alone:
@@ -110,7 +114,10 @@ class Runner:
         return group
 
     def load(self, group: Group) -> None:
-        """Load the group unless `prepare` did. If memory does not suffice, each run gets its own group."""
+        """Load the group unless `prepare` has loaded it.
+
+        If memory does not suffice, the group becomes empty, and each of its runs gets its own group.
+        """
         members = group.members
         if group.is_loaded or not members:
             return
@@ -126,7 +133,7 @@ class Runner:
             members.clear()
 
     def _begin(self, runs: Sequence[Run], group: Group) -> None:
-        """Add runs to a group, unless another process has locked or finished them."""
+        """Begin runs and add them to a group, unless another process has locked or finished them."""
         free = set(self._locks.acquire(run.number for run in runs))
         free -= self._folder.finished([run for run in runs if run.number in free])
         with_folders = self._folder.with_folders()
@@ -156,7 +163,10 @@ class Runner:
         return one
 
     def _scene(self, run: Run) -> Scene:
-        """Return the scene of a run, derived from a cached one with the same grains and walls, if any."""
+        """Return the scene of a run; if possible, as a changed copy of a cached scene, which saves time.
+
+        The cached scene must have the same base, grains and walls.
+        """
         settings: dict[str, Any] = {}
         of_grains = []
         for name, value in run.changes().items():
@@ -202,7 +212,7 @@ class Runner:
         on_progress(len(members) - len(left) + sum(members[k].progress for k in left) - reported)
 
     def _has_folder(self, one: SweepRun) -> bool:
-        """Open a folder for a run that has none; if this fails, store the reason and return False."""
+        """Open a folder for a run that has none; if that fails, store the reason and return False."""
         try:
             if one.folder is None:
                 self._open_folder(one)

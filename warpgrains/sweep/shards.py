@@ -30,8 +30,8 @@ _NAME = re.compile(r"(?P<first>\d+)-(?P<last>\d+)-[0-9a-f]+\.csv")
 class ResultShards:
     """The shards in a folder, which may not exist yet.
 
-    `lines` has the results that were read so far, by number of the run. `repeated` has the numbers of runs
-    that failed in earlier processes and have no new result yet.
+    `lines` has the results that were read so far, as lines of CSV by number of the run. `repeated` has the
+    numbers of the runs that failed in earlier processes and have no new result yet.
     """
 
     def __init__(self, path: Path, columns: Iterable[str]):
@@ -42,7 +42,7 @@ class ResultShards:
         self._read: dict[str, int] = {}
 
     def write(self, results: Mapping[int, tuple[Row, RunResult]]) -> None:
-        """Write a shard of results, given as labels and values by number of the run."""
+        """Write a shard of results, given by number of the run as labels and values."""
         if results:
             rows = (results[number] for number in sorted(results))
             content = self._head + b"".join(csv_line([*labels.values(), *values]) for labels, values in rows)
@@ -50,7 +50,10 @@ class ResultShards:
             write_atomically(self.path / name, content, writer())
 
     def refresh(self, numbers: Collection[int]) -> set[int]:
-        """Read new shards that may contain runs `numbers`; return the numbers of all runs with new lines."""
+        """Read the shards that are new and may contain one of the runs `numbers`.
+
+        Return the numbers of all runs with new results, which may include other runs.
+        """
         self._damaged.clear()
         first, last = min(numbers, default=0), max(numbers, default=-1)
         new: list[tuple[int, Path]] = []
@@ -64,7 +67,7 @@ class ResultShards:
         return set().union(*(self._take(*shard) for shard in sorted(new)))
 
     def _take(self, written: int, path: Path) -> set[int]:
-        """Read a shard, unless it is damaged; return the numbers of the runs whose lines are new."""
+        """Read a shard, written at time `written`, unless it is damaged; return the runs with new results."""
         content = b""
         with suppress(FileNotFoundError):
             content = path.read_bytes() if path.is_file() else b""
@@ -90,7 +93,7 @@ class ResultShards:
                 print(f"'{path}' is damaged: its runs are repeated", file=sys.stderr)
 
     def require_this_run(self, number: int, labels: Row) -> None:
-        """Raise OutputError if the result of run `number` has other labels, so is of another sweep."""
+        """Raise OutputError if the result of run `number` is of another sweep, because its labels differ."""
         if not self.lines[number].startswith(csv_line(labels.values())[:-1] + b","):
             raise OutputError(f"run {number} in '{self.path}' belongs to another sweep: choose another -o")
 
@@ -106,12 +109,15 @@ def _records(content: bytes) -> Iterator[bytes]:
 
 
 def has_failed(line: bytes) -> bool:
-    """Return whether a result is a failure, that is, its second-to-last cell (the reason) is not empty."""
+    """Return whether a line of results says that the run failed: its second-to-last cell is not empty.
+
+    This cell is the reason of the failure.
+    """
     return line.rsplit(b",", 2)[1] != b""
 
 
 def writer() -> str:
-    """Return a name of this process that is unique among all that may write here."""
+    """Return a name of this process that is unique among all processes that may write to the folder."""
     return f".{socket.gethostname()}.{os.getpid()}"
 
 

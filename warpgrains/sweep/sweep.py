@@ -70,7 +70,7 @@ class GrainFile(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BaseScene:
-    """A scene from which runs are derived."""
+    """A scene from which runs are derived, by setting the values on the axes."""
 
     name: str
     sections: Table
@@ -82,13 +82,19 @@ class BaseScene:
 
     @property
     def text(self) -> str:
-        """Text of a scene file with the common part of the runs; grain files are in folder `../GRAINS`."""
+        """Text of a scene file with the common part of the runs.
+
+        Paths of files of grains are relative to the folder of this scene file.
+        """
         copies = {name: f"../{GRAINS}/{file.copy}" for name, file in self.grain_files.items()}
         notes = [f"# {toml_value(name)} is {toml_value(copy)}\n" for name, copy in copies.items()]
         return "".join(notes) + toml_text(self.with_values({}, f"../{GRAINS}"))
 
     def with_values(self, values: KeyValues, copies: str) -> Table:
-        """Return the sections with `values`, by key; the grain file becomes its copy in folder `copies`."""
+        """Return the sections of the scene file with other `values`, by key.
+
+        A file of grains is replaced by its copy in folder `copies`.
+        """
         sections = _with_values(self.sections, values)
         grains = self.grain_files.get(sections.get("grains", {}).get("file"))
         if grains is not None:
@@ -105,7 +111,7 @@ class Run:
     """Values on the axes, by key."""
 
     def labels(self) -> Row:
-        """Return the first columns of the run's result, which identify it."""
+        """Return the cells of the columns that identify the run, by column: number, scene and values."""
         values = self.values.items()
         cells = {key: value if isinstance(value, str) else toml_value(value) for key, value in values}
         return {"run": str(self.number), "scene": self.base.name, **cells}
@@ -120,7 +126,7 @@ class Run:
         return self.base.with_values(self.changes(), copies)
 
     def text(self, copies: str) -> str:
-        """Return the text of the run's scene file, see `sections`."""
+        """Return the text of the run's scene file, where copies of files of grains are in folder `copies`."""
         values = ", ".join(f"{key} = {toml_value(value)}" for key, value in self.values.items())
         name = self.base.name if self.base.name.isprintable() else toml_value(self.base.name)
         head = f"# run {self.number} of a sweep over {name}{values and ': '}{values}\n\n"
@@ -137,7 +143,7 @@ class Sweep:
     """Keys of the axes."""
     bases: list[BaseScene]
     plan: Table
-    """Names of the scenes, values of the axes and their combination, see `have_same_runs`."""
+    """Names of the scenes, values of the axes, and how they are combined, see `have_same_runs`."""
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -183,7 +189,10 @@ class Sweep:
 
 
 def have_same_runs(plan: Table, other: Table) -> bool:
-    """Return whether two sweeps begin with the same runs: all runs of the sweep with fewer runs are equal."""
+    """Return whether two plans, see `Sweep.plan`, begin with the same runs.
+
+    All runs of the sweep with fewer runs are then runs of the other one, with the same numbers.
+    """
     if plan == other or list(plan["axes"]) != list(other["axes"]):
         return bool(plan == other)
     runs = (product(one["scenes"], _combinations(one["axes"], one["combine"])) for one in (plan, other))
@@ -191,7 +200,10 @@ def have_same_runs(plan: Table, other: Table) -> bool:
 
 
 def _by_key(document: Table, name: str) -> KeyValues:
-    """Return the entries of [set] or [axes] by "section.key" (a named axis: by name), after checking keys."""
+    """Return the entries of section `name`, [set] or [axes], by key such as "physics.drag", after a check.
+
+    The key of an axis with a name is that name.
+    """
     found: KeyValues = {}
     for section, table in _table(name, document.get(name, {})).items():
         if "." in section:
@@ -211,7 +223,7 @@ def _by_key(document: Table, name: str) -> KeyValues:
 
 
 def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the keys and values in nested tables; a table that describes an axis is one value."""
+    """Yield keys and values in nested tables below `key`. A table that describes an axis is one value."""
     if not isinstance(value, dict) or not value.keys().isdisjoint(AXIS_KINDS):
         yield key, value
         return
@@ -230,7 +242,7 @@ def _is_named(name: str, axis: Any) -> bool:
 
 
 def _require_uses(fixed: KeyValues, named: list[str]) -> None:
-    """Raise InputError unless [set] uses every named axis, and no names without an axis."""
+    """Raise InputError unless the values of [set] use the name of every named axis, and no other name."""
     used = {name: key for key, value in fixed.items() for name in _names_in(value)}
     for name in used.keys() - named:
         raise InputError(f"{used[name]} in [set] is {fixed[used[name]]!r}: [axes] has no {name}")
@@ -242,7 +254,7 @@ def _require_uses(fixed: KeyValues, named: list[str]) -> None:
 
 
 def _names_in(value: Any) -> set[str]:
-    """Return the names of the axes that are inserted into a value."""
+    """Return the names of axes, such as NAME in "0.5 $NAME", that a value uses."""
     if isinstance(value, str):
         return {found[2]} if (found := _INSERTED.fullmatch(value)) else set()
     parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
@@ -250,7 +262,7 @@ def _names_in(value: Any) -> set[str]:
 
 
 def _inserted(value: Any, values: KeyValues) -> Any:
-    """Return a value of [set], in which values of axes replace "$NAME", "-$NAME" and "0.5 $NAME"."""
+    """Return a value of [set] in which values of the axes replace texts like "$NAME" or "0.5 $NAME"."""
     match value:
         case str() if found := _INSERTED.fullmatch(value):
             factor, name = found.groups()

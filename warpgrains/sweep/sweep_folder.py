@@ -31,9 +31,9 @@ HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
 class SweepFolder:
     """The output folder of a sweep.
 
-    `results` is the path of the table of all results, which does not depend on when and where a run was done.
-    `timing` is the path of the table of times for steps and for completing recordings [s]. `shards` has the
-    results of groups of runs.
+    `results` is the path of the table of all results, which do not depend on when and where a run was done.
+    `timing` is the path of a table of times [s], for the steps of each run and for completing its recording.
+    `shards` has the results of groups of runs.
     """
 
     def __init__(self, path: Path, axes: tuple[str, ...], settings: RunSettings):
@@ -68,7 +68,10 @@ class SweepFolder:
         return {"measure": list(own.pop("measured")), **own, "runs": sweep.plan}
 
     def create_or_check(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
-        """Create the folder, or check that the runs `share` may be done in it; rename damaged shards."""
+        """Create the folder, or check that the runs `share` may be done in it; rename damaged shards.
+
+        Unless `resume`, none of these runs may have a result or outputs.
+        """
         make_folder(self.path)
         self._require_common_files(sweep)
         finished, with_folders = self.finished(sweep.runs), self.with_folders()
@@ -125,22 +128,22 @@ class SweepFolder:
             raise OutputError(f"'{self.path}' holds a sweep {' and '.join(differing)}: {how}")
 
     def unfinished(self, runs: Sequence[Run]) -> list[Run]:
-        """Return the runs without a result, and the runs that failed in an earlier process."""
+        """Return those of the runs that have no result, and those that failed in an earlier process."""
         found = self.finished(runs)
         self.shards.repeated |= {number for number in found if has_failed(self.shards.lines[number])}
         found -= self.shards.repeated
         return [run for run in runs if run.number not in found]
 
     def finished(self, runs: Sequence[Run]) -> set[int]:
-        """Return the numbers of the runs that have a result, or a failure that is not to be repeated.
+        """Return the numbers of those runs that need not be done (again).
 
-        OutputError if a result is of another sweep.
+        They have a result, or have failed in this process. OutputError if a result is of another sweep.
         """
         self._has_more(runs)
         return ({run.number for run in runs} & self.shards.lines.keys()) - self.shards.repeated
 
     def _has_more(self, runs: Sequence[Run]) -> bool:
-        """Read new results of some runs; return whether there are any."""
+        """Read results of these runs that other processes have written; return whether there are new ones."""
         new = self.shards.refresh({run.number for run in runs})
         for run in runs:
             if run.number in new:
@@ -148,7 +151,7 @@ class SweepFolder:
         return bool(new)
 
     def with_folders(self) -> set[int]:
-        """Return the numbers of the runs that have a folder."""
+        """Return the numbers of all runs that have a folder."""
         try:
             with os.scandir(self._runs) as entries:
                 return {int(entry.name) for entry in entries if entry.name.isdecimal()}
@@ -178,7 +181,7 @@ class SweepFolder:
 
 
 def _option(name: str, value: Any) -> str:
-    """Return, for a message, with which option a sweep was begun: "with --until rest", "without --until"."""
+    """Return the option that a sweep was begun with, for a message, such as "without --until"."""
     text = ",".join(map(str, value)) if isinstance(value, list) else value
     return f"with --{name} {text}" if text else f"without --{name}"
 

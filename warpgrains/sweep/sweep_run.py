@@ -60,12 +60,12 @@ class SweepRun(SceneRun):
 
     @property
     def steps_due(self) -> int:
-        """Number of steps to the next output, or to the end; 0 if the run waits for a group of its own."""
+        """Number of steps to the next output or to the end; 0 if the run `waits` for its own group."""
         return 0 if self.waits else super().steps_due
 
     @property
     def progress(self) -> float:
-        """Share of the steps that are done."""
+        """Fraction of the steps of the run that are done."""
         return self.statistics.steps / self.options.steps
 
     def open(self, folder: Path, text: str, settings: RunSettings, held: ExitStack) -> None:
@@ -107,14 +107,14 @@ class SweepRun(SceneRun):
         """Do nothing, because `open` locks the checkpoint before reading it."""
 
     def write_due(self, now: LoadedScene) -> None:
-        """Measure and record what is due. If a frame cannot be recorded, the run fails."""
+        """Measure and record what is due after this step. The run fails if a frame cannot be recorded."""
         try:
             super().write_due(now)
         except InputError as error:
             self.error = str(error)
 
     def means(self, after: float | None) -> dict[str, float]:
-        """Return the means over the series after a time [s], and their standard errors, by column."""
+        """Return means over the series from time `after` [s] on, and their standard errors, by column."""
         if after is None:
             return {}
         assert isinstance(self.observer, Series)
@@ -126,7 +126,7 @@ class SweepRun(SceneRun):
         }
 
     def save_state(self) -> None:
-        """Save a checkpoint of `state` in the folder, if any, unless a frame could not be recorded."""
+        """Save `state` as a checkpoint, if the run has a folder and no frame is missing in its recording."""
         if self.folder is None or self.state is None or self.missing_frames:
             return
         if not (self.folder / SCENE).exists():
@@ -149,7 +149,7 @@ class SweepRun(SceneRun):
 
 @cache
 def _options(steps: int, until: str | None) -> RunOptions:
-    """Return the options of runs without a folder. Thousands of runs share one object from the cache."""
+    """Return the options of runs without a folder, from a cache: thousands of runs share one object."""
     return RunOptions(steps=steps, until=until)
 
 
@@ -170,7 +170,10 @@ def folder_options(folder: Path, steps: int, settings: RunSettings) -> RunOption
 
 
 def _kept(folder: Path, scene: Scene, wanted: RunOptions) -> Checkpoint | None:
-    """Return the checkpoint in a folder; None if its run has failed and completed the recording."""
+    """Return the checkpoint in the folder of a run; None if the run has failed and its recording is complete.
+
+    `wanted` are the options that the run would have as a new one.
+    """
     kept = read_checkpoint(folder / CHECKPOINT)
     options, own = kept.options, (scene.text, wanted.until, wanted.steps)
     if options is None or (kept.scene.text, options.until, options.steps) != own:
