@@ -26,12 +26,12 @@ ABSENT = {
     "stiffness": "grains are rigid",
     "damping": "grains are rigid; drag slows their motion",
 }
-"""Parameters of other programs that the model does not have, with the reason."""
+"""Parameters of other programs that this model does not have, with the reason, for messages."""
 MOST_THREADS = 1024  # more than any machine has cores; each thread costs a stack and a start
 
 
 def shown(value: Any) -> str:
-    """Return a value as messages show it, on one line and shortened if it is long."""
+    """Return a value as text for messages, on one line and shortened if it is long."""
     line = " ".join(repr(value).split())
     return line if len(line) <= LONGEST_SHOWN else f"{line[:LONGEST_SHOWN]} ..."
 
@@ -137,7 +137,7 @@ def one_of(field: str, value: Any, known: Iterable[str]) -> str:
 
 
 def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
-    """Return the only name that is both given and known; InputError if there are none or several."""
+    """Return the only name that is both given and known; InputError, which names `what`, otherwise."""
     known = list(known)
     found = [name for name in known if name in given]
     if len(found) != 1:
@@ -209,14 +209,20 @@ def positive_per_grain(field: str, value: Any, n: int, of: str = "grain") -> Flo
 
 
 def first_bad(field: str, array: FloatArray, bad: BoolArray, of: str = "grain") -> str:
-    """Return the start of an error message, which names the first bad grain and its value."""
+    """Return the start of an error message: the field, the first grain marked in `bad`, and its value.
+
+    Messages call each row of the array `of`.
+    """
     number = int(bad.argmax())
     value = array[number].tolist()
     return f"{field} of {of} {number} is {tuple(value) if array.ndim > 1 else value}"
 
 
 def _floats(field: str, value: Any, of: str, width: int = 1) -> FloatArray:
-    """Return a copy of `value` as float64; messages say that each row, called `of`, needs `width` numbers."""
+    """Return a copy of `value` as float64.
+
+    Messages say that each row, which is called `of`, needs `width` numbers.
+    """
     import numpy as np
 
     if np.ma.is_masked(value):

@@ -40,7 +40,7 @@ def _escaped(letter: str) -> str:
 
 
 def open_standard_streams() -> None:
-    """Open standard streams that are closed; else files opened later would get their descriptors."""
+    """Open standard streams that are closed, so that no file opened later gets their descriptors."""
     for number, name, mode in ((STDIN, "stdin", "r"), (STDOUT, "stdout", "w"), (STDERR, "stderr", "w")):
         try:
             os.fstat(number)
@@ -102,7 +102,10 @@ def progress_bar(
 
 @contextmanager
 def exit_on_interrupt() -> Iterator[None]:
-    """End the process on Ctrl-C while libraries are imported, which would turn it into other errors."""
+    """End the process at once on Ctrl-C while libraries are imported.
+
+    An import would turn the interrupt into another error.
+    """
 
     def end(*_: object) -> NoReturn:
         os.write(STDERR, b"warpgrains: error: interrupted\n")
@@ -155,7 +158,7 @@ def stdout_to_stderr() -> AbstractContextManager[None]:
 
 @contextmanager
 def redirected(stream: int, target: int) -> Iterator[None]:
-    """Redirect a standard stream, also for C libraries, to another file; both are file descriptors."""
+    """Redirect a standard stream to another file in a block, also for C libraries. Both are descriptors."""
     _flush()
     kept = os.dup(stream)
     os.dup2(target, stream)

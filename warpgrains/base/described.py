@@ -16,7 +16,7 @@ Documented = TypeVar("Documented", bound=Callable[..., Any])
 
 
 def described(meaning: str, *, default: Any = MISSING, **more: Any) -> Any:
-    """Return a dataclass field with its meaning, including the unit such as "[m]", and further metadata."""
+    """Return a dataclass field with its `meaning`, including the unit such as "[m]", and more metadata."""
     return field(default=default, metadata={"meaning": meaning, **more})
 
 
@@ -26,7 +26,10 @@ def described_fields(record: type) -> dict[str, Field[Any]]:
 
 
 def checked(field: str, own: Field[Any], value: Any) -> Any:
-    """Return a value after the check of its field. None needs no check if it is the default of the field."""
+    """Return a value after applying the check of its described field, `own`; `field` names it in messages.
+
+    None needs no check if it is the default of the field.
+    """
     return None if value is None and own.default is None else own.metadata["check"](field, value)
 
 
@@ -35,7 +38,10 @@ FIELDS_IN_HELP = "Fields:"
 
 
 class _WithFields:
-    """Docstring of a class followed by those of its fields, read from its source on demand."""
+    """Descriptor of `__doc__`: the docstring of a class, followed by the docstrings of its fields.
+
+    The latter are read from the source only when `__doc__` is read.
+    """
 
     def __init__(self, text: str):
         self._text = text
@@ -67,7 +73,10 @@ def _field_docs(kind: type) -> dict[str, str]:
 
 
 def documented(parameters: Iterable[Field[Any]]) -> Callable[[Documented], Documented]:
-    """Return a decorator that replaces ``{fields}`` in a docstring by `parameters`, in numpy style."""
+    """Return a decorator that replaces ``{fields}`` in a docstring by descriptions of `parameters`.
+
+    They have the form of parameters in numpy style.
+    """
     wrap = textwrap.TextWrapper(100, initial_indent="    ", subsequent_indent="    ").fill
     text = "\n".join(f"{one.name}\n{wrap(one.metadata['meaning'])}" for one in parameters)
 

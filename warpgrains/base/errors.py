@@ -71,7 +71,7 @@ class SimulationError(RuntimeError):
 
 @contextmanager
 def written_as(names: Mapping[str, str], where: str = "") -> Iterator[None]:
-    """Let messages of InputErrors name fields as the user has written them.
+    """Change messages of InputErrors in a block, so that they name fields as the user has written them.
 
     If a message begins with a field in `names`, such as drag, the field is replaced by its name there, such
     as physics.drag. `where`, such as the name of a file, is put before the message.

@@ -98,7 +98,7 @@ def read_regular(path: Path, most: int = _LARGEST) -> bytes:
 
 @contextmanager
 def naming(target: Path, draft: Path | None = None) -> Iterator[None]:
-    """Name the target in each OSError that names no file, as for a full disk, or that names the draft."""
+    """Make each OSError in a block name the target, if it names no file, as for a full disk, or the draft."""
     try:
         yield
     except OSError as error:
@@ -142,7 +142,7 @@ def _link(draft: Path, target: Path) -> bool:
 
 
 def draft_path(target: Path, writer: str = "") -> Path:
-    """Return the path, next to `target`, of the file that becomes `target` when complete, see `draft_of`."""
+    """Return the path of a draft, a hidden file next to `target`, which becomes `target` when complete."""
     return target.with_name(f".draft{writer}.{target.name}")
 
 
@@ -160,7 +160,10 @@ def draft_folder(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def draft_of(target: Path, writer: str = "", replace: bool = True) -> Iterator[Path]:
-    """Yield the path of a draft, one per `writer`. After the block, the draft becomes `target`."""
+    """Yield the path of a draft, to which a block writes. After the block, the draft becomes `target`.
+
+    Different texts `writer` have different drafts. Without `replace`, an existing target stays.
+    """
     target = resolve_link(target)
     draft = draft_path(target, writer)
     try:
@@ -172,7 +175,7 @@ def draft_of(target: Path, writer: str = "", replace: bool = True) -> Iterator[P
 
 
 def write_atomically(path: Path, content: bytes | memoryview, writer: str = "", replace: bool = True) -> None:
-    """Write a file atomically, see `draft_of`. An earlier file stays until the new file is on the disk."""
+    """Write a file atomically, see `draft_of`. An existing file stays until the new file is on the disk."""
     with draft_of(path, writer, replace) as draft:
         draft.write_bytes(content)
 
@@ -197,13 +200,16 @@ def read_table(path: Path) -> list[Row]:
 
 
 def read_columns(path: Path, wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
-    """Read some columns of a table, see `columns_of`. Raises InputError if the file is no table."""
+    """Read some columns of a CSV file, see `columns_of`. Raises InputError if the file is no table."""
     with _opened(path) as lines:
         return columns_of(lines, wanted)
 
 
 def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
-    """Return the columns, by name, that `wanted` chooses from all names; csv.Error if this is no table."""
+    """Return the columns that `wanted` selects, by name, from lines of CSV.
+
+    `wanted` receives the names of all columns. csv.Error if the lines are no table.
+    """
     rows = csv.reader(lines, strict=True)
     head = next(rows, [])
     columns: dict[str, list[str]] = {name: [] for name in wanted(head)}

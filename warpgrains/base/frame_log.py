@@ -46,7 +46,7 @@ def is_complete(path: Path) -> bool:
 
 
 class FrameLog:
-    """Writer that appends frames to a log; the first frame creates the file.
+    """Writer that appends frames to the log of a recording; the first frame creates the file.
 
     Every frame is passed to the operating system at once, so that a killed process loses none. It is flushed
     to the disk after 100 frames or 16 MB, and by `sync`.
@@ -69,7 +69,11 @@ class FrameLog:
             )
 
     def reopen(self, frames: int, identity: Callable[[str], str]) -> None:
-        """Continue a log after `frames` frames. InputError for fewer frames, or another `identity`."""
+        """Continue a log after its first `frames` frames; drop the others.
+
+        InputError if it has fewer frames, or if `identity` returns different texts for the constants of the
+        log and for those of this recording.
+        """
         reader = LogReader(self.path)
         if identity(reader.constants) != identity(self._constants):
             raise InputError(
@@ -148,7 +152,7 @@ class FrameLog:
 
 
 class LogReader:
-    """Reader of a log. Iterating yields all frames up to the end of the log. InputError for other files."""
+    """Reader of a log. Iterating over it yields all frames, as arrays by name. InputError for other files."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

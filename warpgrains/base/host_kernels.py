@@ -12,13 +12,13 @@ Array = np.ndarray[Any, Any]
 
 
 def shared(array: Array, dtype: Any = None) -> Any:
-    """Return a Warp array of `dtype`, by default that of the NumPy array, whose memory it shares."""
+    """Return a Warp array on the memory of a NumPy array, by default with the `dtype` of the latter."""
     dtype = dtype or wp.dtype_from_numpy(array.dtype)
     return wp.array(array, dtype=dtype, device="cpu", copy=False)
 
 
 def share(record: Any, arrays: dict[str, Array]) -> None:
-    """Set the fields of a Warp struct, by name, to Warp arrays that share the memory of NumPy arrays."""
+    """Set fields of a Warp struct to Warp arrays on the memory of NumPy arrays, which are given by field."""
     for name, array in arrays.items():
         setattr(record, name, shared(array))
 

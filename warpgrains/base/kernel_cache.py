@@ -18,7 +18,7 @@ ROOM = 4 * 2**20  # free bytes needed on the disk; the largest module takes 1.3 
 
 
 def is_cached(module: wp.Module, block: int) -> bool:
-    """Return True if the cache holds a module for blocks of `block` threads."""
+    """Return True if the cache holds the compiled module for blocks of `block` threads."""
     with BUILDING:
         return _folder(module, block).is_dir()
 

@@ -33,7 +33,10 @@ _LONGEST_NAME = 300  # bytes of the description of a lock's owner
 
 
 class Lock:
-    """Exclusive right to write to `path`, until `release`, the end of a ``with`` block or of the process."""
+    """Lock on a file: the exclusive right to write to `path`.
+
+    It ends with `release`, at the end of a ``with`` block, or with the process.
+    """
 
     def __init__(self, path: Path) -> None:
         path = resolve_link(path)
@@ -54,7 +57,7 @@ class Lock:
         self.forget()
 
     def forget(self) -> None:
-        """Close the file without releasing the lock, which other processes with the file open still hold."""
+        """Close the lock file, which stays. In a forked child, this leaves the lock to the parent process."""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
@@ -70,7 +73,10 @@ class Lock:
 
 
 def lock_own(path: Path, is_own: Callable[[Path], bool], kind: str) -> Lock:
-    """Return the lock on a file; raise OutputError if the file exists and `is_own` returns False for it."""
+    """Return the lock on a file, which must be absent or of the program's kind; OutputError otherwise.
+
+    `is_own` returns whether an existing file is of this kind, and `kind` names it in messages.
+    """
     with ExitStack() as held:
         lock = held.enter_context(Lock(path))
         if path.exists() and not (path.is_file() and is_own(path)):
@@ -95,7 +101,7 @@ class RunLocks:
         return [number for number in numbers if _is_locked(partial(lock, number), self._path)]
 
     def release(self, numbers: Iterable[int]) -> None:
-        """Unlock runs by their numbers."""
+        """Unlock runs, given by their numbers."""
         for number in numbers:
             lockf(self._descriptor, LOCK_UN, 1, number)
 

@@ -26,7 +26,7 @@ def library(name: str, what: str) -> Any:
 
 
 def dataset(frame: pandas.DataFrame, units: Mapping[str, str]) -> xarray.Dataset:
-    """Return a frame as a dataset over its index, with units by column. Raises InputError without xarray."""
+    """Return a DataFrame as a dataset over its index, with units of columns. InputError without xarray."""
     library("xarray", "to_xarray")
     found = frame.to_xarray()
     for name in units.keys() & found.variables.keys():
@@ -35,7 +35,10 @@ def dataset(frame: pandas.DataFrame, units: Mapping[str, str]) -> xarray.Dataset
 
 
 class Tabular:
-    """Base class of dataclasses whose fields are arrays with one entry per row, or single values."""
+    """Base class of records that become tables.
+
+    Each field is an array with one entry per row, or a single value.
+    """
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return the record as a DataFrame with one column per number, in the units of its fields.

@@ -11,7 +11,7 @@ BUILDING = RLock()
 """Lock for starting Warp and for creating, compiling and loading kernels, where Warp is not thread-safe."""
 
 NOTHING, READ, CHANGE = range(3)
-"""Uses of an object. Each use includes the uses before it."""
+"""Uses of an object, in ascending order. Each use includes the uses before it."""
 
 # In a child that is forked while another thread holds the lock, it would never be released.
 os.register_at_fork(
@@ -20,14 +20,21 @@ os.register_at_fork(
 
 
 class ExclusiveUse:
-    """Lock on an object that one thread with its callbacks uses at a time; messages call it `what`."""
+    """Lock on an object that only one thread, with its callbacks, may use at a time.
+
+    Messages call the object `what`.
+    """
 
     def __init__(self, what: str) -> None:
         self._what, self._lock, self._allowed = what, RLock(), CHANGE
 
     @contextmanager
     def held(self, use: int = CHANGE, allowed: int = CHANGE) -> Iterator[None]:
-        """Exclude other threads during a use, `READ` or `CHANGE`. Callbacks may do at most `allowed`."""
+        """Exclude other threads while this thread uses the object: `use` is `READ` or `CHANGE`.
+
+        Callbacks of this use may use the object themselves, for `allowed` at most. SimulationError instead of
+        waiting.
+        """
         if not self._lock.acquire(blocking=False):
             raise self._refusal()
         before = self._allowed
