@@ -134,7 +134,7 @@ def _settings(arguments: Namespace) -> RunSettings:
 
 
 def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
-    """Return the runs of this process: all runs, or every `--count`-th run from run `--index` on."""
+    """Return the runs of this process: all or, with `--count`, every `--count`-th run from `--index` on."""
     index, count = arguments.index, arguments.count
     if (index is None) != (count is None):
         raise InputError("--index and --count must be given together")
@@ -152,7 +152,7 @@ def _finish(
     on_progress: OnFraction,
     arguments: Namespace,
 ) -> dict[int, str]:
-    """Finish the runs `left`, here or on a cluster; return why runs remain unfinished, by number.
+    """Finish the runs `left`, in this process or on a cluster; return why runs remain unfinished, by number.
 
     Common files are written only after the device or the cluster has been found.
     """

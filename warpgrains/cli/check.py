@@ -15,7 +15,10 @@ SECONDS, BYTES = 120.0, 8 * 2**30
 
 
 def check(arguments: Namespace) -> bool:
-    """Print one line per problem of each recording, or its size; return whether a recording has problems."""
+    """Print one line per problem of each recording, or its size if it has none.
+
+    Return whether a recording has problems.
+    """
     has_problems = False
     for path in arguments.file:
         try:
@@ -30,7 +33,7 @@ def check(arguments: Namespace) -> bool:
 
 
 def _report_of_child(path: str) -> list[str]:
-    """Return the lines of `report_on_recording`, run in a child process; InputError if that fails."""
+    """Return the result of `report_on_recording`, run in a child process; InputError if that fails."""
     size = Path(path).stat().st_size if Path(path).is_file() else 0
     command = [sys.executable, "-m", "warpgrains.cli.check", path, str(BYTES + 32 * size)]
     seconds = SECONDS + 1e-6 * size
@@ -51,7 +54,10 @@ def _report_of_child(path: str) -> list[str]:
 
 
 def _report(path: str, most: int) -> list[str] | str:
-    """Return the lines of `report_on_recording`, or its error message, in at most `most` bytes of memory."""
+    """Return the result of `report_on_recording`, or its error message.
+
+    The process may use at most `most` bytes of memory.
+    """
     from warpgrains.usd.check import report_on_recording
 
     _, hard = resource.getrlimit(resource.RLIMIT_AS)

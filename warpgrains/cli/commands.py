@@ -44,7 +44,7 @@ class Command(NamedTuple):
             places[group, rivals].add_argument(*names.split(), **option)
 
     def do(self, arguments: Namespace) -> int:
-        """Execute the command and return the exit code. The command's module is imported only here."""
+        """Execute the command and return the exit code. The module of the command is imported only here."""
         module, _, function = self.home.partition(".")
         with exit_on_interrupt():
             do = getattr(import_module(f"warpgrains.cli.{module}"), function)
@@ -52,7 +52,10 @@ class Command(NamedTuple):
 
 
 def _outputs(names: Collection[str], shown: str | None = None) -> Iterator[Option]:
-    """Yield options for fields of `RunOptions`, grouped by needed option; help shows `shown` as default."""
+    """Yield command-line options for the named fields of `RunOptions`, in groups of related options.
+
+    The help shows `shown` as their default, if given.
+    """
     groups = {"record": "looks", "measure": "series", "series": "series", "checkpoint": "checkpoints"}
     types = get_type_hints(RunOptions)
     for name in names:

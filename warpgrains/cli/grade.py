@@ -110,7 +110,10 @@ def _write_pages(folder: Path, verdicts: list[Verdict], language: str, is_class:
 
 
 def _grade_all(paths: list[Path], strict: bool, seed: int | None, folder: Path | None) -> list[Verdict]:
-    """Grade homeworks in parallel. If `folder` is given, refuse links to files outside of the folder."""
+    """Grade homeworks in parallel, and return the verdicts in order of the paths.
+
+    If `folder` is given, links to files outside of this folder are refused.
+    """
     processes = Processes()
     with (
         stop_on_signals(processes.stop),

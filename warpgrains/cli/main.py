@@ -61,7 +61,7 @@ def _do(arguments: Sequence[str] | None) -> int:
 
 
 def _reason(error: OSError) -> str:
-    """Return the message of an error. A full disk without a file name means standard output."""
+    """Return the message of an OSError. If the disk is full and no file is named, it is standard output."""
     if error.filename is not None:
         return f"'{error.filename}': {error.strerror}"
     if error.errno not in _FULL:

@@ -146,7 +146,7 @@ def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
 
 
 def _length(arguments: Namespace) -> tuple[int | None, float | None]:
-    """Return the given steps and duration [s] of the whole run."""
+    """Return the options `--steps` and `--duration` [s], the length of the whole run; None if not given."""
     if arguments.steps is not None:
         checks.whole_number("--steps", arguments.steps)
     if arguments.duration is not None:
@@ -202,7 +202,7 @@ def summary_lines(results: dict[str, Any]) -> str:
 
 
 def _of_sources(sources: list[dict[str, int]], sinks: list[dict[str, float]]) -> dict[str, str]:
-    """Return the summary lines of sources and sinks, by name, as far as there are any."""
+    """Return lines of the summary, by name, about sources and sinks. Without these there are none."""
     rows = {}
     if sources:
         entered, missed, waiting = (

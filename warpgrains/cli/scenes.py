@@ -101,7 +101,8 @@ class Key(NamedTuple):
     """Default value, or None."""
     meaning: str
     mark: str = "absent"
-    """Shown without a default: "required", "inherited" (from a key named in the meaning) or "absent"."""
+    """Text in place of a missing default: "required", "inherited" (from a key named in the meaning) or
+    "absent"."""
 
     @classmethod
     def of(cls, section: str, name: str, field: Field[Any]) -> Self:
@@ -121,7 +122,10 @@ class Key(NamedTuple):
 
 
 def keys(layout: str | None, domains: Iterable[str] = DOMAINS) -> Iterator[Key]:
-    """Yield all keys of scene files in order. Keys of [grains] are for `layout`, or for listed grains."""
+    """Yield all keys of scene files in order, for the given kinds of domains.
+
+    The keys of [grains] are those of `layout`, or of listed grains if it is None.
+    """
     of_boxes = described_fields(Box)
     kind = Key("domain", "kind", "annulus", f"Kind of the domain, {' or '.join(map(toml_value, DOMAINS))}.")
     for section, names in SECTIONS.items():
@@ -145,7 +149,7 @@ def keys(layout: str | None, domains: Iterable[str] = DOMAINS) -> Iterator[Key]:
 
 
 def wall_keys() -> Iterator[Key]:
-    """Yield the keys of `[[walls]]`: first keys of some kinds of walls, then keys of all kinds."""
+    """Yield the keys of `[[walls]]`: first those of single kinds of walls, then those of all kinds."""
     kinds = f"Kind of a wall inside the domain: {', '.join(WRITTEN_KINDS)}."
     yield Key("walls", "kind", None, kinds, "required")
     found = {name: field for wall in WRITTEN_KINDS.values() for name, field in wall.keys().items()}

@@ -65,7 +65,10 @@ def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[s
 
 
 def _pressed(steps: int, spacing: float) -> Iterator[None]:
-    """Yield whenever a step is due, at most `steps` times: on N, or, after R, every `spacing` seconds."""
+    """Yield once for every step that is due, at most `steps` times.
+
+    A step is due when N is pressed and, after R, every `spacing` seconds.
+    """
     running, taken, due = False, 0, 0.0
     while taken < steps:
         key = _key(max(0.0, due - monotonic()) if running else None)
@@ -84,7 +87,10 @@ def _pressed(steps: int, spacing: float) -> Iterator[None]:
 
 
 def _key(patience: float | None) -> str | None:
-    """Return the pressed key in lower case; None after `patience` [s] without one, '' at the end of input."""
+    """Return the key pressed within `patience` [s], in lower case; None if none is pressed.
+
+    The result is '' at the end of input. Without `patience`, wait for a key.
+    """
     while True:
         if patience is not None and not select.select([STDIN], [], [], patience)[0]:
             return None

@@ -44,7 +44,7 @@ def view(arguments: Namespace) -> bool:
 
 
 def _homework(arguments: Namespace, held: ExitStack) -> Homework:
-    """Return the player of a homework. Its processes are stopped when `held` is closed."""
+    """Return the player of a homework, which runs it in other processes. They end when `held` is closed."""
     scene = Scene.load(arguments.what, arguments.overrides or [])
     _require_the_texts(scene)
     folder, processes = held.enter_context(TemporaryDirectory()), Processes()
