@@ -353,7 +353,7 @@ class TestLooks:
             ({"color_by": "spin"}, "needs a scene with friction"),
             ({"range": "1,1"}, "LOW must be less than HIGH"),
             ({"color_by": "bands", "range": "0,1"}, "range has no effect on color_by 'bands'"),
-            ({"colors": "virdis"}, "did you mean 'viridis'"),
+            ({"colors": "virdis"}, "a colormap of Matplotlib, such as viridis"),
             ({"colors": "#fff,red"}, None),
             ({"colors": "#ff,red"}, "colors is '#ff': it must be a color"),
         ):

@@ -233,6 +233,8 @@ def _floats(field: str, value: Any, of: str, width: int = 1) -> FloatArray:
         array = np.array(None)
     if array.dtype.kind not in "iuf" and array.size > 0:
         if isinstance(value, str) or not isinstance(value, Iterable):
+            if width > 1:
+                raise InputError(f"{field} is {shown(value)}: it must be an array of shape (n, {width})")
             number(field, value)
         else:
             for k, own in enumerate(value):

@@ -15,7 +15,7 @@ from warpgrains.base.shown import number_of
 from warpgrains.base.warp_start import find_device
 from warpgrains.drawing.looks import DEFAULT_RATE
 from warpgrains.simulation.until import bounds_of
-from warpgrains.space.region import table_of
+from warpgrains.space.region import RANGES, table_of
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, RunSettings
 from warpgrains.sweep.results import MET
 from warpgrains.sweep.sweep import Run, Sweep
@@ -124,8 +124,10 @@ def _settings(arguments: Namespace) -> RunSettings:
     if arguments.region is not None:
         from warpgrains.analysis.region_table import KEYS
 
-        for key in table_of("--region", arguments.region):
+        for key, value in table_of("--region", arguments.region).items():
             checks.one_of("key of --region", key, KEYS)
+            if key in RANGES:
+                checks.interval(f"--region: {key}", value)
     if arguments.fps is not None and not arguments.usd:
         raise InputError("--fps needs --usd")
     fps = DEFAULT_RATE if arguments.fps is None else checks.positive("--fps", arguments.fps)

@@ -121,7 +121,7 @@ def _begun(arguments: Namespace) -> SceneRun:
     scene = _scene(arguments)
     with written_as(KEY_OF if arguments.duration is None else DURATION):
         steps = steps_of(scene, *_length(arguments))
-    with written_as(FLAGS):
+    with written_as(FLAGS | {"measure_every": "--every"}):
         run = SceneRun(scene, RunOptions(steps=steps, **given))
     if arguments.separate:  # may take long, so check outputs before
         for name in given.keys() & {"record", "checkpoint", "series"}:

@@ -185,6 +185,8 @@ def random_layout(
     >>> position.shape
     (63, 2)
     """
+    if not isinstance(space, Region):
+        raise InputError(f"space is {checks.shown(space)}: it must be a Region, such as Box(...).space")
     space = _part(space, walls, region)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
     radii = _random_radii(radius, count, packing_fraction, space, generator)

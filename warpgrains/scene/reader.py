@@ -105,6 +105,9 @@ def section_fields(document: Table) -> Table:
     """Return the fields of all sections except `[grains]`: walls are checked, other values are not."""
     fields: Table = {"walls": checked_walls("walls", document.get("walls", []))}
     for section, table in document.items():
+        if section in KEY_OF and section not in SECTIONS and not isinstance(table, dict):
+            own = KEY_OF[section].partition(".")[0]
+            raise InputError(f"{section} stands above all sections: put it into [{own}]")
         checks.one_of("section", section, [*SECTIONS, "grains", *LISTS])
         if section in LISTS:
             fields.setdefault(section, table)

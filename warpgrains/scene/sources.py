@@ -115,7 +115,8 @@ class Exchange:
             vars(self)[name] = checked(name, own, getattr(self, name))
         if self.end_time is not None and self.start_time is not None and self.end_time <= self.start_time:
             raise InputError(
-                f"end_time is {self.end_time} s: it must be later than start_time, {self.start_time} s"
+                f"end_time of a {type(self).__name__.lower()} is {self.end_time} s: it must be later than"
+                f" start_time, {self.start_time} s"
             )
 
     @property

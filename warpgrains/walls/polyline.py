@@ -77,7 +77,8 @@ class Polyline(Wall):
             raise InputError(f"points of a polyline has {corners}: it must have {least} or more")
         for k, (one, onward) in enumerate(zip(points, self._onward, strict=False)):
             if dist(one, onward) < SMALLEST:
-                raise InputError(f"points of a polyline of corner {k} is {one}: the next one is the same")
+                onward_of = (k + 1) % len(points)
+                raise InputError(f"corners {k} and {onward_of} of a polyline are both {one}: remove one")
 
     @property
     def _onward(self) -> tuple[tuple[float, float], ...]:

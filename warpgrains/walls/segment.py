@@ -45,7 +45,7 @@ class Segment(StraightWall):
     def __post_init__(self) -> None:
         super().__post_init__()
         if dist(self.start, self.end) < SMALLEST:
-            raise InputError(f"to of a segment is {self.end}: it must be another point than from")
+            raise InputError(f"both ends of a segment are {self.end}: they must be two points")
         if self.force is not None and self.moves:
             raise InputError("velocity of a segment is given, and a force: a wall has only one of them")
 
