@@ -129,7 +129,7 @@ def push(force: Triples, step: Step, c: int, amount: wp.vec2d):
 
 @wp.func
 def carried(piece: int, excess: wp.vec2d, friction: f64, eps: f64) -> wp.vec2d:
-    """Return dv_c and dv_t on a piece of the law, for A = excess[0] and B = excess[1] (eq. 32)."""
+    """Return dv_c and dv_t of a contact that is open, sticks or slips (`piece`), by its `excess` (eq. 32)."""
     if piece == OPEN:
         return wp.vec2d(f64(0.0), f64(0.0))
     a = excess[0] / eps

@@ -112,7 +112,7 @@ def fill_rows(s: Scene):
 
 @wp.func
 def is_active(dv: wp.vec3d) -> bool:
-    """Return whether a contact has a correction != 0 now, at the step's start, or before the last sweep."""
+    """Return whether a correction of a contact is not 0: now, at the step's start, or before a sweep."""
     return dv[0] != f64(0.0) or dv[1] != f64(0.0) or dv[2] != f64(0.0)
 
 

@@ -109,7 +109,7 @@ def clear_check(s: Scene):
 
 @wp.func
 def find_frame(s: Scene):
-    """Find v_f, the velocity of the frame: the mean of v_i - v0_i.
+    """Find v_f, the velocity of the frame: the mean of v_i - v0_i. The v0_i are velocities at the search.
 
     A motion common to all grains, such as a fall, changes no gap. The proof holds for any v_f, so the mean
     over at most IN_MEAN grains suffices. v_f = 0 if an attempt resumes with a new list, because the v0_i then

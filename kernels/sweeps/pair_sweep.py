@@ -224,9 +224,10 @@ def sweeping_in_fours(friction: bool, resists_rolling: bool) -> wp.Function:
 
 
 def sweeping_in_blocks(friction: bool, resists_rolling: bool) -> wp.Function:
-    """Return the function `(scene, contacts, begin, end, kept)` for a plain sweep over pairs.
+    """Return the function `(scene, contacts, begin, end, kept)` for a plain sweep over some pairs.
 
-    It corrects pairs, block by block, and monitors the grains of large corrections.
+    After each block of pairs, grains with large corrections are passed to the check of the list. Velocities
+    before a block are kept from index `kept` on.
     """
     sweep_block = sweeping_any_pairs(1, friction, resists_rolling, ahead=False)
 

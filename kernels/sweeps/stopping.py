@@ -101,8 +101,8 @@ def is_scan_due(iterations: int) -> bool:
 def is_too_slow(s: Scene) -> bool:
     """Extrapolate the decay of the residual; return whether more than `patience` sweeps would be needed.
 
-    The decay is taken as that of at most RECOMPUTE_EVERY sweeps. If a measurement was left out, because a
-    sweep was rejected, it is the decay of more sweeps, and the host is asked later.
+    The decay is counted over at most RECOMPUTE_EVERY sweeps. If it covers more, because a rejected sweep was
+    not measured, convergence seems faster, and the host is asked later.
     """
     if has_friction(s) and s.step.iterations < FRICTION_FROM:
         return False

@@ -135,9 +135,10 @@ select_four, select_one = selecting(FOUR), selecting(1)
 
 @wp.func
 def select_pairs(s: Scene, begin: int, end: int):
-    """Select pairs, four at a time and then one at a time.
+    """Copy the pairs that need a sweep to the working set: with a correction, or (almost) violated.
 
-    Returns the index after the last copy, and the largest violation of pairs without a correction [m/s].
+    Four pairs at a time are tested, then one. Returns the index after the last copy, and the largest
+    violation of pairs without a correction [m/s].
     """
     rest = end_of_fours(begin, end)
     after_four, violation_of_four = select_four(s, begin, rest, begin)
@@ -189,7 +190,10 @@ select_walls, select_driven_walls = selecting_walls(False), selecting_walls(True
 
 @wp.func
 def select_set(team: Team, s: Scene, k: int):
-    """Select the contacts of set k to sweep; find the largest violation of contacts without a correction."""
+    """Copy the contacts of the independent set k that need a sweep to the working set.
+
+    Take the largest violation of contacts without a correction [m/s] into `partial.zeta`.
+    """
     violation = f64(0.0)
     begin_chunks, end_chunks = chunks_of_set(s, k)
     first, last = thread_range(team, begin_chunks, end_chunks)

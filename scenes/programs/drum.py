@@ -38,7 +38,7 @@ def measure(simulation: wg.Simulation) -> Numbers:
 
 
 def draw(settled: Sequence[wg.Simulation]) -> Figure:
-    """Draw the pressure in the first drum; for all, the distribution of forces and packing over height."""
+    """Draw the pressure in the first drum, and for all the distribution of forces and packing over height."""
     figure, (drum, forces, heights) = panels(1, 3)
     first = settled[0]
     size = 2.0 * first.scene.radius

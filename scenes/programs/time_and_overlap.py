@@ -37,8 +37,8 @@ class Picture(NamedTuple):
     """Contents of a picture of a table of measurements.
 
     It has a row of panels for each value of `column`, with a title from `titles`. `error` and `time` are
-    labels of the axes. `point` returns the error and the time of a row of the table, among the rows of its
-    panel.
+    labels of the axes. `point(row, rows)` returns the error and the time of a row of the table, where
+    `rows` are all of its panel.
     """
 
     column: str

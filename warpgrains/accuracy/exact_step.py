@@ -113,7 +113,7 @@ class ExactStep(NamedTuple):
 
 
 def solve_with_clarabel(projection: Projection) -> tuple[FloatArray, FloatArray]:
-    """Solve a projection by clarabel; return its y, and its multipliers z with negative entries set to 0."""
+    """Solve a projection by clarabel; return its minimizer and its multipliers, negative ones set to 0."""
     unknowns, rows = len(projection.free), sparse.csc_array(projection.rows)
     settings = clarabel.DefaultSettings()
     settings.verbose = False

@@ -264,10 +264,10 @@ def _most_telling(wrong: Sequence[int], probes: Sequence[Probe]) -> list[int]:
 
 
 def _simplest(explanations: Sequence[Sequence[Mistake]]) -> Explanation:
-    """Return the mistakes that the homework certainly has, if each of the given explanations is possible.
+    """Return the mistakes that all simplest explanations share, by name.
 
-    Only explanations with the fewest wrong slots count. The mistakes that all of these share, by name, are
-    certain. The result is complete if these explanations contain no other mistakes.
+    An explanation is a list of mistakes that produces the answers of the homework. The simplest have the
+    fewest wrong terms. The result is complete if these explanations contain no other mistakes.
     """
     sizes = [sum(len(mistake.terms) for mistake in each) for each in explanations]
     simple = [each for each, size in zip(explanations, sizes, strict=True) if size == min(sizes)]

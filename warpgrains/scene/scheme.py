@@ -57,7 +57,7 @@ def before_positions(
 
 
 class Kick(NamedTuple):
-    """Gravity and drag in a step: m (velocity - before) = time m g - drag path + impulses of contacts.
+    """Gravity and drag in a step: m (velocity - before) = m g * time - drag * path + impulses of contacts.
 
     For spins, velocities are angular velocities, m is the moment of inertia, drag is `spin_drag`, and g is 0.
     """

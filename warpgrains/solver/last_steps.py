@@ -73,7 +73,7 @@ class LastSteps(NamedTuple):
         )
 
     def stacked(self, which: Sequence[int]) -> Sums:
-        """Return the sums and maxima of scenes `which` as arrays by name, as `statistics.stacked` does."""
+        """Return the numbers of the summaries of scenes `which` by name, as arrays of shape (len(which),)."""
         sums = {name: self.sums[name][which] for name in SUMS}
         return {**sums, "seconds": self.seconds[which], "met": np.zeros(len(which), bool)}
 

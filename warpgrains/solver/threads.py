@@ -74,7 +74,7 @@ class _Workers:
         os.register_at_fork(after_in_child=self.renew)  # a child process has no threads of the pool
 
     def renew(self) -> None:
-        """Replace the pool by a new one without threads."""
+        """Replace the pool by an empty one, whose threads start with its first tasks."""
         self._executor = ThreadPoolExecutor(MOST_THREADS, "warpgrains")
 
     def submit(self, tasks: _Tasks, first: int = 0) -> None:

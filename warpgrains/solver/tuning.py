@@ -84,7 +84,7 @@ def block_size(scenes: Sequence[Scene]) -> int:
 
 
 def patience(scene: Scene) -> int:
-    """Return the number of sweeps that cost as much as the host's solution; 0 if the host solves no steps."""
+    """Return how many sweeps cost as much as an exact solution on the host; 0 if the host solves no steps."""
     if scene.method != "exact":
         return 0
     return int(HOST_FEW + HOST_MANY * scene.n)

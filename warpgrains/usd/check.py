@@ -45,7 +45,7 @@ _FINITE, _POSITIVE = (-np.inf, np.inf, "finite"), (0.0, np.inf, "positive and fi
 
 
 class Row(NamedTuple):
-    """Rules that the array of an attribute must obey in each frame."""
+    """An attribute of a recording, and what its array must obey in each frame."""
 
     attribute: Usd.Attribute
     per: str | None = None
@@ -83,7 +83,7 @@ def report_on_recording(path: str | Path) -> list[str]:
 
 
 def _problems(stage: Usd.Stage) -> list[str]:
-    """Return the problems of a recording, one line each, except those of the places of walls."""
+    """Return the problems of a recording, one line each, but not walls at wrong places."""
     prim = stage.GetPrimAtPath(GRAINS)
     if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
         return [f"no UsdGeom.Points or PointInstancer at {GRAINS}"]
