@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import contextmanager
 from typing import Any, TypeVar, cast, overload
 
 import numpy as np
@@ -16,7 +16,7 @@ from warpgrains.base.shown import Shown, number_of
 from warpgrains.base.turns import NOTHING, READ, ExclusiveUse
 from warpgrains.base.warp_start import find_device
 from warpgrains.batch.loaded_scenes import LoadedScenes
-from warpgrains.scene.compatibility import warn_of_overlaps, warn_of_overlaps_of
+from warpgrains.scene.compatibility import warn_of_overlaps, warn_of_state_overlaps
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
 from warpgrains.simulation.options import RunOptions, steps_of
@@ -166,7 +166,9 @@ class Batch(Shown):
             A number of some scene is no longer finite (that scene keeps the state before the step, and the
             other scenes have advanced), or another thread advances this batch.
         """
-        if errors := self._advance([1] * len(self), gravity).errors:
+        with self._with_gravity(gravity):
+            last = self._advance([1] * len(self))
+        if errors := last.errors:
             raise SimulationError("; ".join(f"scene {k}: {error}" for k, error in errors.items()))
         return cast(Results[StepReport], self.reports)
 
@@ -209,14 +211,22 @@ class Batch(Shown):
         InputError
             `steps` or `gravity` is invalid, or `until` is no end criterion for one of the scenes.
         """
-        wanted = self._steps_of_each(steps, duration)
-        runs: list[SceneRun] = []
+        wanted, runs = self._steps_of_each(steps, duration), []
         if until is not None:
             own = zip(self.scenes, wanted, strict=True)
             runs = [SceneRun(scene, RunOptions(steps=most), until=until) for scene, most in own]
-        with progress_bar(sum(wanted), shown=progress) as bar:
-            last = self._advance(wanted, gravity, bar.update if progress else None, runs)
-        return Results(len(self), lambda k: runs[k].statistics if runs else last.summary(k))
+        with progress_bar(sum(wanted), shown=progress) as bar, self._with_gravity(gravity):
+            on_progress = bar.update if progress else None
+            if until is None:
+                return Results(len(self), self._advance(wanted, on_progress).summary)
+
+            def advance(due: list[int]) -> Iterator[tuple[int, Summary]]:
+                last = self._advance(due, on_progress)
+                return ((k, last.summary(k)) for k, steps in enumerate(due) if steps)
+
+            for _ in advance_runs(runs, self._loaded.scenes, advance):
+                pass
+        return Results(len(self), lambda k: runs[k].statistics)
 
     def _steps_of_each(self, steps: int | Sequence[int] | None, duration: float | None) -> list[int]:
         """Return the number of steps of each scene."""
@@ -228,34 +238,25 @@ class Batch(Shown):
             raise InputError(f"steps has {given}: it must have one for each of the {len(self)} scenes")
         return [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
 
-    def _advance(
-        self,
-        steps: list[int],
-        gravity: ArrayLike | None,
-        on_progress: OnProgress | None = None,
-        runs: Sequence[SceneRun] = (),
-    ) -> LastSteps:
-        """Advance scene k by `steps[k]` steps or, with `runs`, to the end of run k.
+    def _advance(self, steps: list[int], on_progress: OnProgress | None = None) -> LastSteps:
+        """Advance scene k by `steps[k]` steps; return the last steps of all scenes."""
+        last = self._loaded.advance(steps, on_progress)
+        self._stepped |= dict.fromkeys(np.flatnonzero(last.sums["steps"]).tolist(), last)
+        return last
 
-        Return the last steps of all scenes. `gravity` replaces that of the scenes [m/s2].
-        """
+    @contextmanager
+    def _with_gravity(self, gravity: ArrayLike | None) -> Iterator[None]:
+        """Hold the batch for steps, in which `gravity` replaces that of the scenes [m/s2]."""
         given = None if gravity is None else self._checked_gravity(gravity)
-
-        last: list[LastSteps] = []
-
-        def advance(due: list[int]) -> Iterator[tuple[int, Summary]]:
-            last[:] = [taken := self._loaded.advance(due, on_progress)]
-            self._stepped |= dict.fromkeys(np.flatnonzero(taken.sums["steps"]).tolist(), taken)
-            return ((k, taken.summary(k)) for k, steps in enumerate(due) if steps)
-
-        with self._use.held(allowed=NOTHING), ExitStack() as afterwards:
-            if given is not None:
-                own = np.array([scene.gravity for scene in self.scenes])
-                afterwards.callback(self._loaded.set_gravity, own)
-                self._loaded.set_gravity(given)
-            for _ in advance_runs(runs, self._loaded.scenes, advance) if runs else [advance(steps)]:
-                pass
-        return last[0] if last else self._loaded.advance([0] * len(steps))
+        with self._use.held(allowed=NOTHING):
+            if given is None:
+                yield
+                return
+            self._loaded.set_gravity(given)
+            try:
+                yield
+            finally:
+                self._loaded.set_gravity(np.array([scene.gravity for scene in self.scenes]))
 
     def _checked_gravity(self, gravity: ArrayLike) -> FloatArray:
         one = np.iterable(gravity) and not any(map(np.iterable, gravity))
@@ -323,7 +324,7 @@ class Batch(Shown):
         require_state(state, self.scenes[k])
         with self._use.held(READ):
             self._loaded.load(k, state)
-        warn_of_overlaps_of(state, self.scenes[k])
+        warn_of_state_overlaps(state, self.scenes[k])
 
     def _number(self, k: int) -> int:
         return checks.whole_number("k", k, least=0, most=len(self) - 1)

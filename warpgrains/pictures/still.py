@@ -78,9 +78,7 @@ class FrameArtists:
         side = "top" if painter.has_free_corners else "bottom"
         self._time = axes.text(0.0, 1.0, "t", transform=axes.transAxes, va=side, **_TEXT, color=painter.ink)
         self._time.set_visible(not painter.look.clean)
-        self._has_marks = painter.scene.has_friction and (
-            painter.scene.exchanges_grains or bool(radius.mean() * pixels >= _LEAST_MARK)
-        )
+        self._has_marks = painter.scene.has_friction
         marks = [self._marks] if self._has_marks else []
         collections = self._grains, *marks, self._chains
         for collection in collections:
@@ -101,9 +99,9 @@ class FrameArtists:
         line = np.minimum(_OUTLINE, 6.0 * radius / self._painter.view.half)
         self._grains.set(offsets=places, facecolor=color, widths=width, heights=width, linewidth=line)
         if self._has_marks:
-            seen = np.full(len(radius), radius.mean() * self._pixels >= _LEAST_MARK)  # all grains or none
-            turned = marks(places[seen], radius[seen], now.angle[grain[seen]])
-            self._marks.set(verts=turned, facecolor=mark_color(color[seen]))
+            marked = slice(None if now.scene.radius.mean() * self._pixels >= _LEAST_MARK else 0)
+            turned = marks(places[marked], radius[marked], now.angle[grain[marked]])
+            self._marks.set(verts=turned, facecolor=mark_color(color[marked]))
         if chains is not None:
             casing = _CASING * self._points * chains.width
             self._chains.set(verts=chains.corners, linewidth=casing)  # one array is set fastest

@@ -236,7 +236,7 @@ def allowed_overlap(scene: Scene) -> float:
     return max(TOLERANCES * scene.tolerance * scene.dt, LEAST_WARNED * scene.smallest_radius)
 
 
-def warn_of_overlaps_of(state: State, scene: Scene) -> None:
+def warn_of_state_overlaps(state: State, scene: Scene) -> None:
     """Warn if grains of a state overlap more deeply than one step can cause.
 
     The limit is `allowed_overlap` + path^2 / (smallest radius). Here path [m] is the longest way of a grain

@@ -21,7 +21,7 @@ from warpgrains.base.warp_start import find_device
 from warpgrains.drawing.kinds import STILL
 from warpgrains.drawing.looks import LOOKS, Look, Looks, with_style
 from warpgrains.drawing.painter import Painter
-from warpgrains.scene.compatibility import warn_of_overlaps, warn_of_overlaps_of
+from warpgrains.scene.compatibility import warn_of_overlaps, warn_of_state_overlaps
 from warpgrains.scene.fields import SceneChanges
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.sources import Inflow, Outflow, steps_to_exchange
@@ -143,7 +143,7 @@ class Simulation(LoadedScene, Shown):
         if state is None:
             warn_of_overlaps([scene])
         else:
-            warn_of_overlaps_of(state, scene)
+            warn_of_state_overlaps(state, scene)
 
     @classmethod
     def of_state(cls, scene: Scene, state: State, device: str = "cpu", threads: int | None = None) -> Self:
@@ -508,7 +508,7 @@ class Simulation(LoadedScene, Shown):
         require_state(state, self.scene)
         with self._use.held():
             self.replace_state(state)
-        warn_of_overlaps_of(state, self.scene)
+        warn_of_state_overlaps(state, self.scene)
 
     @documented(OPTIONS[name] for name in Outputs.__annotations__)
     def run(
