@@ -108,6 +108,11 @@ def test_a_batch_is_driven_by_one_thread():
     batch = Batch(["annulus"])
     state = batch.state(0)
     calls = [batch.step, lambda: batch.run(steps=1), lambda: batch.restore(0, state), lambda: batch.state(0)]
-    require_refusals("batch", lambda callback: batch._advance([10], None, callback), calls)
+
+    def drive(callback):
+        with batch._with_gravity(None):
+            batch._advance([10], callback)
+
+    require_refusals("batch", drive, calls)
     batch.step()
     assert batch.state(0).steps == 11
