@@ -98,8 +98,7 @@ def test_scenes_with_other_walls_end_in_other_groups() -> None:
     course = Scene.load("annulus")
     scenes = course, course.replace(walls=[Disc((0.0, -1.0), 0.1)]), course.replace(drag=0.2)
     loaded = LoadedScenes(scenes, find_device("cpu"), threads=1)
-    done = loaded.advance([200] * 3).stacked
-    assert [(numbers, ends.grains.wall_force.shape) for numbers, ends in loaded.ends(range(3), done)] == [
+    assert [(numbers, states.wall_force.shape) for numbers, states in loaded.snapshots(range(3))] == [
         ([0, 2], (2, 15, 2)),
         ([1], (1, 15, 3)),
     ]

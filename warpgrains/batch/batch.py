@@ -211,17 +211,15 @@ class Batch(Shown):
         InputError
             `steps` or `gravity` is invalid, or `until` is no end criterion for one of the scenes.
         """
-        wanted, runs = self._steps_of_each(steps, duration), []
-        if until is not None:
-            own = zip(self.scenes, wanted, strict=True)
-            runs = [SceneRun(scene, RunOptions(steps=most), until=until) for scene, most in own]
+        wanted = self._steps_of_each(steps, duration)
+        options = {most: RunOptions(steps=most) for most in set(wanted)}
+        runs = [
+            SceneRun(scene, options[own], until=until) for scene, own in zip(self.scenes, wanted, strict=True)
+        ]
         with progress_bar(sum(wanted), shown=progress) as bar, self._with_gravity(gravity):
-            on_progress = bar.update if progress else None
-            if until is None:
-                return Results(len(self), self._advance(wanted, on_progress).summary)
 
             def advance(due: list[int]) -> Iterator[tuple[int, Summary]]:
-                last = self._advance(due, on_progress)
+                last = self._advance(due, bar.update if progress else None)
                 return ((k, last.summary(k)) for k, steps in enumerate(due) if steps)
 
             for _ in advance_runs(runs, self._loaded.scenes, advance):

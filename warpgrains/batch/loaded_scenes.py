@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import warp as wp
 
 from warpgrains.base.arrays import FloatArray
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.snapshot import Snapshots
 from warpgrains.scene.sources import require_closed
 from warpgrains.scene.state import State
 from warpgrains.solver.advance import OnProgress, advance
@@ -18,7 +19,6 @@ from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loading import load_state
 from warpgrains.solver.memory import require_memory
 from warpgrains.solver.sizes import Sizes, kind_of
-from warpgrains.solver.statistics import FinalStates, Sums
 from warpgrains.solver.tuning import paying_threads
 
 
@@ -90,13 +90,10 @@ class LoadedScenes:
         for engine, _ in self._engines:
             engine.cancel(abandon=False)
 
-    def ends(
-        self, numbers: Iterable[int], done: Callable[[list[int]], Sums]
-    ) -> Iterator[tuple[list[int], FinalStates]]:
-        """Yield the final states of the scenes with indices `numbers`, in groups of equal array shapes.
+    def snapshots(self, numbers: Iterable[int]) -> Iterator[tuple[list[int], Snapshots]]:
+        """Yield the present states of the scenes with indices `numbers`, in groups of equal array shapes.
 
-        Each group comes with the indices of its scenes. `done` receives them, and returns sums over all steps
-        of these scenes. This works on a CPU only, see `Engine.ends`.
+        Each group comes with the indices of its scenes. This works on a CPU only, see `Engine.snapshots`.
         """
         of_shape: dict[tuple[int, int, int, bool], list[int]] = {}
         for k in numbers:
@@ -104,5 +101,4 @@ class LoadedScenes:
             shape = self._place[k][0], scene.n, len(scene.walls), scene.bodies.two_circles
             of_shape.setdefault(shape, []).append(k)
         for (e, *_), alike in sorted(of_shape.items()):
-            which = np.array([self._place[k][1] for k in alike])
-            yield alike, self._engines[e][0].ends(which, done(alike))
+            yield alike, self._engines[e][0].snapshots(np.array([self._place[k][1] for k in alike]))

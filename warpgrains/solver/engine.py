@@ -37,7 +37,6 @@ from warpgrains.solver.loading import give_up_step, scene_with_walls
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.service import exact_solver, failure
 from warpgrains.solver.sizes import Sizes, kind_of
-from warpgrains.solver.statistics import FinalStates, Sums
 from warpgrains.solver.threads import run_threads
 
 if TYPE_CHECKING:
@@ -125,11 +124,10 @@ class Engine:
         same_kind = kind_of(scene) == kind_of(self.records.scenes[k])
         return scene.method != "exact" and same_kind and self.records.sizes.fits(k, scene)
 
-    def ends(self, which: IndexArray, done: Sums) -> FinalStates:
-        """Return the final states of the scenes with indices `which`, on a CPU.
+    def snapshots(self, which: IndexArray) -> Snapshots:
+        """Return the present states of the scenes with indices `which`, on a CPU.
 
-        All these scenes must have the same number of grains. `done` holds sums over the steps of each scene,
-        which become part of the result.
+        All these scenes must have the same numbers of grains and walls.
         """
         records, scenes = self.records, [scene_with_walls(self.records, k) for k in which.tolist()]
         dt = records.host["dt"][which]
@@ -139,8 +137,7 @@ class Engine:
         for name in ("position", "velocity", *(("spin",) if records.sizes.friction else ())):
             arrays[name] = records.stacked(f"grains.{name}", which)
         times = (records.host["start_time"][which] + records.host["steps"][which] * dt).tolist()
-        grains = Snapshots.of(scenes, times, **arrays)
-        return FinalStates(grains, dt, done)
+        return Snapshots.of(scenes, times, **arrays)
 
     def submit(self, steps: Sequence[int], most_unconverged: int = LARGEST_WHOLE_NUMBER) -> None:
         """Set the number of steps to do for each scene, and reset the statistics.

@@ -10,7 +10,7 @@ import numpy as np
 from warpgrains.base.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.base.errors import SimulationError
 from warpgrains.kernels.record import StepState, StepSums
-from warpgrains.solver.statistics import StepReport, Summary, Sums
+from warpgrains.solver.statistics import StepReport, Summary
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -71,11 +71,6 @@ class LastSteps(NamedTuple):
             seconds=self.seconds[k].item(),
             error=error,
         )
-
-    def stacked(self, which: Sequence[int]) -> Sums:
-        """Return the numbers of the summaries of scenes `which` by name, as arrays of shape (len(which),)."""
-        sums = {name: self.sums[name][which] for name in SUMS}
-        return {**sums, "seconds": self.seconds[which], "met": np.zeros(len(which), bool)}
 
     def _gap_error(self, k: int, residual: float) -> float:
         """Return dt * residual in units of the smallest radius."""

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from operator import add
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
-
-import numpy as np
-from numpy.typing import NDArray
 
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.described import fields_in_help
@@ -18,7 +15,6 @@ from warpgrains.base.tables import Tabular, library
 if TYPE_CHECKING:
     import pandas
 
-    from warpgrains.scene.snapshot import Snapshots
 
 NAMED = 10
 
@@ -182,10 +178,8 @@ class Summary(Shown):
 
     def add(self, other: Self) -> None:
         """Add the summary of the next steps of the same run."""
-        for own in fields(self):
-            if "reduce" in own.metadata:
-                total = own.metadata["reduce"](getattr(self, own.name), getattr(other, own.name))
-                setattr(self, own.name, total)
+        for name, reduce in _REDUCED.items():
+            setattr(self, name, reduce(getattr(self, name), getattr(other, name)))
 
     def results(self) -> dict[str, Any]:
         """Return the numbers by name, as ``warpgrains run --json`` prints them."""
@@ -218,20 +212,4 @@ class Summary(Shown):
         }
 
 
-Sums = dict[str, NDArray[Any]]
-"""Sums and maxima over the steps of m scenes by name, with `seconds` and `met`, shape (m,) each."""
-
-
-def stacked(summaries: Sequence[Summary]) -> Sums:
-    """Return the numbers of summaries by name, as arrays of shape (summaries,)."""
-    names = [own.name for own in fields(Summary) if isinstance(own.default, int | float)]
-    return {name: np.array([getattr(one, name) for one in summaries]) for name in names}
-
-
-class FinalStates(NamedTuple):
-    """Final states of m scenes with equal numbers of grains, for sweeps in which thousands end together."""
-
-    grains: Snapshots
-    dt: FloatArray
-    """Time step of each scene [s], shape (m,)."""
-    done: Sums
+_REDUCED = {own.name: own.metadata["reduce"] for own in fields(Summary) if "reduce" in own.metadata}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter
 
@@ -14,9 +14,8 @@ from warpgrains.base.errors import InputError
 from warpgrains.base.files import Row
 from warpgrains.batch.loaded_scenes import LoadedScenes
 from warpgrains.simulation.run import advance_runs
-from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.memory import OutOfMemoryError
-from warpgrains.solver.statistics import Summary, Sums, stacked
+from warpgrains.solver.statistics import Summary
 from warpgrains.sweep.execution import OnFraction, RunSettings
 from warpgrains.sweep.results import RunResult, failure, results
 from warpgrains.sweep.sweep_run import SweepRun
@@ -34,7 +33,6 @@ class Group:
         self.members = members
         self.ended: dict[int, tuple[Row, RunResult]] = {}
         self._loaded: LoadedScenes | None = None
-        self._uncounted: list[tuple[list[int], Callable[[list[int]], Sums]]] = []
 
     @property
     def is_loaded(self) -> bool:
@@ -63,26 +61,18 @@ class Group:
             if perf_counter() > end:
                 loaded.cancel()
 
-        def take(last: LastSteps, numbers: Iterable[int]) -> Iterator[tuple[int, Summary]]:
-            for k in numbers:
+        def advance(due: list[int]) -> Iterator[tuple[int, Summary]]:
+            last = loaded.advance(due, poll)
+            for k in np.flatnonzero(due).tolist():
                 done = last.summary(k)
                 if isinstance(last.errors.get(k), OutOfMemoryError) and len(members) > 1:
                     members[k].is_alone = members[k].waits = True
                     done.error = None
                 yield k, done
 
-        def advance(due: list[int]) -> Iterator[tuple[int, Summary]]:
-            return take(loaded.advance(due, poll), (k for k, steps in enumerate(due) if steps))
-
-        if any(one.folder or one.steps_due < one.options.steps for one in members):
-            for _ in advance_runs(members, loaded.scenes, advance):
-                if perf_counter() > end:
-                    return
-            return
-        last = loaded.advance([one.steps_due for one in members], poll)
-        for k, done in take(last, np.flatnonzero(last.left).tolist()):
-            members[k].count(done, loaded.scenes[k])
-        self._uncounted = [(np.flatnonzero(last.left == 0).tolist(), last.stacked)]
+        for _ in advance_runs(members, loaded.scenes, advance):
+            if perf_counter() > end:
+                return
 
     def save(self, chosen: Collection[int]) -> None:
         """Save checkpoints of the runs `members[k]`, k in `chosen`. Runs without a folder have none."""
@@ -114,12 +104,10 @@ class Group:
                 found.setdefault(k, failure(str(error), settings, members[k].statistics.seconds))
         if self._loaded is not None:
             scenes, good = self._loaded.scenes, [k for k in ended if k not in found]
-            counted = good, lambda alike: stacked([members[k].statistics for k in alike])
-            for numbers, done in (counted, *self._uncounted):
-                for alike, ends in self._loaded.ends(numbers, done):
-                    states = (snapshot(scenes[k]) for k in alike)
-                    averaged = [means.get(k, {}) for k in alike]
-                    found |= zip(alike, results(ends, states, averaged, settings), strict=True)
+            for alike, ends in self._loaded.snapshots(good):
+                done, averaged = [members[k].statistics for k in alike], [means[k] for k in alike]
+                states = (snapshot(scenes[k]) for k in alike)
+                found |= zip(alike, results(ends, done, states, averaged, settings), strict=True)
         for k in found.keys() - reasons.keys():
             self.ended[members[k].run.number] = members[k].labels, found[k]
         return {members[k].run.number: reason for k, reason in reasons.items()}

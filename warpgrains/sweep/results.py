@@ -5,20 +5,18 @@ columns of `COLUMNS` follow; the measured quantities are inserted before the las
 not depend on when, where and with how many interruptions the run was done. The last column is `seconds`, the
 time for the steps of the run and for completing its recording. The table of all results omits this column.
 
-`results` computes all columns except labels from `FinalStates`, the arrays of thousands of runs in memory.
+`results` computes all columns except labels, from the final states of thousands of runs in memory.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from warpgrains.analysis.quantities import SWEEP_QUANTITIES, find, quantities, takes_region
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError
+from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import Snapshot, Snapshots
-from warpgrains.solver.statistics import FinalStates
+from warpgrains.solver.statistics import Summary
 from warpgrains.sweep.execution import RunSettings
 
 
@@ -26,20 +24,20 @@ class Column(NamedTuple):
     """A column of the results of every sweep. Only the column `met` needs an end criterion to exist."""
 
     meaning: str
-    of_runs: Callable[[FinalStates], NDArray[Any]]
-    """Function that returns the values of m runs, shape (m,)."""
+    of_runs: Callable[[Snapshots, Sequence[Summary]], Sequence[Any]]
+    """Function that returns the values of m runs, from their final states and summaries."""
     unit: str = ""
 
 
-def _counted(field: str, meaning: str) -> Column:
-    """Return a column that holds a count of steps or iterations, which is a field of `Summary`."""
-    return Column(meaning, lambda ends: ends.done[field].astype(np.int64))
+def _of_each(value: Callable[[Scene, Summary], Any], meaning: str, unit: str = "") -> Column:
+    """Return a column that depends on the scene and the summary of each run."""
+    return Column(meaning, lambda ends, done: list(map(value, ends.scenes, done)), unit)
 
 
 def _at_the_end(name: str, of_runs: Callable[[Snapshots], FloatArray]) -> Column:
     """Return the column of a quantity of the final state."""
     own = find(name)
-    return Column(f"{own.meaning}, at the end of the run", lambda ends: of_runs(ends.grains), own.unit)
+    return Column(f"{own.meaning}, at the end of the run", lambda ends, _: of_runs(ends).tolist(), own.unit)
 
 
 OF_MEAN, OF_ERROR = ":mean", ":error"
@@ -47,18 +45,18 @@ OF_MEAN, OF_ERROR = ":mean", ":error"
 MET = "met"
 SECONDS = "seconds"
 COLUMNS = {
-    "grains": Column("number of grains", lambda ends: np.full(len(ends.dt), ends.grains.mass.shape[1])),
-    "steps": _counted("steps", "number of time steps"),
-    "time": Column("simulated time", lambda ends: ends.done["steps"] * ends.dt, "s"),
-    "iterations_mean": Column(
-        "iterations of a step, mean", lambda ends: ends.done["iterations"] / np.maximum(1, ends.done["steps"])
+    "grains": _of_each(lambda scene, _: scene.n, "number of grains"),
+    "steps": _of_each(lambda _, done: done.steps, "number of time steps"),
+    "time": _of_each(lambda scene, done: done.steps * scene.dt, "simulated time", "s"),
+    "iterations_mean": _of_each(lambda _, done: done.iterations_mean, "iterations of a step, mean"),
+    "iterations_max": _of_each(lambda _, done: done.iterations_max, "iterations of a step, maximum"),
+    "unconverged": _of_each(
+        lambda _, done: done.unconverged, "number of steps that stopped short of the tolerance"
     ),
-    "iterations_max": _counted("iterations_max", "iterations of a step, maximum"),
-    "unconverged": _counted("unconverged", "number of steps that stopped short of the tolerance"),
-    "worst_overlap": Column("largest overlap after any step", lambda ends: ends.done["overlap"], "m"),
+    "worst_overlap": _of_each(lambda _, done: done.overlap, "largest overlap after any step", "m"),
     **{name: _at_the_end(name, of_runs) for name, of_runs in SWEEP_QUANTITIES.items()},
-    MET: _counted(MET, "with `--until`: 1 if the run was at rest, else 0"),
-    "error": Column("reason of the failure, if the run failed", lambda ends: np.full(len(ends.dt), "")),
+    MET: _of_each(lambda _, done: int(done.met), "with `--until`: 1 if the run was at rest, else 0"),
+    "error": _of_each(lambda *_: "", "reason of the failure, if the run failed"),
 }
 """Columns by name, in order. Only sweeps with an end criterion have `met`."""
 
@@ -86,12 +84,13 @@ def value_columns(settings: RunSettings) -> list[str]:
 
 
 def results(
-    ends: FinalStates,
+    ends: Snapshots,
+    done: Sequence[Summary],
     snapshots: Iterable[Snapshot],
     means: Sequence[Mapping[str, float]],
     settings: RunSettings,
 ) -> Iterator[RunResult]:
-    """Return the result of each of m runs, without labels, from their final states.
+    """Return the result of each of m runs, without labels, from their final states and summaries.
 
     Quantities are measured in `snapshots`, one per run. `means` has, for each run, the columns of means over
     its series.
@@ -101,12 +100,12 @@ def results(
     averaged = {*means[0]}
     measured = [name for name in columns if name not in {*COLUMNS, *averaged} or name in in_region]
     known = (name for name in columns if name not in measured and name not in averaged)
-    values = {name: COLUMNS[name].of_runs(ends).tolist() for name in known}
+    values = {name: COLUMNS[name].of_runs(ends, done) for name in known}
     values |= {name: [one[name] for one in means] for name in averaged}
     if measured:
         found = [quantities(state, measured, region) for state in snapshots]
         values |= {name: [float(one[name]) for one in found] for name in measured}
-    seconds = (f"{wall_time:.3f}" for wall_time in ends.done[SECONDS].tolist())
+    seconds = (f"{one.seconds:.3f}" for one in done)
     return zip(*(values[name] for name in columns), seconds, strict=True)
 
 
