@@ -217,6 +217,7 @@ class SceneRecord:
     rolling_friction: f64  # coefficient between grains
     restitution: f64  # coefficient between grains
     restitution_speed: f64  # closing speed above which contacts bounce [m/s]
+    first_bounce: wp.int64  # steps before the first one in which contacts bounce
     dt: f64  # [s]
     by_color: wp.int32  # whether the independent sets of pairs are colors (1) or levels (0)
     merge: wp.int32  # whether all pairs are swept as one set, in their order

@@ -26,12 +26,18 @@ def begin_velocity(s: Scene, i: int):
 
 
 @wp.func
+def bouncing_speed(s: Scene) -> f64:
+    """Return the closing speed above which contacts bounce in this step [m/s] (eq. 35a)."""
+    return wp.where(s.steps < s.first_bounce, f64(wp.inf), s.restitution_speed)
+
+
+@wp.func
 def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, surface: f64, rates: wp.vec3d) -> wp.vec3d:
     """Return gap / dt of grain i on both sides of wall j, less if it bounces, and A / dt (eq. 18) [m/s].
 
     `rates` has these three numbers without a bounce; `surface` is the speed of the wall along the normal n.
     """
-    v, b, least = at(s.grains.velocity, i), j - grain_count(s), s.restitution_speed
+    v, b, least = at(s.grains.velocity, i), j - grain_count(s), bouncing_speed(s)
     vn, e = wp.dot(v, n), at(s.walls.restitution, b)
     if is_driven(s):
         vn = closing_speed(s, s.grains.velocity, i, j, n)
@@ -76,7 +82,7 @@ def starting(kind: Kind) -> wp.Function:
             rate = law.pair_gap(distance, radius, at(s.grains.radius, j)) / s.dt
             if wp.static(kind.has_restitution):
                 vn = wp.dot(at(s.grains.velocity, i) - at(s.grains.velocity, j), normal)
-                rate = law.rebound(rate, rate, vn, f64(0.0), s.restitution, s.restitution_speed)
+                rate = law.rebound(rate, rate, vn, f64(0.0), s.restitution, bouncing_speed(s))
             contact.n = normal
             contact.gap_rate = rate
         return contact

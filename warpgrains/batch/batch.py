@@ -16,7 +16,7 @@ from warpgrains.base.shown import Shown, number_of
 from warpgrains.base.turns import NOTHING, READ, ExclusiveUse
 from warpgrains.base.warp_start import find_device
 from warpgrains.batch.loaded_scenes import LoadedScenes
-from warpgrains.scene.compatibility import warn_of_overlaps, warn_of_state_overlaps
+from warpgrains.scene.compatibility import warn_of_start, warn_of_state_overlaps
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
 from warpgrains.simulation.options import RunOptions, steps_of
@@ -87,7 +87,8 @@ class Batch(Shown):
     Warns
     -----
     UserWarning
-        Grains of a scene overlap at the start; the message is about the worst scene.
+        Grains of a scene overlap at the start, or are so close that nothing bounces in the first step; the
+        message is about one of the scenes.
 
     Attributes
     ----------
@@ -119,7 +120,7 @@ class Batch(Shown):
         if threads is not None:
             checks.thread_count("threads", threads)
         self._begin(device, threads)
-        warn_of_overlaps(self.scenes)
+        warn_of_start(self.scenes)
 
     def _begin(self, device: str, threads: int | None) -> None:
         self._device, self._threads_wanted = find_device(device), threads

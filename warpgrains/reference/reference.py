@@ -142,7 +142,8 @@ class Reference:
         self._arrays |= {"places": places, "speeds": speeds}
         self._grains.bouncy, self._grains.restitution = scene.has_restitution, scene.restitution
         self._grains.restitutionOut = bodies.restitutions[0]
-        self._grains.restitutionSpeed = scene.restitution_speed
+        is_first = state is None or state.steps == 0
+        self._grains.restitutionSpeed = scene.bouncing_speed(is_first)
         self._arrays["restitutionWalls"] = bodies.restitutions[1:].copy()
         self._arrays |= {name: self._arrays[own].copy() for name, own in _BEFORE.items()}
         of_walls = ("walls", "dvWalls", "speedWalls", "frictionWalls", "motions", "restitutionWalls")
@@ -193,6 +194,7 @@ class Reference:
         """Advance by one step, entirely in C."""
         scene = self._scene
         self._library.femGrainsUpdate(self._grains, scene.dt, scene.tolerance, scene.max_iterations)
+        self._grains.restitutionSpeed = scene.restitution_speed
 
     def begin(self, order: IntArray | None = None) -> None:
         """Set the velocities without contacts, and apply the corrections of the last step (iteration 0)."""
@@ -230,6 +232,7 @@ class Reference:
             self._grains.radiusOut = arrays["places"][0]
         self._grains.staggered = self._grains.leapfrog
         self._grains.steps += 1
+        self._grains.restitutionSpeed = scene.restitution_speed
         return iterations, zeta
 
     def _iterate(self, iteration: int, order: IntArray | None) -> float:

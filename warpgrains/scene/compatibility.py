@@ -256,8 +256,16 @@ def warn_of_state_overlaps(state: State, scene: Scene) -> None:
         )
 
 
-def warn_of_overlaps(scenes: Sequence[Scene]) -> None:
-    """Warn if grains of scenes overlap at the start; of several scenes, name the worst."""
+def warn_of_start(scenes: Sequence[Scene]) -> None:
+    """Warn if grains of scenes overlap at the start, of several scenes the worst, or cannot bounce yet."""
+    shut = [k for k, scene in enumerate(scenes) if scene.has_restitution and not scene.bounces_at_start]
+    if shut:
+        where = f"scene {shut[0]}: " if len(scenes) > 1 else ""
+        warn(
+            f"{where}grains that part at the start are closer than a step takes them: nothing bounces in the"
+            " first step, which loses energy; a shorter dt loses less",
+            stacklevel=3,
+        )
     of_start: dict[Any, float] = {}  # many scenes of a batch have the same start
     overlap = []
     for scene in scenes:

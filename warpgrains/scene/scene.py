@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack
 
@@ -16,7 +17,11 @@ from warpgrains.base.arrays import FloatArray, Indices
 from warpgrains.base.described import documented, fields_in_help
 from warpgrains.base.errors import InputError, written_as
 from warpgrains.base.shown import Shown, number_of
-from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
+from warpgrains.scene.compatibility import (
+    allowed_overlap,
+    require_compatible_settings,
+    require_valid_positions,
+)
 from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import (
     FIELDS,
@@ -540,12 +545,36 @@ class Scene(SceneFields, Shown):
             raise InputError(f"duration is {duration} s: it must be at most {most} steps of {self.dt} s")
         return steps
 
-    def count_overlaps(self) -> Overlaps:
-        """Count the initial overlaps between grains and with the walls, and find the largest."""
-        where = self.position, self.radius
+    @cached_property
+    def bounces_at_start(self) -> bool:
+        """True if contacts may bounce in the first step, which then gains no energy (MODEL.md, eq. 35a)."""
+        e = max(self.restitution, *self.wall_restitutions, 0.0)
+        before = self.position - e * self.dt * self.velocity
+        at_rest = [k for k, wall in enumerate(self.walls) if not wall.moves]
+        allowed = max(allowed_overlap(self), self.count_overlaps(walls=at_rest).largest)
+        return self.count_overlaps(before, at_rest).largest <= allowed
+
+    def bouncing_speed(self, is_first: bool) -> float:
+        """Return the closing speed above which contacts bounce in a step, or in the first step [m/s]."""
+        return inf if is_first and not self.bounces_at_start else self.restitution_speed
+
+    def count_overlaps(
+        self, position: FloatArray | None = None, walls: Iterable[int] | None = None
+    ) -> Overlaps:
+        """Count the overlaps between grains and with the walls, and find the largest.
+
+        Parameters
+        ----------
+        position : ndarray, optional
+            Centers of the grains [m], shape (n, 2); by default those at the start.
+        walls : iterable of int, optional
+            Numbers of walls, by default of all.
+        """
+        where = self.position if position is None else position, self.radius
         pairs = overlapping_pairs(*where, self.period)
-        gaps = [self.pair_frames(self.position, np.stack(pair, axis=1))[1] for pair in pairs]
-        sides = [self.side(k, *where, time=self.time).gap for k in range(len(self.walls))]
+        gaps = [self.pair_frames(where[0], np.stack(pair, axis=1))[1] for pair in pairs]
+        numbers = range(len(self.walls)) if walls is None else walls
+        sides = [self.side(k, *where, time=self.time).gap for k in numbers]
         at_walls = np.min([np.full(self.n, np.inf), *sides], axis=0)
         gaps.append(at_walls[at_walls < -self.rounding])
         return Overlaps(

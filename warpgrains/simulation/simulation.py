@@ -21,7 +21,7 @@ from warpgrains.base.warp_start import find_device
 from warpgrains.drawing.kinds import STILL
 from warpgrains.drawing.looks import LOOKS, Look, Looks, with_style
 from warpgrains.drawing.painter import Painter
-from warpgrains.scene.compatibility import warn_of_overlaps, warn_of_state_overlaps
+from warpgrains.scene.compatibility import warn_of_start, warn_of_state_overlaps
 from warpgrains.scene.fields import SceneChanges
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.sources import Inflow, Outflow, steps_to_exchange
@@ -141,7 +141,7 @@ class Simulation(LoadedScene, Shown):
             require_state(state, scene)
         self._open(scene, find_device(device), threads, first_state(scene) if state is None else state)
         if state is None:
-            warn_of_overlaps([scene])
+            warn_of_start([scene])
         else:
             warn_of_state_overlaps(state, scene)
 

@@ -123,6 +123,7 @@ class SceneRecords:
         numbers = "drag spin_drag friction rolling_friction restitution restitution_speed dt"
         for name in numbers.split():
             host[name] = [getattr(scene, name) for scene in scenes]
+        host["first_bounce"] = [scene.has_restitution and not scene.bounces_at_start for scene in scenes]
         self.set_gravity([scene.gravity for scene in scenes], which)
         host["turning"]["start"] = host["gravity"]
         host["turning"]["rate"] = [scene.gravity_rate for scene in scenes]

@@ -109,8 +109,9 @@ class StepConstraints:
         scene, pairs = self.scene, len(self.second)
         surface = np.append(np.zeros(pairs), self.wall_speed[:, 0])
         vn, rate = self.normal_speed(velocity), self.sliding(scene.dt * velocity).gap_rate
+        least = scene.bouncing_speed(self.time == scene.time)
         e = np.append(np.full(pairs, scene.restitution), scene.at_walls("restitution", self.wall))
-        bounces = (e > 0.0) & (vn > rate) & (vn - surface > scene.restitution_speed)
+        bounces = (e > 0.0) & (vn > rate) & (vn - surface > least)
         return np.where(bounces, np.maximum(0.0, rate - (surface - e * (vn - surface))), 0.0)
 
     @property
