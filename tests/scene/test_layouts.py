@@ -101,7 +101,7 @@ def test_boxes_are_filled_to_the_sides(layout, periodic, fraction):
     """And beyond periodic ones, clear of images, of a post that is near one, and of a rough side."""
     rough = {} if "y" in periodic else {"bottom": {"roughness": {"radius": 0.05, "spacing": 0.1}}}
     box = Box((-0.5, 1.0), (2.0, 2.8), periodic=periodic, **rough)
-    position, radius = layout(box.space, box.among([POST]))
+    position, radius = layout(box.space, [POST, *box.walls])
     assert np.pi * (radius**2).sum() > fraction * 1.2
     for way, (low, high) in enumerate((box.x, box.y)):
         place = position[:, way]

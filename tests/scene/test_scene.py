@@ -10,6 +10,7 @@ from same_bits import contents
 from walled_scenes import LID, filled
 
 from warpgrains import Box, Scene, Simulation
+from warpgrains.scene.fields import SceneFields
 from warpgrains.scene.toml import parameters_text, read_parameters
 from warpgrains.space.geometry import overlapping_pairs
 
@@ -119,7 +120,7 @@ def test_a_box_and_its_sides_are_kept_in_text_and_copies():
     simulation.advance(5)
     now = simulation.present_scene
     grains = {name: getattr(now, name) for name in (*ARRAYS, "spin")}
-    read = Scene.of_later_state(**grains, **read_parameters(parameters_text(now)))
+    read = Scene.made(vars(SceneFields(**grains, **read_parameters(parameters_text(now)))))
     for kept in (read, pickle.loads(pickle.dumps(now)), now.replace(drag=0.1)):
         assert (kept.domain, kept.walls) == (now.domain, now.walls)
         assert hash(kept.domain) == hash(now.domain)

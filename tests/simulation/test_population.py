@@ -82,7 +82,7 @@ def by_hand(before, stay, more):
     own = {name: getattr(scene, name) for name in scene.__dataclass_fields__}
     grains = {"position": position, "radius": radius, "mass": mass, "spin": 0.0, "velocity": None}
     rotates = scene.has_friction
-    return Scene.of_later_state(**own | grains), State(
+    return Scene.made(own | grains), State(
         steps=state.steps,
         position=position,
         velocity=np.append(state.velocity[stay], thrown, axis=0),

@@ -222,7 +222,7 @@ def filled(**fields: Any) -> Scene:
     """
     sides = {name: fields.pop(name) for name in ("bottom", "top") if name in fields}
     box = Box((0.2, 0.7), (0.0, 0.6), periodic="x", **sides)
-    position, radius = random_layout(box.space, box.among(()), radius=[0.02, 0.028], packing_fraction=0.6)
+    position, radius = random_layout(box.space, box.walls, radius=[0.02, 0.028], packing_fraction=0.6)
     own = {"radius": radius, "mass": 10.0 * pi * radius**2, "domain": box, "gravity": (0.0, 0.0)}
     how = {"drag": 0.05, "dt": 0.02, "duration": 30.0, "method": "accelerated", "tolerance": 1e-7}
     return Scene(position=position, **{**own, **how, **fields})

@@ -136,12 +136,13 @@ def compress(
     """
     scene = as_scene("scene", scene)
     require_closed(scene, "compress")
-    boundary = scene.boundary
-    if thin := [wall for wall in scene.walls if wall.border is None and not boundary.owns(wall)]:
-        which = "a side" if isinstance(boundary, Box) else "the outer wall"
+    box = scene.domain
+    sides = box.sides if box else ()
+    if thin := [wall for wall in scene.walls if wall.border is None and wall.name not in sides]:
+        which = "a side" if box else "the outer wall"
         raise InputError(f"the scene has {thin[0].one()}: {which} would move through it")
-    if isinstance(boundary, Box):
-        scene = _under_pressure(scene, boundary, pressure)
+    if box:
+        scene = _under_pressure(scene, box, pressure)
     else:
         pressure = scene.pressure if pressure is None else pressure
         if pressure is None:

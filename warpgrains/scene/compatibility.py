@@ -14,7 +14,7 @@ from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError
 from warpgrains.scene import sources
 from warpgrains.scene.energy import TOLERANCES
-from warpgrains.space.geometry import LARGEST, MOST_RADII, SMALLEST, require_distinct
+from warpgrains.space.geometry import LARGEST, MOST_RADII, SMALLEST, require_distinct, require_squares
 from warpgrains.walls.line import Line
 from warpgrains.walls.rim import Rim
 from warpgrains.walls.row import Row
@@ -32,17 +32,22 @@ FARTHEST = 1e6  # largest distance of a periodic box from the origin [smallest r
 def require_valid_positions(scene: Scene) -> None:
     """Raise InputError unless centers are between the walls, no two coincide, and float64 resolves gaps."""
     require_size(scene)
-    require_clear(scene, range(len(scene.walls)), scene.position, scene.time)
+    require_clear(scene, range(len(scene.walls)), scene.position, scene.radius, scene.time)
     require_distinct("position", scene.period.wrapped(scene.position))
 
 
 def require_clear(
-    scene: Scene, numbers: Collection[int], position: FloatArray, time: float, of: str = "grain"
+    scene: Scene,
+    numbers: Collection[int],
+    position: FloatArray,
+    radius: FloatArray,
+    time: float,
+    of: str = "grain",
 ) -> None:
     """Raise InputError if a center lies in a wall, or a grain touches a wall where its normal is undefined.
 
-    `position` holds the centers [m], shape (n, 2). `numbers` are the indices in `scene.walls` of the walls to
-    check, at their places at `time` [s]. Messages call each grain `of`.
+    `position` holds the centers [m], shape (n, 2), and `radius` the radii [m]. `numbers` are the indices in
+    `scene.walls` of the walls to check, at their places at `time` [s]. Messages call each grain `of`.
     """
     for number in numbers:
         wall = scene.walls[number]
@@ -50,7 +55,7 @@ def require_clear(
             grain = checks.first_bad("position", position, covered, of)
             raise InputError(f"{grain}: {wall.complaint(number)}")
     for number in numbers:
-        undefined = scene.side(number, position, scene.radius, time=time).without_normal()
+        undefined = scene.side(number, position, radius, time=time).without_normal()
         if undefined.any():
             grain, name = checks.first_bad("position", position, undefined, of), scene.wall_names[number]
             raise InputError(f"{grain}: it touches {name}, which has no normal there")
@@ -65,7 +70,7 @@ def require_size(scene: Scene) -> None:
             f" grain {int(np.argmin(scene.radius))}, {smallest} m, because"
             " float64 positions could not resolve gaps"
         )
-    scene.boundary.require_size()
+    require_squares(scene.boundary.size, scene.reach)
     scene.boundary.require_fits(scene.radius)
     if scene.period and scene.reach > 2.0 * FARTHEST * smallest:
         raise InputError(

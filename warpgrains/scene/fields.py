@@ -21,7 +21,6 @@ from warpgrains.scene.scheme import SCHEMES
 from warpgrains.scene.sources import Sink, Source, checked_sinks, checked_sources
 from warpgrains.walls.annulus import KEYS as OF_ANNULUS
 from warpgrains.walls.annulus import Annulus
-from warpgrains.walls.boundary import Boundary
 from warpgrains.walls.box import Box, checked_domain
 from warpgrains.walls.kinds import WRITTEN_KINDS, checked_walls
 from warpgrains.walls.wall import Wall
@@ -319,7 +318,7 @@ def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]
     return found | {name: checked(name, field, getattr(scene, name)) for name, field in own.items()}
 
 
-def boundary_of(scene: SceneFields) -> Boundary:
+def boundary_of(scene: SceneFields) -> Annulus | Box:
     """Return the annulus or the box of a scene."""
     if scene.domain is not None:
         return scene.domain

@@ -25,9 +25,9 @@ from warpgrains.base.files import open_regular, suffix_of
 from warpgrains.scene.fields import KEY_OF, OF_GRAINS, SECTIONS
 from warpgrains.scene.layouts import LAYOUTS, Placement
 from warpgrains.scene.toml import LISTS, Table, fields_of_sections, numbered_key, overridden, parse_toml
+from warpgrains.space.geometry import require_squares
 from warpgrains.space.region import Region
 from warpgrains.walls.annulus import Annulus
-from warpgrains.walls.boundary import Boundary
 from warpgrains.walls.box import OF_SIDES, SIDES, Box, checked_domain
 from warpgrains.walls.kinds import WRITTEN_KINDS, checked_walls
 from warpgrains.walls.rim import Rim
@@ -88,15 +88,15 @@ def domain_keys(kinds: Iterable[str] = DOMAINS) -> list[str]:
 def document_fields(document: Table, folder: Path) -> Table:
     """Return the fields of a scene except name and text. Files of grains are relative to `folder`."""
     fields = section_fields(document)
-    boundary: Boundary | None = checked_domain("domain", fields.get("domain"))
+    boundary: Annulus | Box | None = checked_domain("domain", fields.get("domain"))
     if boundary is None and "radius_out" not in fields:
         raise InputError('domain.radius_out is missing; or give domain.kind = "box", with x and y')
     if "grains" not in document:
         raise InputError(f"section [grains] is missing: it needs one of {', '.join(SOURCES)}")
     boundary = boundary or Annulus(fields.get("radius_in", 0.0), fields["radius_out"]).checked()
-    boundary.require_size()
+    require_squares(boundary.size, boundary.reach)
     time = checks.number("time", fields.get("time", 0.0))
-    walls = (wall.starting(time).at(time) for wall in boundary.among(fields["walls"]))
+    walls = (wall.starting(time).at(time) for wall in boundary.completed(fields["walls"]))
     inside = tuple(wall for wall in walls if not isinstance(wall, Rim))
     return fields | _grains(document["grains"], boundary.space, inside, folder)
 

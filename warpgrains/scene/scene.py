@@ -4,7 +4,7 @@ import os
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, Unpack
@@ -40,9 +40,9 @@ from warpgrains.space.bounds import Bounds
 from warpgrains.space.geometry import ROUNDING, Period, Side, distance, overlapping_pairs
 from warpgrains.space.region import Region
 from warpgrains.walls import container
+from warpgrains.walls.annulus import Annulus
 from warpgrains.walls.bodies import Bodies, Joints, joints_of, leaders_of, with_images
-from warpgrains.walls.boundary import Boundary
-from warpgrains.walls.box import checked_domain
+from warpgrains.walls.box import Box, checked_domain
 from warpgrains.walls.kinds import checked_walls
 from warpgrains.walls.rim import Rim
 from warpgrains.walls.wall import Drive, Wall
@@ -99,26 +99,38 @@ class Scene(SceneFields, Shown):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        with np.errstate(all="ignore"):  # the checks report values that are not finite
-            self._check(FIELDS)
+        self._check(FIELDS)
+        with np.errstate(all="ignore"):
             require_valid_positions(self)
 
-    def _check(self, names: Collection[str]) -> None:
-        """Check fields and store them, with the walls, sources and sinks that follow from them.
+    @classmethod
+    def made(cls, values: Mapping[str, Any], checked: Collection[str] = FIELDS) -> Self:
+        """Return a scene of these values of all fields, of which the named ones are checked.
 
-        Whether walls cover positions is not checked.
+        Positions are not checked against walls, because in a later state both may be elsewhere.
         """
-        vars(self).update(checked_fields(self, names))
-        walls = self.boundary.among([wall for wall in self.walls if wall.image is None])
-        walls = tuple(wall.starting(self.time) for wall in walls)
-        vars(self)["walls"] = with_images(walls, self.period, float(self.radius.max()))
-        vars(self)["sources"] = tuple(source.starting(self.time) for source in self.sources)
-        vars(self)["sinks"] = tuple(sink.starting(self.time) for sink in self.sinks)
-        require_compatible_settings(self)
+        scene = object.__new__(cls)
+        vars(scene).update(values)
+        scene._check(checked)
+        return scene
+
+    def _check(self, names: Collection[str]) -> None:
+        """Check fields and store them, with the walls, sources and sinks that follow from them."""
+        if not names:
+            return
+        with np.errstate(all="ignore"):  # the checks report values that are not finite
+            vars(self).update(checked_fields(self, names))
+            if not _OF_WALLS.isdisjoint(names):
+                walls = self.boundary.completed(self.written_walls)
+                walls = tuple(wall.starting(self.time) for wall in walls)
+                vars(self)["walls"] = with_images(walls, self.period, float(self.radius.max()))
+            if not {"sources", "sinks", "time"}.isdisjoint(names):
+                vars(self)["sources"] = tuple(source.starting(self.time) for source in self.sources)
+                vars(self)["sinks"] = tuple(sink.starting(self.time) for sink in self.sinks)
+            require_compatible_settings(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        own = {name: getattr(self, name) for name in FIELDS}
-        return partial(type(self).of_later_state, **own), ()  # copies are checked and read-only
+        return type(self).made, ({name: getattr(self, name) for name in FIELDS},)  # copies are read-only
 
     @classmethod
     def load(cls, name_or_path: str | os.PathLike[str], overrides: str | Iterable[str] = ()) -> Self:
@@ -148,23 +160,10 @@ class Scene(SceneFields, Shown):
         with written_as(KEY_OF, str(path)):
             return cls(**document_fields(document, path.parent), **own)
 
-    @classmethod
-    def of_later_state(cls, **fields: Any) -> Self:
-        """Return a scene of these fields. All are checked, except positions against walls.
-
-        In a later state, walls are no longer at their places at the start.
-        """
-        scene = object.__new__(cls)
-        vars(scene).update(vars(SceneFields(**fields)))
-        scene._check(FIELDS)
-        return scene
-
-    def unchecked(self, **fields: Any) -> Self:
-        """Return a copy of the scene with some fields replaced by valid values, which are not checked."""
-        scene = object.__new__(type(self))
-        stale = {name for name, sources in _FOUND_ONCE.items() if not fields.keys().isdisjoint(sources)}
-        vars(scene).update({name: own for name, own in vars(self).items() if name not in stale} | fields)
-        return scene
+    def _valid(self, changes: Collection[str]) -> dict[str, Any]:
+        """Return the values of all fields, and what was found from those that do not change."""
+        stale = {name for name, sources in _FOUND_ONCE.items() if not sources.isdisjoint(changes)}
+        return {name: own for name, own in vars(self).items() if name not in stale}
 
     def placed(self, driven: FloatArray | None, time: float | None = None, **grains: FloatArray) -> Self:
         """Return the scene with walls moved to their present places, and with other `grains`.
@@ -186,7 +185,7 @@ class Scene(SceneFields, Shown):
         elif not grains:
             kept = ("extent", "joints", "leaders")
             changes |= {name: found for name, found in vars(self).items() if name in kept}
-        return self.unchecked(**changes)
+        return self.made(self._valid(changes) | changes, checked=())
 
     def replace(self, **changes: Unpack[SceneChanges]) -> Self:
         """Return a copy of the scene with some fields changed and checked.
@@ -203,7 +202,7 @@ class Scene(SceneFields, Shown):
         given: dict[str, Any] = {"text": self.text_after(changes), **changes}
         if "position" in changes and not self.has_friction:
             given.setdefault("spin", None)  # it is 0, for any number of grains
-        scene = self.changed(given, self.time)
+        scene = self.changed(given, changes.get("time", self.time))
         if not _OF_PLACES.isdisjoint(changes):
             require_valid_positions(scene)
         return scene
@@ -215,19 +214,15 @@ class Scene(SceneFields, Shown):
         `time` [s].
         """
         if not changes.keys().isdisjoint(("domain", "walls")):
-            sides = [wall for wall in self.walls if self.boundary.owns(wall)]
-            inside = [wall for wall in self.walls if wall not in sides]
+            was = self.domain
+            inside = [wall for wall in self.walls if not (was and wall.name in was.sides)]
             walls = checked_walls("walls", changes.get("walls", inside))
-            box = checked_domain("domain", changes.get("domain", self.domain))
-            given = {wall.name for wall in walls}
-            own_sides = box.continuing(self.boundary, sides, time) if box else ()
-            walls += tuple(wall for wall in own_sides if wall.name not in given)
+            box = checked_domain("domain", changes.get("domain", was))
+            walls = box.completed(walls, was, self.walls, time) if box else walls
             changes = ({"radius_out": None} if "domain" in changes else {}) | changes
-            changes["walls"] = [wall.starting(changes.get("time", time)) for wall in walls]
-        scene = self.unchecked(**changes)
-        with np.errstate(all="ignore"):
-            scene._check({*changes, *(() if _OF_GRAINS.isdisjoint(changes) else _OF_GRAINS)})
-        return scene
+            changes["walls"] = [wall.starting(time) for wall in walls]
+        checked = {*changes, *(() if _OF_GRAINS.isdisjoint(changes) else _OF_GRAINS)}
+        return self.made(self._valid(changes) | changes, checked)
 
     def summary(self) -> dict[str, str]:
         """Return values that describe the scene, by name."""
@@ -400,8 +395,8 @@ class Scene(SceneFields, Shown):
         """
         return self.mass if self.scheme == "euler" else self.mass + self.drag * self.dt / 2.0
 
-    @property
-    def boundary(self) -> Boundary:
+    @cached_property
+    def boundary(self) -> Annulus | Box:
         """The annulus or box, which defines the last of the walls and the period."""
         return boundary_of(self)
 
@@ -583,12 +578,14 @@ class Scene(SceneFields, Shown):
 
 
 _OF_GRAINS = {"position", "velocity", "radius", "mass", "spin"}
-_OF_WALLS = {"walls", "domain", "time", *OF_ANNULUS}
-_OF_PLACES = _OF_GRAINS | _OF_WALLS
+_OF_PLACES = {"walls", "domain", "time", *OF_ANNULUS}
+_OF_WALLS = {*_OF_PLACES, "radius", "mass"}
+"""Fields that determine the walls. Images depend on radii, and the mass of the outer circle on masses."""
 _FOUND_ONCE = {
     "smallest_radius": {"radius"},
     "typical_radius": {"radius"},
     "has_equal_masses": {"mass"},
+    "boundary": _OF_WALLS,
     "joints": _OF_WALLS,
     "leaders": _OF_WALLS,
     "period": _OF_WALLS,

@@ -73,7 +73,7 @@ def change_of(
         jumped = {*np.flatnonzero((driven != places).any(axis=1)).tolist()}
         staying = {old: new for old, new in staying.items() if new not in jumped}
     require_size(put)
-    require_clear(put, {*range(len(put.walls))} - {*staying.values()}, position, now)
+    require_clear(put, {*range(len(put.walls))} - {*staying.values()}, position, put.radius, now)
     all_stay = all(old == new for old, new in staying.items())
     all_stay = all_stay and len(staying) == len(was.walls) == len(put.walls)
     keeps_list = (
@@ -97,10 +97,11 @@ def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
     now = before.time_after(steps)
     given: dict[str, Any] = {"text": before.text_after(fields), **fields}
     dt = checks.positive("dt", fields.get("dt", before.dt))
-    time = before.time if dt == before.dt else now - steps * dt
-    at_rest = before.unchecked(spin=np.zeros(before.n), time=time)  # spins of the start need no check
+    if dt != before.dt:
+        given["time"] = now - steps * dt
+    at_rest = before.placed(None, spin=np.zeros(before.n))  # spins of the start need no check
     scene = at_rest.changed(given, now)
-    return scene.unchecked(spin=before.spin) if scene.has_friction else scene
+    return scene.placed(None, spin=before.spin) if scene.has_friction else scene
 
 
 def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -> FloatArray | None:

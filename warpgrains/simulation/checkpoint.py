@@ -25,6 +25,7 @@ from warpgrains.base import checks
 from warpgrains.base.errors import InputError
 from warpgrains.base.files import require_writable_path, resolve_link, write_atomically
 from warpgrains.base.locks import Lock, lock_own
+from warpgrains.scene.fields import SceneFields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, VerletList, require_state
 from warpgrains.simulation.options import RunOptions
@@ -153,11 +154,12 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
         own = {entry.removeprefix(prefix): arrays[entry] for entry in arrays if entry.startswith(prefix)}
         return header[name] | own
 
-    scene = Scene.of_later_state(**part("scene"))
+    def scene_of(name: str) -> Scene:
+        return Scene.made(vars(SceneFields(**part(name))))
+
+    scene = scene_of("scene")
     lists = VerletList(**part("lists")) if "lists" in header else None
-    last, start = (
-        Scene.of_later_state(**part(name)) if name in header else None for name in ("last_scene", "start")
-    )
+    last, start = (scene_of(name) if name in header else None for name in ("last_scene", "start"))
     corrections = Corrections(**part("corrections"))
     state = State(corrections=corrections, lists=lists, last_scene=last, **part("state"))
     require_state(state, scene)

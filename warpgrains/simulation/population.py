@@ -151,10 +151,10 @@ class Population:
         The message is about the deepest overlap. InputError if one of these grains is beyond a wall.
         """
         scene = self.now
-        grains = {name: getattr(scene, name)[first:] for name in OF_GRAINS}
-        added, place = scene.unchecked(**grains), grains["position"]
+        grains = {name: getattr(scene, name)[first:] for name in ("position", "radius")}
+        place, radius = grains["position"], grains["radius"]
         require_size(scene)
-        require_clear(added, range(len(scene.walls)), place, scene.time, of="added grain")
+        require_clear(scene, range(len(scene.walls)), place, radius, scene.time, of="added grain")
         deepest, grain, other = allowed_overlap(scene), -1, ""
         for i, j in overlapping_pairs(scene.position, scene.radius, scene.period):
             pair = np.stack([i, j], axis=1)[j >= first]
@@ -165,7 +165,7 @@ class Population:
                 deepest, grain, at = depth[k], pair[k, 1] - first, int(pair[k, 0])
                 other = f"grain {self.id[at]}" if at < first else f"added grain {at - first}"
         for number, name in enumerate(scene.wall_names):
-            depth = -scene.side(number, place, grains["radius"], time=scene.time).gap
+            depth = -scene.side(number, place, radius, time=scene.time).gap
             if depth.max() > deepest:
                 deepest, grain, other = depth.max(), int(depth.argmax()), name
         if grain < 0:
@@ -183,16 +183,14 @@ class Population:
         place = separate(self.now).scene.position
         state = replace(self.state, position=place)
         if state.last_scene is not None:
-            state = replace(state, last_scene=state.last_scene.unchecked(position=place))
-        return type(self)(self.scene.unchecked(position=place), state)
+            state = replace(state, last_scene=state.last_scene.placed(None, position=place))
+        return type(self)(self.scene.placed(None, position=place), state)
 
 
 def _with_grains(scene: Scene, grains: dict[str, FloatArray]) -> Scene:
     """Return the scene with `grains`, arrays by field; InputError if walls or settings contradict them."""
     spin = grains["spin"] if scene.has_friction else np.zeros(len(grains["spin"]))
-    text = scene.text_after(OF_GRAINS)
-    own = {name: getattr(scene, name) for name in SceneFields.__dataclass_fields__}
-    return Scene.of_later_state(**own | grains | {"spin": spin, "text": text})
+    return scene.changed(grains | {"spin": spin, "text": scene.text_after(OF_GRAINS)}, scene.time)
 
 
 def _of_grains(corrections: Corrections, kept: IndexArray, n: int) -> Corrections:

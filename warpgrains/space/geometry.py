@@ -159,6 +159,15 @@ def wrapped(position: FloatArray, period: FloatArray, start: FloatArray | float 
     return np.asarray(position - period * images)
 
 
+def require_squares(what: str, length: float) -> None:
+    """Raise InputError, which begins with `what`, unless the square of a length [m] is finite and not 0."""
+    if not SMALLEST <= length <= LARGEST:
+        raise InputError(
+            f"{what}: it must be between {SMALLEST:g} and {LARGEST:g} m, for squares of distances to"
+            " be finite and not zero; choose another unit of length"
+        )
+
+
 def require_distinct(field: str, position: FloatArray) -> None:
     """Raise InputError if two grains have the same center."""
     in_order = np.lexsort(position.T)

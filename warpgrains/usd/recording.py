@@ -22,6 +22,7 @@ from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.looks import Look, Looks
 from warpgrains.drawing.painter import Painter
 from warpgrains.scene.compatibility import require_valid_positions
+from warpgrains.scene.fields import SceneFields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import TABLES, UNITS, Snapshot
 from warpgrains.scene.toml import read_parameters
@@ -243,13 +244,9 @@ class Recording(Shown):
 
         Unlike in `scene`, the centers of grains may lie in walls.
         """
-        return Scene.of_later_state(
-            position=self._of_frame("position", 0),
-            velocity=self._of_frame("velocity", 0),
-            spin=self._of_frame("spin", 0) if "spin" in self._attributes else None,
-            **self._first,
-            **self._parameters,
-        )
+        own = ("position", "velocity", *(("spin",) if "spin" in self._attributes else ()))
+        grains = self._first | {name: self._of_frame(name, 0) for name in own}
+        return Scene.made(vars(SceneFields(**grains, **self._parameters)))
 
     @property
     def levels(self) -> IndexArray:
@@ -297,9 +294,8 @@ class Recording(Shown):
         for name in ("position", "velocity", "spin", "angle"):
             grains[name] = self._of_frame(name, k)
         places = self.places(k)
-        scene, steps = self.recorded_scene.placed(places), times.simulated_step(k)
-        if self._is_open:
-            scene = scene.unchecked(**{name: grains[name] for name in OF_START}, **self._sizes_at(k))
+        own = {name: grains[name] for name in OF_START} | self._sizes_at(k) if self._is_open else {}
+        scene, steps = self.recorded_scene.placed(places, **own), times.simulated_step(k)
         return Snapshot(
             scene=scene,
             steps=steps,

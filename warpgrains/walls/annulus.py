@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Self
@@ -11,7 +10,8 @@ from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError
 from warpgrains.space.geometry import NOWHERE, ROUNDING, Period
-from warpgrains.walls.boundary import Boundary
+from warpgrains.space.region import Region
+from warpgrains.walls.container import space_of
 from warpgrains.walls.rim import Rim
 from warpgrains.walls.wall import Wall
 
@@ -19,8 +19,11 @@ WALLS = ("tangent", "round")
 
 
 @dataclass(frozen=True)
-class Annulus(Boundary):
-    """The space between two circles about the origin, with its keys in scene files as fields."""
+class Annulus:
+    """The keys of `[domain]` for the space between two circles about the origin.
+
+    They define the last walls of a scene, and its period, as those of a `Box` do.
+    """
 
     radius_in: float
     """Radius of the inner wall [m]; 0 if there is none."""
@@ -56,6 +59,7 @@ class Annulus(Boundary):
 
     @property
     def size(self) -> str:
+        """Text that describes the size of the annulus. Error messages begin with it."""
         return f"radius_out is {self.radius_out} m"
 
     @property
@@ -63,28 +67,32 @@ class Annulus(Boundary):
         """The outer wall and, if radius_in > 0, the inner wall."""
         return _walls_of(self)
 
-    def owns(self, wall: Wall) -> bool:
-        return isinstance(wall, Rim)
-
-    def among(self, walls: Sequence[Wall]) -> tuple[Wall, ...]:
-        return *(wall for wall in walls if not self.owns(wall)), *self.walls
-
-    def continuing(self, before: Boundary, walls: Sequence[Wall], time: float) -> tuple[Rim, ...]:
-        return self.walls
+    def completed(self, walls: tuple[Wall, ...]) -> tuple[Wall, ...]:
+        """Return `walls`, followed by those of the annulus."""
+        return walls + self.walls
 
     @property
     def period(self) -> Period:
+        """The periodic cell, of no extent here."""
         return NOWHERE
 
     @property
+    def space(self) -> Region:
+        """The space between the circles."""
+        return space_of(self.walls, NOWHERE, self.reach)
+
+    @property
     def reach(self) -> float:
+        """Upper bound of the distance of positions from the origin [m], the scale of rounding errors."""
         return self.radius_out
 
     @property
     def widest(self) -> float:
+        """Diameter of the annulus [m]."""
         return 2.0 * self.radius_out
 
     def require_fits(self, radius: FloatArray) -> None:
+        """Raise InputError unless grains of radii [m] fit."""
         largest = (self.radius_out - self.radius_in) / 2.0 if self.radius_in > 0.0 else self.radius_out
         too_large = radius > largest * (1.0 + ROUNDING)
         if too_large.any():

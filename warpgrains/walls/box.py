@@ -13,7 +13,8 @@ from warpgrains.base.arrays import FloatArray
 from warpgrains.base.described import checked, described, described_fields, documented
 from warpgrains.base.errors import InputError
 from warpgrains.space.geometry import Ends, Period
-from warpgrains.walls.boundary import Boundary
+from warpgrains.space.region import Region
+from warpgrains.walls.container import space_of
 from warpgrains.walls.line import Line
 from warpgrains.walls.motion import AT_REST
 from warpgrains.walls.row import MOST_SHOWN, Row
@@ -62,7 +63,7 @@ def _side_field(meaning: str) -> Any:
 
 
 @dataclass(frozen=True)
-class Box(Boundary):
+class Box:
     """A rectangle with sides along the axes, of which two opposite ones, or all, may be periodic.
 
     Grains that leave the box through a periodic side enter it through the opposite side. Positions in states
@@ -132,26 +133,39 @@ class Box(Boundary):
 
     @property
     def period(self) -> Period:
+        """The periodic cell, whose images continue the scene."""
         return Period(self.x if "x" in self.periodic else None, self.y if "y" in self.periodic else None)
 
     @property
+    def space(self) -> Region:
+        """The space between the sides at the start, in which layouts place grains."""
+        return space_of(self.walls, self.period, self.reach)
+
+    @property
     def size(self) -> str:
+        """Text that describes the size of the box. Error messages begin with it."""
         return f"domain is up to {self.reach / 2.0:g} m from the origin"
 
     @property
     def reach(self) -> float:
-        # twice the distance of the farthest corner, because sides may move outwards
+        """Upper bound of the distance of positions from the origin [m], the scale of rounding errors.
+
+        It is twice the distance of the farthest corner, because sides may move outwards.
+        """
         return 2.0 * hypot(*(max(map(abs, ends)) for ends in (self.x, self.y)))
 
     @property
     def widest(self) -> float:
+        """Longest side of the box [m]."""
         return max(self.lengths)
 
     @property
     def walls(self) -> tuple[Wall, ...]:
+        """The walls of all sides at the start."""
         return tuple(wall for own in self.sides.values() for wall in own)
 
     def require_fits(self, radius: FloatArray) -> None:
+        """Raise InputError unless grains of radii [m] fit."""
         largest = int(radius.argmax())
         width = 2.0 * float(radius[largest])
         for name, length in zip("xy", self.lengths, strict=True):
@@ -168,39 +182,33 @@ class Box(Boundary):
         open_sides = [name for name, (component, _) in SIDES.items() if "xy"[component] not in self.periodic]
         return {name: self._walls_of(name, dict(getattr(self, name) or {})) for name in open_sides}
 
-    def among(self, walls: Sequence[Wall]) -> tuple[Wall, ...]:
+    def completed(
+        self,
+        walls: tuple[Wall, ...],
+        was: Box | None = None,
+        sides: Sequence[Wall] = (),
+        time: float = 0.0,
+    ) -> tuple[Wall, ...]:
+        """Return `walls`, followed by those of the sides that are not among them.
+
+        If this box replaces box `was` at `time` [s], when walls of its sides are `sides`, those that do not
+        change keep their places. So do rows whose discs do not change.
+        """
         found = [*walls]
         for name in SIDES:
             own = self.sides.get(name, ())
             given = tuple(wall for wall in walls if wall.name == name)
-            if given and given != own and [*map(_at_start, given)] != [*map(_at_start, own)]:
+            if not given:
+                before = was.sides.get(name, ()) if was else ()
+                present = (wall for wall in sides if wall.name == name)
+                kept = [_continued(time, *each) for each in zip(own, before, present, strict=False)]
+                found += (*kept, *own[len(kept) :])
+            elif given != own and [*map(_at_start, given)] != [*map(_at_start, own)]:
                 raise InputError(
                     f"walls[{walls.index(given[0])}] has the name {name}, that of a side of the box: choose"
                     f" another name, or give domain.{name} to change the side"
                 )
-            found += () if given else own
         return tuple(found)
-
-    def owns(self, wall: Wall) -> bool:
-        return wall.name in self.sides
-
-    def continuing(self, before: Boundary, walls: Sequence[Wall], time: float) -> Iterator[Wall]:
-        """Yield the walls of the sides, when the box replaces boundary `before` at `time` [s].
-
-        A side that does not change keeps its place at this time, as in `walls`. So do rows whose discs do not
-        change.
-        """
-        for name, own in self.sides.items():
-            was = before.sides.get(name, ()) if isinstance(before, Box) else ()
-            now = [wall for wall in walls if wall.name == name]
-            for k, wall in enumerate(own):
-                old = now[k] if k < len(was) else None
-                if old is not None and wall == was[k]:
-                    yield old
-                elif isinstance(wall, Row) and isinstance(old, Row) and wall.numbers == was[k].numbers:
-                    yield replace(wall, point=old.at(time).point)
-                else:
-                    yield wall
 
     def _walls_of(self, name: str, given: dict[str, Any]) -> tuple[Wall, ...]:
         component, sign = SIDES[name]
@@ -239,6 +247,15 @@ class Box(Boundary):
 
 
 documented(described_fields(Box).values())(Box)
+
+
+def _continued(time: float, wall: Wall, before: Wall, present: Wall) -> Wall:
+    """Return a wall of a side which at `time` [s] replaces wall `before`, now `present`."""
+    if wall == before:
+        return present
+    if isinstance(wall, Row) and isinstance(present, Row) and wall.numbers == before.numbers:
+        return replace(wall, point=present.at(time).point)
+    return wall
 
 
 def _at_start(wall: Wall) -> Wall:
