@@ -96,7 +96,7 @@ def slope() -> Section:
     """
     scene, time = wg.Scene.load("slope"), 0.6
     figure, simulation, _ = moments(scene, (0.2, 0.4, time), "spin")
-    g, theta, friction = -scene.gravity[1], radians(30.0), scene.wall_frictions[1]
+    g, theta, friction = -scene.gravity[1], radians(30.0), scene.at_walls["friction"][1]
     rolls, slides = 2.0 / 3.0 * g * sin(theta), g * (sin(theta) - friction * cos(theta))
     ways = np.hypot(*(simulation.position - scene.position).T)
     return figure, {
@@ -120,7 +120,7 @@ def balls() -> Section:
         heights.append(simulation.position[:, 1] + 0.5)
     fall, height = scene.position[0, 1] + 0.5, np.array(heights).T
     tops = [bouncing.tops(one)[0] / fall for one in height]
-    restitutions = scene.wall_restitutions[:3]  # of the floors
+    restitutions = scene.at_walls["restitution"][:3].tolist()  # of the floors
     return figure, {
         f"e {e:g}: first bounce / fall": float(top) for e, top in zip(restitutions, tops, strict=True)
     }

@@ -204,7 +204,7 @@ def test_friction_that_the_scene_has_is_kept():
     scene = Scene.load("annulus").replace(friction=0.3, wall_friction=0.2, spin=4.0, spin_drag=1e-4)
     live = Live(Simulation(scene))
     live.set_friction(1.0, 0.0, 0.0)  # walls have their own
-    assert (live.scene.wall_frictions[0], live.scene.angular_velocity_out) == (0.2, 1.0)
+    assert (live.scene.at_walls["friction"][0], live.scene.angular_velocity_out) == (0.2, 1.0)
     assert (live.scene.spin == 4.0).all()
     live = Live(Simulation(scene.replace(wall_friction=None, method="exact", exact_budget=50.0)))
     live.set_friction(1.0, 0.0, 0.0)

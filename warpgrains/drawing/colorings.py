@@ -133,7 +133,9 @@ def mobilized(now: Snapshot) -> FloatArray:
     """
     found, (i, j), grain = np.zeros(now.n), now.pair.T, now.wall[:, 0]
     between = _share(now.tangential_force, now.scene.friction * now.force)
-    at_wall = _share(now.wall_tangential_force, now.scene.at_walls("friction", now.wall) * now.wall_force)
+    at_wall = _share(
+        now.wall_tangential_force, now.scene.at_walls["friction"][now.wall[:, 1]] * now.wall_force
+    )
     for loaded, share in ((i, between), (j, between), (grain, at_wall)):
         np.maximum.at(found, loaded, share)
     return found

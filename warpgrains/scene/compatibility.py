@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from math import inf, isfinite, pi
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from warnings import warn
 
 import numpy as np
@@ -129,9 +129,9 @@ def _of_walls(scene: Scene) -> Iterator[str]:
 
 def _of_steps(scene: Scene) -> Iterator[str]:
     """Yield complaints about a dt that is too long, and about values that overflow or lose digits."""
-    dt, mass, smallest = scene.dt, float(scene.mass.min()), scene.smallest_radius
+    dt, smallest, lightest = scene.dt, scene.smallest_radius, int(scene.mass.argmin())
+    mass, heaviest = float(scene.mass[lightest]), float(scene.mass.max())
     lost = scene.drag * dt / mass  # fraction of a velocity that one step of the text's scheme removes
-    lightest = int(np.argmin(scene.mass))
     if lost >= 1.0 and scene.scheme == "euler":
         yield (
             f"dt is {dt} s: in one step, drag {scene.drag} kg/s would reverse grain {lightest}"
@@ -142,17 +142,14 @@ def _of_steps(scene: Scene) -> Iterator[str]:
             f"drag is {scene.drag} kg/s: drag dt / m is not finite for dt {dt} s and"
             f" grain {lightest} of mass {mass} kg"
         )
-    too_extreme = (scene.mass < SMALLEST) | (scene.mass > LARGEST)
-    if too_extreme.any():
+    if mass < SMALLEST or heaviest > LARGEST:
+        too_extreme = (scene.mass < SMALLEST) | (scene.mass > LARGEST)
         yield (
             f"{checks.first_bad('mass', scene.mass, too_extreme)}: it must be between {SMALLEST:g} and"
             f" {LARGEST:g} kg, for products of masses to be finite"
         )
-    if not isfinite(float(scene.mass.max()) * scene.reach / dt / dt):
-        yield (
-            f"dt is {dt} s: forces of {scene.mass.max()} kg that moves {scene.reach} m in a step are"
-            " not finite"
-        )
+    if not isfinite(heaviest * scene.reach / dt / dt):
+        yield (f"dt is {dt} s: forces of {heaviest} kg that moves {scene.reach} m in a step are not finite")
     if abs(scene.time) >= MOST_STEPS * dt:
         yield (
             f"time is {scene.time} s: it must be less than {MOST_STEPS:g} steps of {dt} s, because"
@@ -176,7 +173,7 @@ def _of_friction(scene: Scene) -> Iterator[str]:
     """Yield complaints about fields that need friction, and about rotations that cannot be computed."""
     if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
         yield f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall"
-    for wall, friction in zip(scene.walls, scene.wall_frictions, strict=True):
+    for wall, friction in zip(scene.walls, scene.at_walls["friction"], strict=True):
         if isinstance(wall, Rim) and wall.rotation != 0.0:
             name = "angular_velocity_out" if wall.inside else "angular_velocity_in"
             given = f"{name} is {wall.rotation} rad/s"
@@ -271,10 +268,10 @@ def warn_of_start(scenes: Sequence[Scene]) -> None:
             " first step, which loses energy; a shorter dt loses less",
             stacklevel=3,
         )
-    of_start: dict[Any, float] = {}  # many scenes of a batch have the same start
+    of_start: dict[tuple[float, ...], float] = {}  # many scenes of a batch share the arrays of their start
     overlap = []
     for scene in scenes:
-        key = scene.boundary, scene.time, scene.walls, scene.position.tobytes(), scene.radius.tobytes()
+        key = scene.time, *map(id, (scene.boundary, scene.walls, scene.position, scene.radius))
         if key not in of_start:
             of_start[key] = scene.count_overlaps().largest
         overlap.append(of_start[key])

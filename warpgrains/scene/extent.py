@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.base.arrays import BoolArray, FloatArray
-from warpgrains.scene.gravity import upwards
 from warpgrains.space.bounds import Bounds
 from warpgrains.walls.line import Line
 from warpgrains.walls.rim import Rim
@@ -29,7 +28,7 @@ def box_of_discs(position: FloatArray, reach: FloatArray) -> Bounds:
 
 def extent_of(scene: Scene) -> Bounds:
     """Return the smallest box about the grains at the start and the walls that they can touch."""
-    if _outer(scene) is None:
+    if scene.bodies.outer is None:
         return _extent_of_box(scene)
     lines = {number: _reached(scene, wall) for number, wall in enumerate(scene.walls)}
     box = box_of_discs(scene.position, scene.radius[:, np.newaxis])
@@ -37,12 +36,6 @@ def extent_of(scene: Scene) -> Bounds:
     for number in lines if is_plain else _touched(scene, box, lines):
         box = box.covering(Bounds.around(np.clip(lines[number], -scene.reach, scene.reach)))
     return box
-
-
-def _outer(scene: Scene) -> int | None:
-    """Return the index of the outer circle in `scene.walls`; None without one."""
-    rims = (k for k, wall in enumerate(scene.walls) if isinstance(wall, Rim) and wall.inside)
-    return next(rims, None)
 
 
 def _extent_of_box(scene: Scene) -> Bounds:
@@ -66,7 +59,7 @@ def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[in
     such a cell can be touched. `lines` holds points of each wall [m], by number, and `box` contains all
     grains.
     """
-    outer = _outer(scene)
+    _, outer = scene.bodies.circle_walls
     for number, line in lines.items():
         box = box if number == outer else box.covering(Bounds.around(line))
     largest, step = float(scene.radius.max()), np.sqrt(box.width * box.height / _CELLS)
@@ -97,10 +90,10 @@ def _direction_up(scene: Scene, is_lifted: bool) -> FloatArray | None:
 
     `is_lifted` is True if walls move, which can lift grains.
     """
-    gravity = np.array(scene.gravity_at(0.0))
-    is_lifted = is_lifted or scene.gravity_rate != 0.0 or not gravity.any() or scene.has_driven_walls
+    is_still = scene.gravity_rate == 0.0 and any(scene.gravity)
+    is_lifted = is_lifted or not is_still or scene.has_driven_walls
     is_lifted = is_lifted or any(wall.surface_speed for wall in scene.walls)
-    return None if is_lifted else upwards(gravity)
+    return None if is_lifted else scene.up_at(0.0)
 
 
 def _flooded(is_free: BoolArray, row: FloatArray, column: FloatArray) -> BoolArray:

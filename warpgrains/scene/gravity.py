@@ -6,10 +6,9 @@ from math import cos, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from warpgrains.base import checks
-from warpgrains.base.arrays import FloatArray
+from warpgrains.base.arrays import BoolArray, FloatArray
 from warpgrains.base.errors import InputError
 
 Vector = tuple[float, float]
@@ -60,9 +59,14 @@ def checked_gravity(field: str, value: Any) -> Vector | TurningGravity:
     return TurningGravity(vector, angular_velocity) if angular_velocity else vector
 
 
-def upwards(gravity: ArrayLike) -> FloatArray:
-    """Return the unit vectors against `gravity`, shape (..., 2); (0, 1) where gravity is 0."""
-    g = np.array(gravity)
-    size, up = np.hypot(g[..., :1], g[..., 1:]), np.zeros_like(g)
-    up[..., 1] = 1.0
+def upwards(gravity: FloatArray, repeats: BoolArray) -> FloatArray:
+    """Return the unit vectors against `gravity`, without their components along periods, shape (..., 2).
+
+    `repeats` are the directions with a period. If no component of gravity is left, the vector is (0, 1), or
+    (1, 0) with a period only along y.
+    """
+    g = np.where(repeats, 0.0, gravity)
+    sideways = repeats[..., 1:] & ~repeats[..., :1]
+    up = np.where(sideways, (1.0, 0.0), (0.0, 1.0))
+    size = np.hypot(g[..., :1], g[..., 1:])
     return np.divide(-g, size, out=up, where=size > 0.0)

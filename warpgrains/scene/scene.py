@@ -282,55 +282,36 @@ class Scene(SceneFields, Shown):
 
         If no component of gravity is left, it is (0, 1), or (1, 0) in a box that is periodic only along y.
         """
-        x, y = self.gravity_at(time)
-        along_x, along_y = self.period.repeats
-        if along_y and not along_x:
-            return np.array((1.0, 0.0)) if x == 0.0 else upwards((x, 0.0))
-        return upwards((0.0 if along_x else x, 0.0 if along_y else y))
+        return upwards(np.array(self.gravity_at(time)), self.period.repeats)
 
     @property
     def has_friction(self) -> bool:
         """True if contacts have friction, so that grains rotate."""
-        return self.friction > 0.0 or max(self.wall_frictions, default=0.0) > 0.0
-
-    @property
-    def wall_frictions(self) -> list[float]:
-        """Coefficients of friction of the walls 0, 1, 2, ..."""
-        return self._at_walls("friction")
+        return self.friction > 0.0 or bool(self.at_walls["friction"].any())
 
     @property
     def has_rolling_friction(self) -> bool:
         """True if contacts have rolling friction."""
-        return self.rolling_friction > 0.0 or max(self.wall_rolling_frictions, default=0.0) > 0.0
-
-    @property
-    def wall_rolling_frictions(self) -> list[float]:
-        """Coefficients of rolling friction of the walls 0, 1, 2, ..."""
-        return self._at_walls("rolling_friction")
+        return self.rolling_friction > 0.0 or bool(self.at_walls["rolling_friction"].any())
 
     @property
     def has_restitution(self) -> bool:
         """True if contacts bounce."""
-        return self.restitution > 0.0 or max(self.wall_restitutions, default=0.0) > 0.0
+        return self.restitution > 0.0 or bool(self.at_walls["restitution"].any())
 
-    @property
-    def wall_restitutions(self) -> list[float]:
-        """Coefficients of restitution of the walls 0, 1, 2, ..."""
-        return self._at_walls("restitution")
+    @cached_property
+    def at_walls(self) -> dict[str, FloatArray]:
+        """Coefficients at the walls 0, 1, 2, ..., by name, such as "friction", shape (walls,) each.
 
-    def _at_walls(self, name: str) -> list[float]:
-        """Return coefficient `name` of each wall: `wall.{name}`, by default `wall_{name}` or `{name}`."""
-        at_walls = getattr(self, f"wall_{name}")
-        common = getattr(self, name) if at_walls is None else at_walls
-        own = (getattr(wall, name) for wall in self.walls)
-        return [common if value is None else value for value in own]
-
-    def at_walls(self, name: str, wall: Indices) -> FloatArray:
-        """Return coefficient `name`, such as "friction", at each wall contact, shape (m,).
-
-        `wall` holds the grain and the wall of each contact, shape (m, 2).
+        A coefficient is `wall.NAME`, by default `wall_NAME` of the scene or, if this is None, `NAME`.
         """
-        return np.array(self._at_walls(name), np.float64)[wall[:, 1]]
+        found = {}
+        for name in _OF_CONTACT:
+            at_walls = getattr(self, f"wall_{name}")
+            common = getattr(self, name) if at_walls is None else at_walls
+            own = [getattr(wall, name) for wall in self.walls]
+            found[name] = np.array([common if value is None else value for value in own], np.float64)
+        return found
 
     @property
     def has_moving_walls(self) -> bool:
@@ -347,7 +328,7 @@ class Scene(SceneFields, Shown):
         """The joints of the walls."""
         return joints_of(self.walls, self.period)
 
-    @property
+    @cached_property
     def bodies(self) -> Bodies:
         """The walls as bodies of the device."""
         return Bodies(self)
@@ -581,10 +562,14 @@ _OF_GRAINS = {"position", "velocity", "radius", "mass", "spin"}
 _OF_PLACES = {"walls", "domain", "time", *OF_ANNULUS}
 _OF_WALLS = {*_OF_PLACES, "radius", "mass"}
 """Fields that determine the walls. Images depend on radii, and the mass of the outer circle on masses."""
+_OF_CONTACT = ("friction", "rolling_friction", "restitution")
+_OF_BODIES = {*_OF_WALLS, *_OF_CONTACT, *(f"wall_{name}" for name in _OF_CONTACT)}
 _FOUND_ONCE = {
     "smallest_radius": {"radius"},
     "typical_radius": {"radius"},
     "has_equal_masses": {"mass"},
+    "at_walls": _OF_BODIES,
+    "bodies": _OF_BODIES,
     "boundary": _OF_WALLS,
     "joints": _OF_WALLS,
     "leaders": _OF_WALLS,

@@ -12,6 +12,7 @@ import numpy as np
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.base.tables import dataset, library
+from warpgrains.scene.gravity import upwards
 from warpgrains.space.geometry import cross, left_of
 from warpgrains.walls.container import Container, container_of
 from warpgrains.walls.rim import Rim
@@ -125,7 +126,7 @@ class Snapshots:
     @cached_property
     def up(self) -> FloatArray:
         """Unit vectors against gravity, see `Scene.up_at`, shape (m, 2)."""
-        return np.array([scene.up_at(time) for scene, time in self._each])
+        return upwards(self.gravity, np.array([scene.period.repeats for scene in self.scenes]))
 
     @cached_property
     def circles(self) -> FloatArray:

@@ -157,7 +157,7 @@ def wall_contacts(
         correction=dv,
         force=force_of(mass, dv, scene.dt),
         tangential_force=force_of(mass, dvt, scene.dt),
-        slides=_slides(scene.at_walls("friction", corrections.wall), dv, dvt),
+        slides=_slides(scene.at_walls["friction"][corrections.wall[:, 1]], dv, dvt),
     )
 
 

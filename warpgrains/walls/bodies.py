@@ -183,7 +183,8 @@ class Bodies:
     """The bodies of a scene, which are its walls on the device, see the head of the module."""
 
     def __init__(self, scene: Scene):
-        self._scene, walls = scene, scene.walls
+        self._walls, self._period, walls = scene.walls, scene.period, scene.walls
+        self._joints, self._leaders, self._at_walls = scene.joints, scene.leaders, scene.at_walls
         rims = {wall.inside: k for k, wall in enumerate(walls) if isinstance(wall, Rim)}
         outer, inner = rims.get(True, NONE), rims.get(False, NONE)
         self.two_circles = (scene.has_friction or scene.has_driven_walls) and inner != NONE
@@ -200,14 +201,14 @@ class Bodies:
     @property
     def circles(self) -> tuple[float, float]:
         """Radii of the inner and the outer circle of body 0 [m]; 0 and `NO_CIRCLE` where it has none."""
-        inner = self._scene.walls[self._inner] if self._inner != NONE else None
+        inner = self._walls[self._inner] if self._inner != NONE else None
         near = inner.radius if isinstance(inner, Rim) else 0.0
         return near, NO_CIRCLE if self.outer is None else self.outer.radius
 
     @property
     def outer(self) -> Rim | None:
         """The outer circle of the annulus; None in a box."""
-        wall = self._scene.walls[self.walls[0]] if self.walls[0] != NONE else None
+        wall = self._walls[self.walls[0]] if self.walls[0] != NONE else None
         return wall if isinstance(wall, Rim) else None
 
     @property
@@ -218,7 +219,7 @@ class Bodies:
     @property
     def inside(self) -> tuple[Wall, ...]:
         """The walls of the bodies 1, 2, ..., called bodies inside."""
-        return tuple(self._scene.walls[k] for k in self.walls[1:])
+        return tuple(self._walls[k] for k in self.walls[1:])
 
     @property
     def joints(self) -> list[list[tuple[int, bool, Shift]]]:
@@ -227,12 +228,12 @@ class Bodies:
         A joint is (index of the other body inside, whether that body counts as nearer if the gaps are equal,
         displacement [m] from that body to its image at the joint).
         """
-        joints = self._scene.joints
+        joints = self._joints
         if not joints:
             return []
         place, found = {wall: k for k, wall in enumerate(self.walls[1:])}, []
         for number in self.walls[1:]:
-            image = self._scene.walls[number].image
+            image = self._walls[number].image
             here = image.of if image else number, HERE
             for joined in joints.of(number) or ([], []):
                 found.append([(place[other], (other, way) < here, way) for other, way in joined])
@@ -241,28 +242,28 @@ class Bodies:
     @property
     def image_ways(self) -> FloatArray:
         """Displacements of the bodies inside from their images nearest to a grain [m], see `image_ways`."""
-        return image_ways(self.inside, self._scene.period)
+        return image_ways(self.inside, self._period)
 
-    def _of_bodies(self, values: Sequence[float]) -> list[float]:
-        """Return values by body, given values by wall of the scene; 0 for body 0 without an outer circle."""
-        return [values[k] if k != NONE else 0.0 for k in self.walls]
+    def _of_bodies(self, *values: Sequence[float] | FloatArray) -> FloatArray:
+        """Return each list of values by body, given them by wall; 0 for body 0 without an outer circle."""
+        return np.stack([np.append(own, 0.0)[self.walls] for own in values], axis=1)  # NONE is the last one
 
     @property
     def surfaces(self) -> FloatArray:
         """Friction coefficient and surface speed [m/s] of each body, shape (bodies, 2)."""
-        speeds = [wall.surface_speed for wall in self._scene.walls]
-        return np.transpose([*map(self._of_bodies, (self._scene.wall_frictions, speeds))])
+        speeds = [wall.surface_speed for wall in self._walls]
+        return self._of_bodies(self._at_walls["friction"], speeds)
 
     @property
     def rolling(self) -> FloatArray:
         """Coefficient of rolling friction and angular velocity in place [rad/s] of each body, (bodies, 2)."""
-        spins = [wall.rotation for wall in self._scene.walls]
-        return np.transpose([*map(self._of_bodies, (self._scene.wall_rolling_frictions, spins))])
+        spins = [wall.rotation for wall in self._walls]
+        return self._of_bodies(self._at_walls["rolling_friction"], spins)
 
     @property
     def restitutions(self) -> FloatArray:
         """Coefficient of restitution of each body, shape (bodies,)."""
-        return np.array(self._of_bodies(self._scene.wall_restitutions))
+        return self._of_bodies(self._at_walls["restitution"])[:, 0]
 
     @property
     def drives(self) -> list[Drive]:
@@ -270,7 +271,7 @@ class Bodies:
 
         All numbers but `leader` are 0 if no force acts on the leader.
         """
-        walls, leaders, bodies = self._scene.walls, self._scene.leaders, self.of_walls.tolist()
+        walls, leaders, bodies = self._walls, self._leaders, self.of_walls.tolist()
         drives = [(self.outer.drive if self.outer else None) or Drive()]
         for body, wall in enumerate(self.walls[1:], 1):
             drive = walls[leaders[wall]].drive or Drive()
@@ -299,7 +300,7 @@ class Bodies:
     @property
     def of_walls(self) -> IntArray:
         """Body of each wall, shape (walls,)."""
-        found = np.zeros(len(self._scene.walls), np.int32)  # 0 remains for the inner side of body 0
+        found = np.zeros(len(self._walls), np.int32)  # 0 remains for the inner side of body 0
         for body, wall in enumerate(self.walls):
             if wall != NONE:
                 found[wall] = body

@@ -110,7 +110,7 @@ class StepConstraints:
         surface = np.append(np.zeros(pairs), self.wall_speed[:, 0])
         vn, rate = self.normal_speed(velocity), self.sliding(scene.dt * velocity).gap_rate
         least = scene.bouncing_speed(self.time == scene.time)
-        e = np.append(np.full(pairs, scene.restitution), scene.at_walls("restitution", self.wall))
+        e = np.append(np.full(pairs, scene.restitution), scene.at_walls["restitution"][self.wall[:, 1]])
         bounces = (e > 0.0) & (vn > rate) & (vn - surface > least)
         return np.where(bounces, np.maximum(0.0, rate - (surface - e * (vn - surface))), 0.0)
 
@@ -160,7 +160,7 @@ class StepConstraints:
     def friction(self) -> FloatArray:
         """Coefficients of friction, shape (m,)."""
         scene, pairs = self.scene, len(self.second)
-        return np.append(np.full(pairs, scene.friction), scene.at_walls("friction", self.wall))
+        return np.append(np.full(pairs, scene.friction), scene.at_walls["friction"][self.wall[:, 1]])
 
     @property
     def surface_speed(self) -> FloatArray:
