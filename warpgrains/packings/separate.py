@@ -7,12 +7,17 @@ from warpgrains.base import checks
 from warpgrains.base.described import fields_in_help
 from warpgrains.base.errors import SimulationError
 from warpgrains.base.shown import Shown, number_of
+from warpgrains.base.warp_start import find_device
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import first_state
-from warpgrains.simulation.simulation import Simulation
+from warpgrains.solver.advance import advance
+from warpgrains.solver.engine import Engine
+from warpgrains.solver.service import infeasible_grains
+from warpgrains.solver.sizes import Sizes
 from warpgrains.solver.statistics import named
+from warpgrains.solver.tuning import threads_for
 from warpgrains.space.geometry import distance
-from warpgrains.walls.box import Box
+from warpgrains.walls.line import Line
 from warpgrains.walls.wall import StraightWall, Wall
 
 LEAST = 1e-9  # smallest default bound on the overlaps, in smallest radii
@@ -84,13 +89,13 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
     if overlap is None:
         overlap = max(scene.dt * scene.tolerance, LEAST * scene.smallest_radius)
     overlap = checks.positive("overlap", overlap)
-    boundary = scene.boundary
-    domain: dict[str, Any] = {"radius_in": scene.radius_in, "radius_out": scene.radius_out}
     resting = Scene(
         position=scene.position,
         radius=scene.radius,
         mass=(scene.radius / scene.smallest_radius) ** 2,
-        **({"domain": _wide(boundary)} if isinstance(boundary, Box) else domain),
+        radius_in=scene.radius_in,
+        radius_out=scene.radius_out,
+        domain=scene.domain and replace(scene.domain, left=None, right=None, bottom=None, top=None),
         walls=[_at_rest(wall.at(scene.time)) for wall in scene.written_walls],
         gravity=(0.0, 0.0),
         dt=1.0,
@@ -99,35 +104,34 @@ def separate(scene: SceneLike, overlap: float | None = None) -> Separation:
         max_iterations=ITERATIONS,
         order=scene.order,
     )
-    simulation = Simulation.of_state(resting, first_state(resting))
+    start, device = first_state(resting), find_device("cpu")
+    threads = threads_for(resting, device)
+    engine = Engine([resting], device, Sizes.first([resting], threads, device))
+    (loaded,) = engine.scenes
     for step in range(1, MOST_STEPS + 1):
-        report = simulation.step()
-        if not report.converged and (wedged := simulation.infeasible_grains()):
+        engine.submit([1])
+        advance([engine], threads)
+        for error in engine.last_steps.errors.values():
+            raise error
+        report = engine.last_steps.report(0)
+        if not report.converged and (wedged := infeasible_grains(engine.records, 0)):
             raise SimulationError(
                 f"{named(wedged)} cannot be moved apart: they overlap too much, or do not fit"
             )
         if report.overlap <= overlap:
-            shift = float(distance(simulation.position - scene.position).max())
-            return Separation(scene.replace(position=simulation.position), shift, report.overlap, step)
-        simulation.replace_state(replace(first_state(resting), position=simulation.position))
+            shift = float(distance(loaded.position - scene.position).max())
+            return Separation(scene.replace(position=loaded.position), shift, report.overlap, step)
+        loaded.replace_state(replace(start, position=loaded.position))
     left = f"{report.overlap:.1e} m after {MOST_STEPS} steps"
     raise SimulationError(f"grains cannot be moved apart: they overlap by {left}")
 
 
-def _wide(box: Box) -> Box:
-    """Return a box with the same periodic directions, whose other sides are far outside the given box.
-
-    The sides of the given box are among the walls at rest instead.
-    """
-    x, y = (
-        (low, high) if repeats else (2.0 * low - high, 2.0 * high - low)
-        for (low, high), repeats in zip((box.x, box.y), box.period.repeats, strict=True)
-    )
-    return Box(x, y, periodic=box.periodic)
-
-
 def _at_rest(wall: Wall) -> Wall:
-    """Return a wall of the same shape, with defaults for motion, forces, laws of contacts and name."""
+    """Return a wall of the same shape, with defaults for motion, forces and laws of contacts.
+
+    Lines keep their names, by which a box knows its sides.
+    """
     shared = {"pressure", *(own.name for own in fields(StraightWall))}
+    shared -= {"name"} if isinstance(wall, Line) else set()
     changes: dict[str, Any] = {own.name: own.default for own in fields(wall) if own.name in shared}
     return replace(wall, **changes)

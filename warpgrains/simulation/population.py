@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray, IndexArray
 from warpgrains.base.errors import InputError
+from warpgrains.packings.separate import separate
 from warpgrains.scene.compatibility import allowed_overlap, require_clear, require_size
 from warpgrains.scene.fields import OF_GRAINS, SceneFields, checked_grains
 from warpgrains.scene.scene import Scene
@@ -178,8 +179,6 @@ class Population:
 
     def _separated(self) -> Self:
         """Return the population with grains moved apart until none overlap."""
-        from warpgrains.packings.separate import separate
-
         place = separate(self.now).scene.position
         state = replace(self.state, position=place)
         if state.last_scene is not None:
