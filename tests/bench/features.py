@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpgrains import Box, Disc, Scene, Simulation, State, analysis
+from warpgrains.drawing.extent import extent_of
 from warpgrains.scene.state import Corrections, first_state
 
 from .flow import ACCELERATED, ITERATIONS, SWEPT, flowing, settled_pile
@@ -62,7 +63,8 @@ def _without_gravity(scene: Scene) -> Changes:
 
 def _in_a_box(scene: Scene, periodic: str = "") -> Changes:
     """Return changes that replace the annulus by a box whose sides no grain reaches."""
-    ends = -3.0 * scene.extent.half, 3.0 * scene.extent.half
+    half = 3.0 * extent_of(scene).half
+    ends = -half, half
     return {"domain": Box(ends, ends, periodic)}
 
 

@@ -11,6 +11,7 @@ from same_bits import contents, run_of
 from walled_scenes import OF_EVERY_KIND, ROLLING, ROUGH, chained, scattered
 
 from warpgrains import Box, InputError, Recording, Scene, Segment, Simulation, SimulationError, State
+from warpgrains.drawing.extent import extent_of
 from warpgrains.scene.compatibility import allowed_overlap
 from warpgrains.scene.state import Corrections, first_state
 
@@ -48,7 +49,7 @@ def resting(scene):
 
 def above(simulation, count, radius):
     """Return places for grains of a radius above all others [m], shape (count, 2)."""
-    at = (simulation.scene.extent.left + simulation.scene.extent.right) / 2.0
+    at, _ = extent_of(simulation.scene).center
     height = max(simulation.position[:, 1].max(), 0.62) + 1.1 * (radius + simulation.scene.radius.max())
     return np.stack(
         [at + 2.2 * radius * (np.arange(count) - count / 2 + 0.5), np.full(count, height)], axis=1
@@ -269,7 +270,7 @@ def test_states_of_other_grains_are_refused():
 def test_grains_are_poured_where_there_is_room(which, tmp_path):
     """Until there is none; and the same ones after a checkpoint, with any number of threads."""
     simulation = resting(STARTS[which])
-    left, bottom, right, top = simulation.scene.extent
+    left, bottom, right, top = extent_of(simulation.scene)
     region = {"x": (0.7 * left + 0.3 * right, 0.5 * (left + right)), "y": (0.5 * (bottom + top), 0.8 * top)}
     how = {"radius": (0.01, 0.03), "density": 10.0, "region": region, "velocity": (0.0, -0.1)}
     simulation.save(tmp_path / "saved.npz")

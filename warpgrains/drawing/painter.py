@@ -11,10 +11,10 @@ import numpy as np
 from warpgrains.base.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
 from warpgrains.drawing.colors import GrainColors, is_dark
+from warpgrains.drawing.extent import box_of_discs, extent_of
 from warpgrains.drawing.kinds import color_of, frame_of
 from warpgrains.drawing.looks import Look
 from warpgrains.drawing.shapes import drawn_walls, moved_walls
-from warpgrains.scene.extent import box_of_discs
 from warpgrains.space.bounds import Bounds
 from warpgrains.walls.band import Band
 
@@ -37,8 +37,7 @@ class Painter:
         self.scene, self.look = scene, look
         self.colors = GrainColors(scene, look.color_by, look.colors, look.range)
         self.chain_scale = ChainScale.of(scene) if look.forces else None
-        margin = (_MARGIN * scene.extent.half * ~scene.period.repeats).tolist()
-        self.view = scene.extent.grown(*margin) if look.frame is None else frame_of("frame", look.frame)
+        self.view = _view_of(scene) if look.frame is None else frame_of("frame", look.frame)
         self.thickness = _THICKNESS * self.view.half
         """Thickness of walls [m]."""
 
@@ -89,3 +88,9 @@ class Painter:
                 for now in snapshots
             ]
             self.view = reduce(Bounds.covering, boxes, self.view)
+
+
+def _view_of(scene: Scene) -> Bounds:
+    """Return the rectangle about what grains can touch and, except at periodic sides, a margin [m]."""
+    extent = extent_of(scene)
+    return extent.grown(*(_MARGIN * extent.half * ~scene.period.repeats).tolist())

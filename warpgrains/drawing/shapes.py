@@ -144,9 +144,8 @@ def drawn_walls(scene: Scene, thickness: float) -> dict[str, Band]:
 
     They have a thickness [m], which lies outside of the space of the grains.
     """
-    own = ((number, wall) for number, wall in enumerate(scene.walls) if wall.image is None)
-    drawn = {number: _drawn(scene, wall, None, thickness) for number, wall in own}
-    return _by_name(scene, drawn)
+    own = ((number, wall) for number, wall in enumerate(scene.walls_at(scene.time)) if wall.image is None)
+    return _by_name(scene, {number: _drawn(scene, wall, thickness) for number, wall in own})
 
 
 def moved_walls(scene: Scene, now: Scene, time: float, thickness: float) -> dict[str, Band]:
@@ -156,22 +155,17 @@ def moved_walls(scene: Scene, now: Scene, time: float, thickness: float) -> dict
     scene `now` has them. For `thickness`, see `drawn_walls`.
     """
     own = ((number, wall) for number, wall in now.mobile_walls.items() if wall.image is None)
-    moved = {number: _drawn(scene, wall, time, thickness) for number, wall in own}
-    return _by_name(scene, moved)
+    return _by_name(scene, {number: _drawn(scene, wall.at(time), thickness) for number, wall in own})
 
 
-def _drawn(scene: Scene, wall: Wall, time: float | None, thickness: float) -> Band:
-    """Return the band that draws a wall at a time [s], or where the scene has it if the time is None.
-
-    In a periodic box, the band contains the periodic images of the wall.
-    """
-    when, (x, y, reach) = scene.time if time is None else time, wall.circle
+def _drawn(scene: Scene, wall: Wall, thickness: float) -> Band:
+    """Return the band that draws a wall; in a periodic box, with its periodic images."""
     if isinstance(wall, Row):
-        return wall.drawn_about(scene.space_at(scene.time).outer_box.mean(axis=0), when)
-    band = wall.drawn(thickness) if time is None else wall.drawn_at(time, thickness)
+        return wall.drawn_about(scene.space_at(scene.time).outer_box.mean(axis=0))
+    band, (x, y, reach) = wall.drawn(thickness), wall.circle
     if not scene.period or reach == np.inf:
         return band
-    center = wall.pose(when).place(np.array([[x, y]]))
+    center = np.array([[x, y]])
     ways = scene.period.images(center, np.array([reach]))[0] - center
     most = 2 ** int(
         np.count_nonzero(scene.period.repeats)

@@ -22,7 +22,6 @@ from warpgrains.scene.compatibility import (
     require_compatible_settings,
     require_valid_positions,
 )
-from warpgrains.scene.extent import extent_of
 from warpgrains.scene.fields import (
     FIELDS,
     KEY_OF,
@@ -36,7 +35,6 @@ from warpgrains.scene.fields import (
 from warpgrains.scene.gravity import TurningGravity, upwards
 from warpgrains.scene.reader import document_fields, scene_document
 from warpgrains.scene.toml import read_text
-from warpgrains.space.bounds import Bounds
 from warpgrains.space.geometry import ROUNDING, Period, Side, distance, overlapping_pairs
 from warpgrains.space.region import Region
 from warpgrains.walls import container
@@ -161,9 +159,8 @@ class Scene(SceneFields, Shown):
             return cls(**document_fields(document, path.parent), **own)
 
     def _valid(self, changes: Collection[str]) -> dict[str, Any]:
-        """Return the values of all fields, and what was found from those that do not change."""
-        stale = {name for name, sources in _FOUND_ONCE.items() if not sources.isdisjoint(changes)}
-        return {name: own for name, own in vars(self).items() if name not in stale}
+        """Return the values of all fields and, if none of `_OF_BODIES` changes, what was found from them."""
+        return {name: vars(self)[name] for name in (vars(self) if _OF_BODIES.isdisjoint(changes) else FIELDS)}
 
     def placed(self, driven: FloatArray | None, time: float | None = None, **grains: FloatArray) -> Self:
         """Return the scene with walls moved to their present places, and with other `grains`.
@@ -182,9 +179,8 @@ class Scene(SceneFields, Shown):
         if time is not None:
             text = self.text_after(("time", "walls", *grains))
             changes |= {"time": time, "walls": tuple(wall.at(time) for wall in walls), "text": text}
-        elif not grains:
-            kept = ("extent", "joints", "leaders")
-            changes |= {name: found for name, found in vars(self).items() if name in kept}
+        else:
+            changes |= {name: found for name, found in vars(self).items() if name in ("joints", "leaders")}
         return self.made(self._valid(changes) | changes, checked=())
 
     def replace(self, **changes: Unpack[SceneChanges]) -> Self:
@@ -386,9 +382,13 @@ class Scene(SceneFields, Shown):
         """The periodic cell, whose images continue the scene."""
         return self.boundary.period
 
+    def walls_at(self, time: float) -> tuple[Wall, ...]:
+        """Return the walls at their places at a time [s], with the motions that continue from there."""
+        return tuple(wall.at(time) for wall in self.walls)
+
     def space_at(self, time: float) -> Region:
         """Return the space between circles and lines as they are at a time [s]."""
-        return container.space_of((wall.at(time) for wall in self.walls), self.period, self.reach)
+        return container.space_of(self.walls_at(time), self.period, self.reach)
 
     @cached_property
     def reach(self) -> float:
@@ -405,15 +405,10 @@ class Scene(SceneFields, Shown):
         """Diameter of the annulus, or longest side of the box [m]."""
         return self.boundary.widest
 
-    @cached_property
-    def extent(self) -> Bounds:
-        """Box about the grains at the start and the walls that they can touch [m]. Pictures show this box."""
-        return extent_of(self)
-
     @property
     def area(self) -> float:
         """Area between circles and lines at the start, minus that of walls that are discs [m2]."""
-        return container.without_discs(self.space_at(self.time), self.walls, self.time).area
+        return container.without_discs(self.space_at(self.time), self.walls_at(self.time)).area
 
     @cached_property
     def leaders(self) -> list[int]:
@@ -524,7 +519,7 @@ class Scene(SceneFields, Shown):
     @cached_property
     def bounces_at_start(self) -> bool:
         """True if contacts may bounce in the first step, which then gains no energy (MODEL.md, eq. 35a)."""
-        e = max(self.restitution, *self.wall_restitutions, 0.0)
+        e = self.at_walls["restitution"].max(initial=self.restitution)
         before = self.position - e * self.dt * self.velocity
         at_rest = [k for k, wall in enumerate(self.walls) if not wall.moves]
         allowed = max(allowed_overlap(self), self.count_overlaps(walls=at_rest).largest)
@@ -564,20 +559,7 @@ _OF_WALLS = {*_OF_PLACES, "radius", "mass"}
 """Fields that determine the walls. Images depend on radii, and the mass of the outer circle on masses."""
 _OF_CONTACT = ("friction", "rolling_friction", "restitution")
 _OF_BODIES = {*_OF_WALLS, *_OF_CONTACT, *(f"wall_{name}" for name in _OF_CONTACT)}
-_FOUND_ONCE = {
-    "smallest_radius": {"radius"},
-    "typical_radius": {"radius"},
-    "has_equal_masses": {"mass"},
-    "at_walls": _OF_BODIES,
-    "bodies": _OF_BODIES,
-    "boundary": _OF_WALLS,
-    "joints": _OF_WALLS,
-    "leaders": _OF_WALLS,
-    "period": _OF_WALLS,
-    "reach": _OF_WALLS,
-    "extent": set(FIELDS),
-}
-"""Cached properties, each with the fields that determine it."""
+"""Fields that determine all cached properties."""
 
 SceneLike = Scene | str | os.PathLike[str]
 """A scene, or a file or name that `Scene.load` accepts."""

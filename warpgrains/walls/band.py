@@ -8,7 +8,6 @@ import numpy as np
 
 from warpgrains.base.arrays import FloatArray
 from warpgrains.space.geometry import Circle, left_of
-from warpgrains.walls.motion import Pose
 
 _WALL_SEGMENTS = 256
 _END_SEGMENTS = 16  # number of angles in each half of a round end
@@ -23,10 +22,6 @@ class Band(NamedTuple):
     """Points of the right line [m], shape (k, 2)."""
     is_closed: bool
     """Whether both lines are closed, as in a ring."""
-
-    def moved(self, pose: Pose) -> Band:
-        """Return the band of a wall that has moved to a pose."""
-        return self._replace(first=pose.place(self.first), second=pose.place(self.second))
 
     def copied(self, ways: FloatArray) -> Band:
         """Return one band that shows k copies, displaced by `ways` [m], shape (k, 2).

@@ -87,15 +87,15 @@ def space_of(walls: Iterable[Wall], period: Period, reach: float) -> Region:
 
 def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
     """Return the container of grains at positions [m], shape (n, 2), at a time [s]."""
-    up, domain = scene.up_at(time), scene.space_at(time)
-    space = without_discs(domain, scene.walls, time)
+    up, walls = scene.up_at(time), scene.walls_at(time)
+    space = without_discs(space_of(walls, scene.period, scene.reach), walls)
     unknown = Container(space, up, is_known=False)
-    thin = [wall for wall in scene.walls if not (wall.border or wall.image or isinstance(wall, Line | Row))]
+    thin = [wall for wall in walls if not (wall.border or wall.image or isinstance(wall, Line | Row))]
     if not thin:
         return Container(space, up)
     if not all(isinstance(wall, Segment) for wall in thin):
         return unknown
-    ends = np.array([wall.pose(time).place(np.reshape(wall.numbers, (2, 2))) for wall in thin])
+    ends = np.array([wall.ends for wall in thin])
     middle = ends.mean(axis=1, keepdims=True)
     ends += space.period.wrapped(middle) - middle
     position = space.period.wrapped(position)
@@ -116,17 +116,17 @@ def container_of(scene: Scene, time: float, position: FloatArray) -> Container:
     return container if any(scene.gravity_at(time)) and container.region.area > 0.0 else unknown
 
 
-def without_discs(space: Region, walls: Iterable[Wall], time: float) -> Region:
-    """Return a space minus the walls that are discs, at their places at a time [s]."""
+def without_discs(space: Region, walls: Iterable[Wall]) -> Region:
+    """Return a space minus the walls that are discs."""
     discs = list[Circle]()
     low, high = space.outer_box
     for wall in walls:
         if wall.image:
             continue
         if isinstance(wall, Row):
-            centers = wall.discs_at(time, 0.5 * (low + high))
+            centers = wall.discs_about(0.5 * (low + high))
             discs += (Circle(x, y, wall.radius, False) for x, y in centers.tolist())
-        elif (border := wall.border_at(time)) is not None and not isinstance(wall, Rim):
+        elif (border := wall.border) is not None and not isinstance(wall, Rim):
             around = space.period.shifts if not border.keeps_inside else np.zeros((1, 2))
             around = around + space.period.wrapped(np.array([border[:2]]))
             discs += (border._replace(x=x, y=y) for x, y in around.tolist())

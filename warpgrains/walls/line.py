@@ -113,9 +113,6 @@ class Line(InfiniteWall, StraightWall):
         point = x + way * nx, y + way * ny
         return moved.changed({"point": point})  # motion along the line does not change its place
 
-    def drawn_at(self, time: float, thickness: float) -> Band:
-        return self.at(time).drawn(thickness)
-
     def drawn(self, thickness: float) -> Band:
         behind = np.array(self.point) - 0.5 * thickness * np.array(self.normal)
         return strip(behind + 0.5 * self.length * np.outer((-1.0, 1.0), self.along), thickness)

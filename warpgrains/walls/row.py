@@ -79,13 +79,12 @@ class Row(InfiniteWall):
         discs = np.rint((x * dx + y * dy) / (dx * dx + dy * dy))[:, np.newaxis]
         return Side.at(self.point + discs * self.spacing, position, radius + self.radius)
 
-    def discs_at(self, time: float, middle: Vector) -> FloatArray:
+    def discs_about(self, middle: Vector) -> FloatArray:
         """Return the centers [m], shape (k, 2), of the discs that are within `length` / 2 of `middle`.
 
-        The row is at its place at `time` [s]. Discs that reach partly into this range count.
+        Discs that reach partly into this range count.
         """
-        point = np.add(self.point, self.pose(time).shift)
-        step, half = np.array(self.spacing), 0.5 * self.length + self.radius
+        point, step, half = np.array(self.point), np.array(self.spacing), 0.5 * self.length + self.radius
         way = float((point - middle) @ step) / hypot(*step)
         first, last = np.ceil((-half - way) / hypot(*step)), np.floor((half - way) / hypot(*step))
         return np.asarray(point + np.arange(first, last + 1.0)[:, np.newaxis] * step)
@@ -106,17 +105,17 @@ class Row(InfiniteWall):
             and abs(float(way @ left_of(along[np.newaxis])[0])) < _ROUNDED
         )
 
-    def drawn_at(self, time: float, thickness: float) -> Band:
-        return self.drawn_about(self.point, time)
+    def drawn(self, thickness: float) -> Band:
+        return self.drawn_about(self.point)
 
-    def drawn_about(self, middle: Vector, time: float) -> Band:
-        """Return the drawing of the discs that, at `time` [s], are within `length` / 2 of `middle` [m]."""
+    def drawn_about(self, middle: Vector) -> Band:
+        """Return the drawing of the discs that are within `length` / 2 of `middle` [m]."""
         angle = np.linspace(np.pi, 0.0, _POINTS)
         along = self.radius * np.outer(np.cos(angle), self.spacing) / hypot(*self.spacing)
         across = (
             self.radius * np.outer(np.sin(angle), left_of(np.array([self.spacing]))) / hypot(*self.spacing)
         )
         disc = Band(along + across, along - across, is_closed=False)
-        centers = self.discs_at(time, middle)
+        centers = self.discs_about(middle)
         most = int((self.length + 2.0 * self.radius) / hypot(*self.spacing)) + 1
         return disc.copied(np.concatenate([centers, np.tile(centers[-1:], (most - len(centers), 1))]))

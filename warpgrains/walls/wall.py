@@ -160,13 +160,6 @@ class Wall(Motion):
         """Circle between the grains and the area that the wall fills; None for a wall that fills no area."""
         return None
 
-    def border_at(self, time: float) -> Circle | None:
-        """Return `border` for the place of the wall at `time` [s]."""
-        if self.border is None or not self.moves:
-            return self.border
-        ((x, y),) = self.pose(time).place(np.array([self.border[:2]])).tolist()
-        return self.border._replace(x=x, y=y)
-
     @property
     def drive(self) -> Drive | None:
         """Force and mass that drive the wall, or None if no force acts on it."""
@@ -336,13 +329,8 @@ class Wall(Motion):
         """Return the name of the wall; without one, its kind and its number, such as Segment0."""
         return self.name or f"{self.kind.title()}{self.image.of if self.image else number}"
 
-    def drawn_at(self, time: float, thickness: float) -> Band:
-        """Return the drawing of the wall, with this thickness [m], at its place at `time` [s]."""
-        band = self.drawn(thickness)
-        return band.moved(self.pose(time)) if self.moves else band
-
     def drawn(self, thickness: float) -> Band:
-        """Return the drawing of the wall before it moves, with this thickness [m]."""
+        """Return the drawing of the wall, with this thickness [m], where it is before it moves."""
         raise NotImplementedError
 
 

@@ -49,7 +49,7 @@ def _extent_of_box(scene: Scene) -> Bounds:
 def _reached(scene: Scene, wall: Wall) -> FloatArray:
     """Return points along a wall [m], shape (k, 2): at the start and, if it moves, at times of the scene."""
     times = wall.times(scene.time, scene.time + scene.duration) if wall.moves else [scene.time]
-    return np.concatenate([wall.drawn_at(time, 0.0).first for time in times])
+    return np.concatenate([wall.at(time).drawn(0.0).first for time in times])
 
 
 def _touched(scene: Scene, box: Bounds, lines: dict[int, FloatArray]) -> list[int]:
