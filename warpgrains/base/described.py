@@ -6,10 +6,13 @@ Docstrings, checks, files and ``--help`` are generated from these descriptions, 
 import ast
 import inspect
 import textwrap
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, Field, field, fields
 from itertools import pairwise
 from typing import Any, TypeVar
+
+from warpgrains.base.checks import one_of
+from warpgrains.base.errors import InputError
 
 Kind = TypeVar("Kind")
 Documented = TypeVar("Documented", bound=Callable[..., Any])
@@ -31,6 +34,21 @@ def checked(field: str, own: Field[Any], value: Any) -> Any:
     None needs no check if it is the default of the field.
     """
     return None if value is None and own.default is None else own.metadata["check"](field, value)
+
+
+def fields_of(
+    field: str, table: Mapping[str, Any], one: str, keys: Mapping[str, Field[Any]]
+) -> dict[str, Any]:
+    """Return the values in a table by name of field, given described fields by their keys in tables.
+
+    Messages name `field`, and call the described object `one`. InputError if a key is unknown or missing.
+    """
+    for key in table:
+        one_of(f"key of {field}", key, keys)
+    for key, known in keys.items():
+        if key not in table and known.default is MISSING:
+            raise InputError(f"{field}.{key} is missing: {one} needs it{known.metadata.get('such', '')}")
+    return {keys[key].name: given for key, given in table.items()}
 
 
 FIELDS_IN_HELP = "Fields:"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, replace
+from dataclasses import dataclass, replace
 from math import floor, inf
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
@@ -12,7 +12,14 @@ import numpy as np
 
 from warpgrains.base import checks
 from warpgrains.base.arrays import BoolArray, FloatArray
-from warpgrains.base.described import checked, described, described_fields, documented, fields_in_help
+from warpgrains.base.described import (
+    checked,
+    described,
+    described_fields,
+    documented,
+    fields_in_help,
+    fields_of,
+)
 from warpgrains.base.errors import InputError
 from warpgrains.scene.layouts import MOST_GRAINS, fitting_radius
 from warpgrains.scene.radii import drawn_radii
@@ -99,6 +106,7 @@ class Exchange:
     region: Mapping[str, Any] = described(
         "Ranges ``x``, ``y`` and ``distance`` from the origin [m], such as {x = [-0.1, 0.1]}.",
         check=ranges_of,
+        such=", such as {x = [-1.0, 0.0]}",
     )
     interval: float = described(
         "Time between two exchanges [s], rounded to whole steps.", check=checks.positive, default=0.05
@@ -260,15 +268,9 @@ def _checked_one(field: str, value: Any, kind: type[Kind]) -> Kind:
         raise InputError(
             f"{field} is {checks.shown(value)}: it must be a {kind.__name__}, or a table of its keys"
         )
-    keys = described_fields(kind)
-    for key in value:
-        checks.one_of(f"key of {field}", key, keys)
-    for key, own in keys.items():
-        if key not in value and own.default is MISSING:
-            such = ", such as {x = [-1.0, 0.0]}" if key == "region" else ""
-            raise InputError(f"{field}.{key} is missing: a {kind.__name__.lower()} needs it{such}")
+    own = fields_of(field, value, f"a {kind.__name__.lower()}", described_fields(kind))
     try:
-        return kind(**value)
+        return kind(**own)
     except InputError as error:
         raise InputError(f"{field}: {error}") from None
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
-from warpgrains.base.described import checked, described, described_fields, documented
+from warpgrains.base.described import checked, described, described_fields, documented, fields_of
 from warpgrains.base.errors import InputError
 from warpgrains.space.geometry import Ends, Period
 from warpgrains.space.region import Region
@@ -273,10 +273,4 @@ def checked_domain(field: str, value: Any) -> Box | None:
     if not isinstance(value, Mapping):
         raise InputError(f"{field} is {checks.shown(value)}: it must be a Box, or a table of its keys")
     own = {key: given for key, given in value.items() if key != "kind"}
-    known = described_fields(Box)
-    for key in own:
-        checks.one_of(f"key of {field}", key, ("kind", *known))
-    for key in ("x", "y"):
-        if key not in own:
-            raise InputError(f"{field}.{key} is missing: a box needs it")
-    return Box(**own)
+    return Box(**fields_of(field, own, "a box", described_fields(Box)))

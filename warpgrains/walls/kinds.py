@@ -1,10 +1,10 @@
 """The kinds of walls inside the domain, and the check of the walls of a scene."""
 
 from collections.abc import Mapping
-from dataclasses import MISSING
 from typing import Any
 
 from warpgrains.base import checks
+from warpgrains.base.described import fields_of
 from warpgrains.base.errors import InputError
 from warpgrains.space.geometry import LARGEST
 from warpgrains.walls.arc import Arc
@@ -51,13 +51,8 @@ def _checked_wall(field: str, value: Any) -> Wall:
         raise InputError(f"{field} is {checks.shown(value)}: it must be a {kinds}, or a table of its keys")
     own = dict(value)
     kind = WRITTEN_KINDS[checks.one_of(f"{field}.kind", own.pop("kind", None), WRITTEN_KINDS)]
-    keys = kind.keys()
-    for key in own:
-        checks.one_of(f"key of {field}", key, ("kind", *keys))
-    for key, found in keys.items():
-        if key not in own and found.default is MISSING:
-            raise InputError(f"{field}.{key} is missing: {kind.one()} needs it")
+    fields = fields_of(field, own, kind.one(), kind.keys())
     try:
-        return kind(**{keys[key].name: given for key, given in own.items()})
+        return kind(**fields)
     except InputError as error:
         raise InputError(f"{field}: {error}") from None
