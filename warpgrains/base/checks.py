@@ -38,7 +38,7 @@ def shown(value: Any) -> str:
 
 def number(field: str, value: Any) -> float:
     """Return a finite real number as a float."""
-    if isinstance(value, bool) or not isinstance(value, Real):
+    if isinstance(value, bool) or not isinstance(value, float | Real):  # the first of these is faster
         raise InputError(f"{field} is {shown(value)}: it must be a number")
     try:
         converted = float(value)

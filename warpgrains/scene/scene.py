@@ -160,7 +160,8 @@ class Scene(SceneFields, Shown):
 
     def _valid(self, changes: Collection[str]) -> dict[str, Any]:
         """Return the values of all fields and, if none of `_OF_BODIES` changes, what was found from them."""
-        return {name: vars(self)[name] for name in (vars(self) if _OF_BODIES.isdisjoint(changes) else FIELDS)}
+        own = vars(self)
+        return own if _OF_BODIES.isdisjoint(changes) else {name: own[name] for name in FIELDS}
 
     def placed(self, driven: FloatArray | None, time: float | None = None, **grains: FloatArray) -> Self:
         """Return the scene with walls moved to their present places, and with other `grains`.
@@ -280,17 +281,17 @@ class Scene(SceneFields, Shown):
         """
         return upwards(np.array(self.gravity_at(time)), self.period.repeats)
 
-    @property
+    @cached_property
     def has_friction(self) -> bool:
         """True if contacts have friction, so that grains rotate."""
         return self.friction > 0.0 or bool(self.at_walls["friction"].any())
 
-    @property
+    @cached_property
     def has_rolling_friction(self) -> bool:
         """True if contacts have rolling friction."""
         return self.rolling_friction > 0.0 or bool(self.at_walls["rolling_friction"].any())
 
-    @property
+    @cached_property
     def has_restitution(self) -> bool:
         """True if contacts bounce."""
         return self.restitution > 0.0 or bool(self.at_walls["restitution"].any())
@@ -309,12 +310,12 @@ class Scene(SceneFields, Shown):
             found[name] = np.array([common if value is None else value for value in own], np.float64)
         return found
 
-    @property
+    @cached_property
     def has_moving_walls(self) -> bool:
         """True if a wall has a prescribed motion."""
         return any(wall.moves for wall in self.walls)
 
-    @property
+    @cached_property
     def has_driven_walls(self) -> bool:
         """True if a force or a pressure drives a wall."""
         return any(wall.drive is not None for wall in self.walls)
@@ -419,12 +420,12 @@ class Scene(SceneFields, Shown):
         """
         return leaders_of(self.walls)
 
-    @property
+    @cached_property
     def drives(self) -> list[Drive]:
         """The drive of each wall. Its numbers are all 0 if no force acts on the wall."""
         return [self.walls[leader].drive or Drive() for leader in self.leaders]
 
-    @property
+    @cached_property
     def mobile_walls(self) -> dict[int, Wall]:
         """Walls with a prescribed motion or a drive, by number in `walls`."""
         each = enumerate(zip(self.walls, self.drives, strict=True))
