@@ -66,7 +66,7 @@ def test_scenes_that_do_not_fit_in_memory_are_refused(monkeypatch: pytest.Monkey
     four = [annulus, annulus.replace(method="accelerated")] * 2
     for free, scenes, message in (
         (1_000.0, [annulus], "15 grains and their contacts need 0.00 GB, and cpu has 0.00 GB free$"),
-        (80_000.0, four, "60 grains .*: the first 3 of 4 scenes fit$"),
+        (82_000.0, four, "60 grains .*: the first 3 of 4 scenes fit$"),
     ):
         monkeypatch.setattr("warpgrains.solver.memory.free_memory", lambda _, free=free: free)
         with pytest.raises(SimulationError, match=message):

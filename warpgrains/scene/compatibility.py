@@ -268,10 +268,10 @@ def warn_of_start(scenes: Sequence[Scene]) -> None:
             " first step, which loses energy; a shorter dt loses less",
             stacklevel=3,
         )
-    of_start: dict[tuple[float, ...], float] = {}  # many scenes of a batch share the arrays of their start
+    of_start: dict[tuple[object, ...], float] = {}  # many scenes of a batch have the same start
     overlap = []
     for scene in scenes:
-        key = scene.time, *map(id, (scene.boundary, scene.walls, scene.position, scene.radius))
+        key = scene.boundary, scene.time, scene.walls, scene.position.tobytes(), scene.radius.tobytes()
         if key not in of_start:
             of_start[key] = scene.count_overlaps().largest
         overlap.append(of_start[key])
