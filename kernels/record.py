@@ -266,7 +266,7 @@ def has_friction(s: Scene) -> bool:
 @wp.func
 def has_rolling(s: Scene) -> bool:
     """Return whether contacts have rolling corrections."""
-    return s.contacts.dvr.shape[0] > 0
+    return s.contacts.dvr.now.shape[0] > 0
 
 
 @wp.func
@@ -296,4 +296,4 @@ def has_swept(s: Scene) -> bool:
 @wp.func
 def is_accelerated(s: Scene) -> bool:
     """Return whether the method has momentum, and so stores the corrections before the last sweep."""
-    return s.contacts.last_dv.shape[0] > 0
+    return s.contacts.dv.last.shape[0] > 0

@@ -32,7 +32,7 @@ def overlaps(team: Team, s: Scene):
     c, end = thread_range(team, 0, contact_count(s))
     while c < end:
         worst = larger(worst, overlap_of(s, c))
-        active += 1 if at(s.contacts.dv, c) != f64(0.0) else 0
+        active += 1 if at(s.contacts.dv.now, c) != f64(0.0) else 0
         c += 1
     update_max(team, s.partial.overlap, worst)
     wp.atomic_add(s.partial.active, partial_index(team, s.partial.active.shape[0]), active)

@@ -203,7 +203,7 @@ def finish(kind: Kind) -> list[Stage]:
     """Return the stages that move the grains and report the step."""
     return [
         Each(body_count, integrate.move),
-        Each(contact_count, warm_start.keeping(kind)),
+        Each(contact_count, warm_start.keep),
         Serial(integrate.end_step),
         Each(body_count, verlet.remember),
         Serial(verlet.shift_frame),

@@ -8,6 +8,7 @@ f64 = wp.float64
 Floats = wp.array(dtype=f64)
 Ints = wp.array(dtype=wp.int32)
 Vectors = wp.array(dtype=wp.vec2d)
+Triples = wp.array(dtype=wp.vec3d)
 MOST_NUMBERS = 6  # of a kind of wall, as on the host (walls/wall.py)
 Shape = wp.types.vector(length=1 + MOST_NUMBERS + 3, dtype=f64)
 """A wall other than the annulus: its kind (`kind_number` of the host), its numbers [m], and center and
@@ -114,6 +115,22 @@ class ContactCount:
 
 
 @wp.struct
+class Correction:
+    """Accumulated corrections of contacts in one direction: normal, tangential or rolling [m/s].
+
+    All arrays are empty if the scene has no such corrections.
+    """
+
+    now: Floats
+    start: Floats  # at the end of the last good step, with which each attempt of a step starts
+    last: Floats  # before the last sweep; empty without acceleration
+    saved: Triples  # now, start and last in the rows of the previous list, from which a new one starts
+
+
+CorrectionByRef = wp.ref[Correction]
+
+
+@wp.struct
 class Contacts:
     """Candidate contacts in the order in which they are swept: pairs, then contacts with walls.
 
@@ -121,19 +138,13 @@ class Contacts:
     """
 
     contact: wp.array(dtype=Contact)
-    dv: Floats  # accumulated corrections dv_c [m/s]; < 0 if the other side of a wall pushes
-    dv_start: Floats  # dv_c of the last good step, with which each attempt of a step starts [m/s]
-    last_dv: Floats  # dv_c before the last sweep [m/s]; empty without acceleration
+    dv: Correction  # normal; < 0 if the other side of a wall pushes
+    dvt: Correction  # tangential, with friction
+    dvr: Correction  # rolling, with rolling friction
     weights: Vectors  # mass shares of i and j; empty if all masses are equal
     limits: Vectors  # of contacts with walls: gap / dt of the other side, A_i / dt (eq. 18) [m/s]; or empty
     wall_speed: Floats  # of contacts with walls: surface speed [m/s] (eq. 23); empty if no wall is mobile
-    dvt: Floats  # accumulated tangential corrections [m/s]; empty without friction
-    dvt_start: Floats  # dvt with which a step starts [m/s]
-    last_dvt: Floats  # dvt before the last sweep [m/s]
-    dvr: Floats  # accumulated rolling corrections [m/s]; the four arrays of rolling are empty without it
-    dvr_start: Floats  # dvr with which a step starts [m/s]
-    last_dvr: Floats  # dvr before the last sweep [m/s]
-    roll_weights: Vectors  # part of the rim speed of i that is rolling, and 1 / K_r (eq. 37)
+    roll_weights: Vectors  # part of i's rim speed that rolls, and 1 / K_r (eq. 37); empty without rolling
     rim_weights: wp.array(dtype=wp.vec3d)  # 1 / K_t, shares of the rims of i and j (eq. 22); may be empty
     set_start: Ints  # first contact of every set of `stages.Sets`, and the end of the last set
     count: ContactCount
@@ -262,9 +273,6 @@ class Workspace:
     """Temporary arrays for building a list."""
 
     old: NeighborList  # the previous list
-    old_dv: wp.array(dtype=wp.vec3d)  # its dv, dv_start and last_dv, by contact [m/s]
-    old_dvt: wp.array(dtype=wp.vec3d)  # the same for tangential corrections; empty without friction
-    old_dvr: wp.array(dtype=wp.vec3d)  # the same for rolling corrections; empty without rolling friction
     old_index: Ints  # of every contact: its index in the previous list, or -1
     sweep_index: Ints  # of every contact: its index in the order of the sweep
     set_of: Ints  # independent set of every pair; -1 for contacts with walls

@@ -9,11 +9,10 @@ each quotient by it is refined once.
 import warp as wp
 
 from ..access import at, put
-from ..types import Ints
+from ..types import Ints, Triples
 
 f64 = wp.float64
 Blocks = wp.array(dtype=wp.mat33d)
-Triples = wp.array(dtype=wp.vec3d)
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 

@@ -10,8 +10,8 @@ import warp as wp
 
 from .. import law
 from ..access import at, put
-from ..types import Floats, Ints, Vectors
-from .block_lu import Factors, Triples, factor, solve
+from ..types import Floats, Ints, Triples, Vectors
+from .block_lu import Factors, factor, solve
 
 f64 = wp.float64
 OPEN, STICK, FORWARD, BACKWARD = (wp.constant(k) for k in range(4))

@@ -16,7 +16,7 @@ from ..record import (
     is_accelerated,
 )
 from ..sweeps.rolling import find_roll_weights
-from ..types import Contact, NeighborList
+from ..types import Contact, CorrectionByRef, NeighborList
 from ..walls.walls import way
 from .cells import clear, prefix_sum
 
@@ -49,16 +49,32 @@ def save_row(s: Scene, i: int):
 @wp.func
 def save_contact(s: Scene, k: int):
     """Save the second body and the corrections of contact k of the list."""
-    c, contacts = at(s.workspace.sweep_index, k), s.contacts
-    dv = wp.vec3d(at(contacts.dv, c), at(contacts.dv_start, c), value_at(contacts.last_dv, c))
-    put(s.workspace.old_dv, k, dv)
+    c = at(s.workspace.sweep_index, k)
     put(s.workspace.old.neighbor, k, at(s.neighbors.neighbor, k))
-    if has_friction(s):
-        dvt = wp.vec3d(at(contacts.dvt, c), at(contacts.dvt_start, c), value_at(contacts.last_dvt, c))
-        put(s.workspace.old_dvt, k, dvt)
-    if has_rolling(s):
-        dvr = wp.vec3d(at(contacts.dvr, c), at(contacts.dvr_start, c), value_at(contacts.last_dvr, c))
-        put(s.workspace.old_dvr, k, dvr)
+    save(s.contacts.dv, k, c)
+    save(s.contacts.dvt, k, c)
+    save(s.contacts.dvr, k, c)
+
+
+@wp.func
+def save(correction: CorrectionByRef, k: int, c: int):
+    """Save the corrections of contact c, which is contact k of the list."""
+    if correction.saved.shape[0] > 0:
+        values = wp.vec3d(at(correction.now, c), at(correction.start, c), value_at(correction.last, c))
+        put(correction.saved, k, values)
+
+
+@wp.func
+def restore(correction: CorrectionByRef, k: int, c: int):
+    """Write to contact c the corrections saved of contact k of the old list, or 0 if k < 0."""
+    if correction.saved.shape[0] > 0:
+        values = wp.vec3d()
+        if k >= 0:
+            values = at(correction.saved, k)
+        put(correction.now, c, values[0])
+        put(correction.start, c, values[1])
+        if correction.last.shape[0] > 0:
+            put(correction.last, c, values[2])
 
 
 @wp.func
@@ -122,7 +138,7 @@ def keep_pair(s: Scene, i: int, j: int, k_old: int):
 
     For this, widen the skins of both grains, and repeat the search.
     """
-    if is_active(at(s.workspace.old_dv, k_old)):
+    if is_active(at(s.contacts.dv.saved, k_old)):
         half = f64(0.5) * wp.length(way(at(s.grains.position, i), at(s.grains.position, j), s.walls))
         raise_to(s.verlet.skin, i, half)
         raise_to(s.verlet.skin, j, half)
@@ -159,33 +175,16 @@ def transfer_warm_start(s: Scene, i: int):
         j = at(s.neighbors.neighbor, k)
         c = at(s.workspace.sweep_index, k)
         k_old = at(s.workspace.old_index, k)
-        dv, dvt, dvr = wp.vec3d(), wp.vec3d(), wp.vec3d()
-        if k_old >= 0:
-            dv = at(s.workspace.old_dv, k_old)
-            if has_friction(s):
-                dvt = at(s.workspace.old_dvt, k_old)
-            if has_rolling(s):
-                dvr = at(s.workspace.old_dvr, k_old)
         contact = Contact()
         contact.i = wp.uint32(2 * i)
         contact.j = wp.uint32(2 * j)
         put(s.contacts.contact, c, contact)
-        put(s.contacts.dv, c, dv[0])
-        put(s.contacts.dv_start, c, dv[1])
-        if has_friction(s):
-            put(s.contacts.dvt, c, dvt[0])
-            put(s.contacts.dvt_start, c, dvt[1])
-        if is_accelerated(s):
-            put(s.contacts.last_dv, c, dv[2])
-            if has_friction(s):
-                put(s.contacts.last_dvt, c, dvt[2])
+        restore(s.contacts.dv, k_old, c)
+        restore(s.contacts.dvt, k_old, c)
+        restore(s.contacts.dvr, k_old, c)
         if has_weights(s):
             find_weights(s, c, i, j)
         if has_rolling(s):
-            put(s.contacts.dvr, c, dvr[0])
-            put(s.contacts.dvr_start, c, dvr[1])
-            if is_accelerated(s):
-                put(s.contacts.last_dvr, c, dvr[2])
             find_roll_weights(s, c, i, j)
         k += 1
 

@@ -223,7 +223,7 @@ def find_walls(s: Scene, free: int, i: int) -> int:
         listed = is_near_wall(b, x, radius, s.walls, reach)
         while k_old < end_old and at(old.neighbor, k_old) < j:
             k_old += 1
-        if k_old < end_old and at(old.neighbor, k_old) == j and is_active(at(s.workspace.old_dv, k_old)):
+        if k_old < end_old and at(old.neighbor, k_old) == j and is_active(at(s.contacts.dv.saved, k_old)):
             listed = True
         if listed:
             slot = note_contact(s, slot, i, j)

@@ -28,7 +28,7 @@ import warp as wp
 
 from ..access import at, named, put
 from ..contacts import CHUNK, chunk_count, chunks_in, contact_count
-from ..record import Scene, body_count, grain_count, has_friction, has_rolling, has_weights, rotates
+from ..record import Scene, body_count, grain_count, has_weights, rotates
 from ..team.threads import Team, thread_range
 from ..types import Floats
 
@@ -142,7 +142,7 @@ def roll_back(s: Scene, chunk: int):
     bounds = at(s.working.range, chunk)
     c = int(bounds[0])
     while c < bounds[1]:
-        put(s.working.contacts.dv, c, at(s.working.contacts.last_dv, c))
+        put(s.working.contacts.dv.now, c, at(s.working.contacts.dv.last, c))
         c += 1
 
 
@@ -170,8 +170,8 @@ def take_recomputed_velocity(s: Scene, i: int):
 
 @wp.func
 def copy_numbers(team: Team, target: Floats, source: Floats, count: int):
-    """Copy the first `count` numbers of an array, divided among the threads."""
-    k, last = thread_range(team, 0, count)
+    """Copy the first `count` numbers of an array that may be empty, divided among the threads."""
+    k, last = thread_range(team, 0, wp.min(count, target.shape[0]))
     while k < last:
         put(target, k, at(source, k))
         k += 1
@@ -184,12 +184,10 @@ def begin_momentum(team: Team, s: Scene):
     while i < last:
         put(s.momentum.last_velocity, i, at(s.grains.next_velocity, i))
         i += 1
-    copy_numbers(team, s.contacts.last_dv, s.contacts.dv, contact_count(s))
-    if has_friction(s):
-        copy_numbers(team, s.momentum.last_rim, s.grains.next_rim, grain_count(s))
-        copy_numbers(team, s.contacts.last_dvt, s.contacts.dvt, contact_count(s))
-    if has_rolling(s):
-        copy_numbers(team, s.contacts.last_dvr, s.contacts.dvr, contact_count(s))
+    copy_numbers(team, s.contacts.dv.last, s.contacts.dv.now, contact_count(s))
+    copy_numbers(team, s.momentum.last_rim, s.grains.next_rim, grain_count(s))
+    copy_numbers(team, s.contacts.dvt.last, s.contacts.dvt.now, contact_count(s))
+    copy_numbers(team, s.contacts.dvr.last, s.contacts.dvr.now, contact_count(s))
     if team.rank == 0:
         s.momentum.state.t = f64(1.0)
         s.momentum.state.beta = f64(0.0)

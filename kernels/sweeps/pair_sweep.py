@@ -18,7 +18,7 @@ from ..access import at, bodies_of, checked, contact_at, larger, lowest_bit
 from ..contacts import EQUAL_RIMS
 from ..record import Scene, has_weights
 from ..search.verlet import least_monitored_correction, monitor
-from ..types import ContactsByRef, Floats, Vectors
+from ..types import ContactsByRef, Correction, Vectors
 from .lanes import FOUR, end_of_fours, lanes
 from .momentum import ENOUGH, relaxation_factor
 
@@ -61,20 +61,20 @@ def sweeping_pairs(
     roll = several.roll
 
     @wp.func
-    def bounded(dv: Floats, last: Floats, c: int, beta: f64, speed: vector, inverse_k: vector, bound: vector):
+    def bounded(correction: Correction, c: int, beta: f64, speed: vector, inverse_k: vector, bound: vector):
         """Correct dv_t or dv_r by speed * inverse_k, clamped to +-bound.
 
         Returns the changes, and the steps by which momentum has moved dv_t or dv_r before.
         """
-        x = numbers_at(dv, c)
+        x = numbers_at(correction.now, c)
         y, step, change = x, vector(), vector()
         if wp.static(ahead):
-            step = beta * (x - numbers_at(last, c))
+            step = beta * (x - numbers_at(correction.last, c))
             y = x + step
-            set_numbers(last, c, x)
+            set_numbers(correction.last, c, x)
         for k in range(wp.static(count)):
             change[k] = law.tangential_change(inverse_k[k] * speed[k], y[k], bound[k])
-        set_numbers(dv, c, y + change)
+        set_numbers(correction.now, c, y + change)
         return change, step
 
     @wp.func
@@ -82,12 +82,10 @@ def sweeping_pairs(
         velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every pair
         rim = s.grains.next_rim
         pairs = contacts.contact
-        dvs = contacts.dv
+        dvs = contacts.dv.now
+        last_dvs = contacts.dv.last
         dvts = contacts.dvt
-        last_dvs = contacts.last_dv
-        last_dvts = contacts.last_dvt
         dvrs = contacts.dvr
-        last_dvrs = contacts.last_dvr
         roll_weights = contacts.roll_weights
         weights = contacts.weights
         rim_weights = contacts.rim_weights
@@ -132,7 +130,7 @@ def sweeping_pairs(
             change = wp.abs(dv)
             if wp.static(friction):
                 vt = slip(velocity, rim, pairs, c)
-                dvt, step_t = bounded(dvts, last_dvts, c, beta, vt, inverse_kt, mu * (y + dv))
+                dvt, step_t = bounded(dvts, c, beta, vt, inverse_kt, mu * (y + dv))
                 change = larger_of(change, wp.abs(dvt))
                 if wp.static(ahead):
                     wide_dvt = vector()
@@ -146,13 +144,15 @@ def sweeping_pairs(
                 cost = sum_of(cost, product_of(mass, product_of(gap_rate, step) - ENOUGH * gain))
             if wp.static(resists_rolling):
                 bound, step_r, inverse_kr = mu_r * (y + dv), vector(), vector()
-                if wp.static(ahead) or bound[0] > f64(0.0) or at(dvrs, c) != f64(0.0):  # otherwise dvr = 0
+                if (
+                    wp.static(ahead) or bound[0] > f64(0.0) or at(dvrs.now, c) != f64(0.0)
+                ):  # otherwise dvr = 0
                     for k in range(wp.static(count)):
                         own = at(roll_weights, c + k)
                         part[k] = own[0]
                         inverse_kr[k] = own[1]
                     vr = roll(rim, pairs, c, dvt, rim_i, rim_j, part)
-                    dvr, step_r = bounded(dvrs, last_dvrs, c, beta, vr, inverse_kr, bound)
+                    dvr, step_r = bounded(dvrs, c, beta, vr, inverse_kr, bound)
                     change = larger_of(change, wp.abs(dvr))
                 if wp.static(ahead):
                     wide_dvr = vector()

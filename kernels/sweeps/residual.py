@@ -45,10 +45,10 @@ def recompute(team: Team, s: Scene, k: int):
     c, end = contacts_of(team, s, k)
     while c < end:
         contact = contact_at(s.contacts.contact, c)
-        dv, dvt = at(s.contacts.dv, c), value_at(s.contacts.dvt, c)
+        dv, dvt = at(s.contacts.dv.now, c), value_at(s.contacts.dvt.now, c)
         apply(s, velocity, rim, contact, c, dv, dvt)
         if has_rolling(s):
-            apply_rolling(s, rim, contact, c, at(s.contacts.dvr, c))
+            apply_rolling(s, rim, contact, c, at(s.contacts.dvr.now, c))
         c += 1
 
 
@@ -65,7 +65,7 @@ def measuring(friction: bool, resists_rolling: bool) -> wp.Function:
         """Return the residual of a contact [m/s]."""
         contact, velocity = contact_at(s.contacts.contact, c), s.grains.recomputed_velocity
         i, j = bodies_of(contact)
-        n, gap, v, dv = contact.n, f64(contact.gap_rate), at(velocity, i), at(s.contacts.dv, c)
+        n, gap, v, dv = contact.n, f64(contact.gap_rate), at(velocity, i), at(s.contacts.dv.now, c)
         at_wall = c >= pair_count(s)
         change, compliance = f64(0.0), f64(1.0)
         along, tangential = f64(0.0), f64(0.0)  # of a driven wall: speed along the tangent, and g_t h_t
@@ -85,7 +85,7 @@ def measuring(friction: bool, resists_rolling: bool) -> wp.Function:
             change = law.normal_change(wp.dot(v, n), dv, gap)
         worst = compliance * wp.abs(change)
         if wp.static(friction):
-            rim, dvt = s.grains.recomputed_rim, at(s.contacts.dvt, c)
+            rim, dvt = s.grains.recomputed_rim, at(s.contacts.dvt.now, c)
             vt, mu = f64(0.0), f64(s.friction)
             if at_wall:
                 surface = surface_of(s, c)

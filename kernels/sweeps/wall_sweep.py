@@ -10,7 +10,7 @@ from ..access import at, bodies_of, contact_at, larger, put
 from ..contacts import limits_at, rim_weights, surface_of
 from ..record import Scene, pair_count
 from ..search.verlet import least_monitored_correction, monitor
-from ..types import ContactsByRef, Floats
+from ..types import ContactsByRef, CorrectionByRef
 from ..walls.driven import leader_of, levers, shares_of_wall
 from .momentum import ENOUGH, mass_in_phi, relaxation_factor
 from .rolling import rolling_at_wall
@@ -25,18 +25,20 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
     """
 
     @wp.func
-    def bounded(dv: Floats, last: Floats, c: int, beta: f64, v: f64, inverse_k: f64, bound: f64) -> wp.vec3d:
+    def bounded(
+        correction: CorrectionByRef, c: int, beta: f64, v: f64, inverse_k: f64, bound: f64
+    ) -> wp.vec3d:
         """Correct dv_t or dv_r by inverse_k v, clamped to +-bound.
 
         Returns (change, its terms of both sums of momentum.py).
         """
-        x = at(dv, c)
+        x = at(correction.now, c)
         y, size, slope = x, f64(0.0), f64(0.0)
         if wp.static(ahead):
-            y = x + beta * (x - at(last, c))
-            put(last, c, x)
+            y = x + beta * (x - at(correction.last, c))
+            put(correction.last, c, x)
         change = law.tangential_change(inverse_k * v, y, bound)
-        put(dv, c, y + change)
+        put(correction.now, c, y + change)
         if wp.static(ahead):
             wide = change / inverse_k
             size = wide * change
@@ -48,7 +50,7 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
         velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
         rim = s.grains.next_rim
         walls = contacts.contact
-        dvs = contacts.dv
+        dvs = contacts.dv.now
         all_limits = contacts.limits
         beta, omega = s.momentum.state.beta, f64(1.0)
         if wp.static(ahead and not friction):
@@ -63,8 +65,8 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
             v, x, listed = at(velocity, i), at(dvs, c), c
             y = x
             if wp.static(ahead):
-                y = x + beta * (x - at(contacts.last_dv, c))
-                put(contacts.last_dv, c, x)
+                y = x + beta * (x - at(contacts.dv.last, c))
+                put(contacts.dv.last, c, x)
                 listed = at(s.working.index, c)
             limits, compliance = limits_at(all_limits, c - first_wall), f64(1.0)
             if wp.static(driven):
@@ -90,7 +92,7 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
                     inverse_kt = law.inverse_kt(rims[1], lever[1] * share[1])
                 u, bound = at(rim, i), surface[0] * new
                 vt = law.wall_slip(v, n, u, along)
-                slipped = bounded(contacts.dvt, contacts.last_dvt, c, beta, vt, inverse_kt, bound)
+                slipped = bounded(contacts.dvt, c, beta, vt, inverse_kt, bound)
                 dvt = slipped[0]
                 push = push + dvt * law.tangent(n)
                 put(rim, i, u - dvt * rims[1])
@@ -104,7 +106,7 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
                 if wp.static(resists_rolling):
                     rolls = rolling_at_wall(s, j)
                     vr, bound = law.wall_roll(at(rim, i), at(s.grains.radius, i), rolls[1]), rolls[0] * new
-                    rolled = bounded(contacts.dvr, contacts.last_dvr, c, beta, vr, f64(1.0) / rims[1], bound)
+                    rolled = bounded(contacts.dvr, c, beta, vr, f64(1.0) / rims[1], bound)
                     put(rim, i, at(rim, i) - rolled[0] * rims[1])
                     change = larger(change, wp.abs(rolled[0]))
                     cost = cost + rolled[1]

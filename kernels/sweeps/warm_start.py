@@ -9,7 +9,7 @@ from ..access import at, bodies_of, contact_at, put
 from ..contacts import apply, contacts_of, is_wall_set
 from ..record import Kind, Scene, grain_count, is_driven, pair_count, rotates
 from ..team.threads import Team
-from ..types import Contact
+from ..types import Contact, CorrectionByRef
 from ..walls.driven import closing_speed
 from ..walls.walls import are_mobile, surface_velocity, wall_contact, way
 from .rolling import apply_rolling
@@ -44,6 +44,14 @@ def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, surface: f64, rates: 
     rate = law.round_gap_rate(rates[0], law.speed_along(v, n), rates[2])
     front = law.rebound(rates[0], rate, vn, surface, e, least)
     return wp.vec3d(front, law.rebound(rates[1], rates[1], -vn, -surface, e, least), rates[2])
+
+
+@wp.func
+def from_start(correction: CorrectionByRef, c: int) -> f64:
+    """Reset the correction of contact c to that at the start of the step [m/s], and return it."""
+    dv = at(correction.start, c)
+    put(correction.now, c, dv)
+    return dv
 
 
 @cache
@@ -96,31 +104,27 @@ def starting(kind: Kind) -> wp.Function:
             contact = frozen(s, c, at_wall)
             put(s.contacts.contact, c, contact)
             if s.control.resuming == 0:
-                dv, dvt = at(s.contacts.dv_start, c), f64(0.0)
-                put(s.contacts.dv, c, dv)
+                dv, dvt = from_start(s.contacts.dv, c), f64(0.0)
                 if wp.static(kind.has_friction):
-                    dvt = at(s.contacts.dvt_start, c)
-                    put(s.contacts.dvt, c, dvt)
+                    dvt = from_start(s.contacts.dvt, c)
                 apply(s, s.grains.next_velocity, s.grains.next_rim, contact, c, dv, dvt)
                 if wp.static(kind.has_rolling):
-                    dvr = at(s.contacts.dvr_start, c)
-                    put(s.contacts.dvr, c, dvr)
-                    apply_rolling(s, s.grains.next_rim, contact, c, dvr)
+                    apply_rolling(s, s.grains.next_rim, contact, c, from_start(s.contacts.dvr, c))
             c += 1
 
     return start
 
 
-@cache
-def keeping(kind: Kind) -> wp.Function:
-    """Return the stage that saves the corrections of contact c, with which the next step starts."""
+@wp.func
+def keep(s: Scene, c: int):
+    """Save the corrections of contact c, with which the next step starts."""
+    keep_start(s.contacts.dv, c)
+    keep_start(s.contacts.dvt, c)
+    keep_start(s.contacts.dvr, c)
 
-    @wp.func
-    def keep(s: Scene, c: int):
-        put(s.contacts.dv_start, c, at(s.contacts.dv, c))
-        if wp.static(kind.has_friction):
-            put(s.contacts.dvt_start, c, at(s.contacts.dvt, c))
-        if wp.static(kind.has_rolling):
-            put(s.contacts.dvr_start, c, at(s.contacts.dvr, c))
 
-    return keep
+@wp.func
+def keep_start(correction: CorrectionByRef, c: int):
+    """Save one kind of correction of contact c, if the scene has it."""
+    if correction.start.shape[0] > 0:
+        put(correction.start, c, at(correction.now, c))

@@ -17,7 +17,7 @@ from ..contacts import chunks_of_set, contacts_of_chunk, gap_rates_now, is_wall_
 from ..record import Scene, has_friction, has_rolling, has_swept, has_weights, is_driven, pair_count
 from ..search.verlet import keep_peak
 from ..team.threads import Team, take_max, thread_range, update_max
-from ..types import Floats, WorkingSet
+from ..types import ContactsByRef, CorrectionByRef
 from ..walls.driven import closing_speed
 from .lanes import FOUR, end_of_fours, lanes
 from .stopping import stop_or_sweep, stops_on_zeta
@@ -56,49 +56,46 @@ def empty(s: Scene, k: int):
 @wp.func
 def scatter(s: Scene, chunk: int):
     """Copy the corrections of a chunk of the working set back to all contacts."""
-    working, bounds = s.working, at(s.working.range, chunk)
-    scatter_numbers(working, bounds, s.contacts.dv, working.contacts.dv)
-    scatter_numbers(working, bounds, s.contacts.last_dv, working.contacts.last_dv)
-    if has_friction(s):
-        scatter_numbers(working, bounds, s.contacts.dvt, working.contacts.dvt)
-        scatter_numbers(working, bounds, s.contacts.last_dvt, working.contacts.last_dvt)
-    if has_rolling(s):
-        scatter_numbers(working, bounds, s.contacts.dvr, working.contacts.dvr)
-        scatter_numbers(working, bounds, s.contacts.last_dvr, working.contacts.last_dvr)
+    bounds = at(s.working.range, chunk)
+    c = int(bounds[0])
+    while c < bounds[1]:
+        copy_corrections(s.contacts, at(s.working.index, c), s.working.contacts, c)
+        c += 1
 
 
 @wp.func
-def scatter_numbers(working: WorkingSet, bounds: wp.vec2i, target: Floats, source: Floats):
-    """Copy numbers of a chunk (range `bounds`) of the working set back to the array of all contacts."""
-    c = int(bounds[0])
-    while c < bounds[1]:
-        put(target, at(working.index, c), at(source, c))
-        c += 1
+def copy_corrections(target: ContactsByRef, k: int, source: ContactsByRef, c: int):
+    """Copy the corrections of contact c of `source` to contact k of `target`."""
+    copy_correction(target.dv, k, source.dv, c)
+    if target.dvt.now.shape[0] > 0:
+        copy_correction(target.dvt, k, source.dvt, c)
+    if target.dvr.now.shape[0] > 0:
+        copy_correction(target.dvr, k, source.dvr, c)
+
+
+@wp.func
+def copy_correction(target: CorrectionByRef, k: int, source: CorrectionByRef, c: int):
+    """Copy one kind of correction, now and before the last sweep."""
+    put(target.now, k, at(source.now, c))
+    put(target.last, k, at(source.last, c))
 
 
 @wp.func
 def select(s: Scene, c: int, k: int):
     """Copy contact k to index c of the working set."""
-    listed, swept = s.contacts, s.working.contacts
-    contact = contact_at(listed.contact, k)
+    contact = contact_at(s.contacts.contact, k)
     put(s.working.index, c, k)
-    put(swept.contact, c, contact)
-    put(swept.dv, c, at(listed.dv, k))
-    put(swept.last_dv, c, at(listed.last_dv, k))
+    put(s.working.contacts.contact, c, contact)
+    copy_corrections(s.working.contacts, c, s.contacts, k)
     if has_weights(s):
-        weight = at(listed.weights, k)
-        put(swept.weights, c, weight)
+        weight = at(s.contacts.weights, k)
+        put(s.working.contacts.weights, c, weight)
         i, _ = bodies_of(contact)
         put(s.working.mass, c, weight[0] * at(s.grains.contact_mass, i))
-    if has_friction(s):
-        put(swept.dvt, c, at(listed.dvt, k))
-        put(swept.last_dvt, c, at(listed.last_dvt, k))
-        if has_weights(s):
-            put(swept.rim_weights, c, at(listed.rim_weights, k))
+        if has_friction(s):
+            put(s.working.contacts.rim_weights, c, at(s.contacts.rim_weights, k))
     if has_rolling(s):
-        put(swept.dvr, c, at(listed.dvr, k))
-        put(swept.last_dvr, c, at(listed.last_dvr, k))
-        put(swept.roll_weights, c, at(listed.roll_weights, k))
+        put(s.working.contacts.roll_weights, c, at(s.contacts.roll_weights, k))
 
 
 def selecting(count: int) -> wp.Function:
@@ -111,14 +108,16 @@ def selecting(count: int) -> wp.Function:
 
     @wp.func
     def select_some(s: Scene, begin: int, end: int, first: int):
-        contacts = s.contacts
+        pairs = s.contacts.contact
+        now = s.contacts.dv.now
+        last = s.contacts.dv.last
         near = f64(2.0) * nearness(s)
         violation = f64(0.0)
         free = int(first)
         c = int(begin)
         while c < end:
-            excess = approach(s.grains.next_velocity, contacts.contact, c) - gap_rates(contacts.contact, c)
-            carried = numbers_at(contacts.dv, c) + numbers_at(contacts.last_dv, c)
+            excess = approach(s.grains.next_velocity, pairs, c) - gap_rates(pairs, c)
+            carried = numbers_at(now, c) + numbers_at(last, c)
             for k in range(wp.static(count)):
                 carries = carried[k] > f64(0.0)
                 violation = larger(violation, wp.where(carries, f64(0.0), excess[k]))
@@ -160,10 +159,10 @@ def selecting_walls(driven: bool) -> wp.Function:
         free = int(begin)
         c = int(begin)
         while c < end:
-            contact, dv = contact_at(s.contacts.contact, c), at(s.contacts.dv, c)
+            contact, dv = contact_at(s.contacts.contact, c), at(s.contacts.dv.now, c)
             i, j = bodies_of(contact)
             n = contact.n
-            carries = dv != f64(0.0) or at(s.contacts.last_dv, c) != f64(0.0)
+            carries = dv != f64(0.0) or at(s.contacts.dv.last, c) != f64(0.0)
             if wp.static(driven):
                 change = closing_speed(s, velocity, i, j, n) - contact.gap_rate
                 is_near = change + near > f64(0.0)

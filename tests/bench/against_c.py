@@ -77,7 +77,7 @@ class Sweeps:
         self._numbers, array = records.host[0], partial(records.array, 0)
         count = self._numbers["contacts"]["count"]
         self.pairs, self.walls = int(count["pairs"]), int(count["walls"])
-        self.contact, self.dv = array("contacts.contact"), array("contacts.dv")
+        self.contact, self.dv = array("contacts.contact"), array("contacts.dv.now")
         self.velocity = array("grains.next_velocity")
         if self.contact.dtype != CONTACT:
             raise RuntimeError(f"in_c.c knows records {CONTACT}, and the solver has {self.contact.dtype}")

@@ -27,7 +27,7 @@ CHUNKS = {  # first contact and end, by number: 128 contacts by index, apart by 
     6: (385, 450),
 }
 TOLERANCE = 2.0**-4
-NOW, LAST = "contacts.dv", "contacts.last_dv"
+NOW, LAST = "contacts.dv.now", "contacts.dv.last"
 VELOCITY, VIOLATION, MAY_STOP = "grains.next_velocity", "partial.zeta", "control.may_stop"
 
 
@@ -151,9 +151,9 @@ def test_working_contacts_are_copies_that_are_put_back(
 ) -> None:
     record = Accelerated(equal, **laws)
     for times, name in enumerate(kept, start=1):
-        record[f"contacts.{name}"][:] = times * record[NOW]
-        record[f"contacts.last_{name}"][:] = times * record[LAST]
-    kept = [*kept, *(f"last_{name}" for name in kept)]
+        record[f"contacts.{name}.now"][:] = times * record[NOW]
+        record[f"contacts.{name}.last"][:] = times * record[LAST]
+    kept = [f"{name}.{moment}" for name in kept for moment in ("now", "last")]
     at = record.select()
     k = record["working.index"][at]
     for name in ("contact", *kept):
@@ -175,11 +175,11 @@ def test_working_contacts_are_copies_that_are_put_back(
 def test_rejected_sweep_is_taken_back() -> None:
     record, last = Accelerated(), np.arange(2.0 * N).reshape(N, 2)
     at = record.select()
-    expected = record["working.contacts.dv"].copy()
-    expected[at] = record["working.contacts.last_dv"][at]
+    expected = record["working.contacts.dv.now"].copy()
+    expected[at] = record["working.contacts.dv.last"][at]
     record["momentum.last_velocity"][:] = last
     record.run(Each(chunk_count, momentum.roll_back), Each(grain_count, momentum.roll_back_velocity))
-    record.assert_holds({"working.contacts.dv": expected, VELOCITY: last})
+    record.assert_holds({"working.contacts.dv.now": expected, VELOCITY: last})
 
 
 def of_one(value: float, other: float, count: int = N, one: int = 7) -> FloatArray:

@@ -17,7 +17,7 @@ from warpgrains.kernels.team.stages import Each, Serial, While
 N, WIDE, NARROW, NOTHING = 120, 0.35, 0.05, 0.0
 EXPIRE = [*SAVE, Serial(contact_list.expire)]
 LISTED = [While(searching, SEARCH), *ORDER]
-NOW, START, LAST, SKIN = "contacts.dv", "contacts.dv_start", "contacts.last_dv", "verlet.skin"
+NOW, START, LAST, SKIN = "contacts.dv.now", "contacts.dv.start", "contacts.dv.last", "verlet.skin"
 Bodies = tuple[int, int]  # a grain, and another one or the wall, which is body N
 
 
@@ -74,7 +74,7 @@ class Listed(OneRecord):
 
     def expire(self) -> None:
         """Set the list aside, and spoil what is left of older ones, and what a new one has to write."""
-        self.write({"workspace.old.start": -7, "workspace.old.neighbor": -7, "workspace.old_dv": 9.0})
+        self.write({"workspace.old.start": -7, "workspace.old.neighbor": -7, "contacts.dv.saved": 9.0})
         self.run(*EXPIRE)
         self.write(dict.fromkeys((*self.names, "contacts.weights"), np.nan) | {"workspace.sweep_index": -7})
         self["contacts.contact"]["i"], self["contacts.contact"]["j"] = 7, 7

@@ -29,7 +29,7 @@ def swept(pairs: IntArray) -> OneRecord:
     contacts["n"] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     contacts["gap_rate"] = rng.uniform(-0.1, 0.3, len(contacts))
     limits = np.stack([rng.uniform(-0.1, 0.3, n), np.full(n, np.inf)], axis=1)
-    record.write({"contacts.limits": limits, "contacts.dv": 0.0, "contacts.count": (len(pairs), 1, n)})
+    record.write({"contacts.limits": limits, "contacts.dv.now": 0.0, "contacts.count": (len(pairs), 1, n)})
     record["contacts.set_start"][:3] = 0, len(pairs), len(contacts)
     for name in ("grains.next_velocity", "verlet.reference_velocity"):
         record[name][:] = rng.normal(0.0, 1.0, record[name].shape)

@@ -22,7 +22,7 @@ from warpgrains.solver.sizes import Sizes
 from warpgrains.solver.threads import run_threads
 
 Values = dict[str, Any]
-"""Values of arrays and numbers of a record, by name, such as "contacts.dv" or "step.zeta"."""
+"""Values of arrays and numbers of a record, by name, such as "contacts.dv.now" or "step.zeta"."""
 KERNELS: dict[str, wp.Kernel] = {}
 
 

@@ -31,13 +31,13 @@ def corrections_of(records: SceneRecords, k: int) -> Corrections:
         listed_walls(records, k),
         records.scenes[k],
     )
-    dv, dv_wall = (records.array(k, "contacts.dv")[index] for index in (at_pair, at_wall))
+    dv, dv_wall = (records.array(k, "contacts.dv.now")[index] for index in (at_pair, at_wall))
     active = dv != 0.0
     wall[:, 1], carried_at_wall = scene.bodies.carried(wall[:, 1], dv_wall)
     at_side = _in_order(wall)
     at_side = at_side[dv_wall[at_side] != 0.0]
     carried = pair[active], dv[active], wall[at_side], carried_at_wall[at_side]
-    rough = [records.array(k, f"contacts.{name}") for name in _bounded(scene)]
+    rough = [records.array(k, f"contacts.{name}.now") for name in _bounded(scene)]
     return Corrections(*carried, *(own[at] for own in rough for at in (at_pair[active], at_wall[at_side])))
 
 
@@ -208,9 +208,9 @@ def _write_list(
         if all(one is not None for one in own):
             values[name][place] = np.concatenate(own)
     for name, value in values.items():
-        records.array(k, f"contacts.{name}")[:count] = value
-        records.array(k, f"contacts.{name}_start")[:count] = value
-        records.array(k, f"workspace.old_{name}")[:count] = value[order, np.newaxis]
+        for moment in ("now", "start"):
+            records.array(k, f"contacts.{name}.{moment}")[:count] = value
+        records.array(k, f"contacts.{name}.saved")[:count] = value[order, np.newaxis]
     contact = records.array(k, "contacts.contact")[:count]
     contact["i"], contact["j"] = 2 * body.T
     for rows in ("neighbors", "workspace.old"):
@@ -230,7 +230,8 @@ def give_up_step(records: SceneRecords, k: int) -> None:
     count, control = record["contacts"]["count"], record["control"]
     listed = int(count["pairs"] + count["walls"])
     for name in ("dv", "dvt", "dvr"):
-        records.array(k, f"contacts.{name}")[:listed] = records.array(k, f"contacts.{name}_start")[:listed]
+        now, start = (records.array(k, f"contacts.{name}.{moment}") for moment in ("now", "start"))
+        now[:listed] = start[:listed]
     if control["phase"] == Phase.FULL:
         for rows, count in (("start", records.scenes[k].n + 1), ("neighbor", listed)):
             records.array(k, f"neighbors.{rows}")[:count] = records.array(k, f"workspace.old.{rows}")[:count]

@@ -238,12 +238,12 @@ class SceneRecords:
 
         The scenes must have equal numbers of grains, n, and of walls.
         """
-        contact, dv = (self.together(f"contacts.{name}") for name in ("contact", "dv"))
+        contact, dv = (self.together(f"contacts.{name}") for name in ("contact", "dv.now"))
         if contact is not None and dv is not None:
             return self._at_walls(which, contact[which], dv[which])
         if len(which) > 1:
             return np.concatenate([self.wall_corrections(which[k : k + 1]) for k in range(len(which))])
-        contact, dv = (self.array(int(which[0]), f"contacts.{name}") for name in ("contact", "dv"))
+        contact, dv = (self.array(int(which[0]), f"contacts.{name}") for name in ("contact", "dv.now"))
         return self._at_walls(which, contact[np.newaxis], dv[np.newaxis])
 
     def _at_walls(self, which: IndexArray, contact: np.ndarray[Any, Any], dv: FloatArray) -> FloatArray:

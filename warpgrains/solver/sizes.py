@@ -129,20 +129,27 @@ def lengths(size: Sizes) -> dict[str, Any]:
     ahead = size.accelerated
     at_walls = np.minimum(n * size.walls, contacts)
     chunks = contacts + contacts // CHUNK + 2
-    listed = {
-        **dict.fromkeys(("contact", "dv", "dv_start"), contacts),
-        **dict.fromkeys(("dvt", "dvt_start"), friction * contacts),
-        **dict.fromkeys(("dvr", "dvr_start", "roll_weights"), size.rolling * contacts),
-        "last_dv": ahead * contacts,
-        "last_dvt": ahead * friction * contacts,
-        "last_dvr": ahead * size.rolling * contacts,
-        "weights": contacts * size.weighted,
-        "rim_weights": friction * contacts * size.weighted,
-        "limits": size.limited * at_walls,
-        "wall_speed": friction * size.mobile * at_walls,
-        "set_start": contacts + 2,
-    }
-    not_swept = dict.fromkeys(("dv_start", "dvt_start", "dvr_start", "wall_speed", "set_start"), 0)
+
+    def of_contacts(swept: int, listed: int) -> dict[str, Any]:
+        """Return lengths of `Contacts`; `listed` is 0 for the working set, `swept` 0 if there is none."""
+
+        def correction(has: int) -> dict[str, IndexArray]:
+            kept = dict.fromkeys(("start", "saved"), listed * has * contacts)
+            return {"now": swept * has * contacts, "last": ahead * has * contacts, **kept}
+
+        return {
+            "contact": swept * contacts,
+            "dv": correction(1),
+            "dvt": correction(friction),
+            "dvr": correction(size.rolling),
+            "weights": swept * size.weighted * contacts,
+            "rim_weights": swept * friction * size.weighted * contacts,
+            "roll_weights": swept * size.rolling * contacts,
+            "limits": swept * size.limited * at_walls,
+            "wall_speed": listed * friction * size.mobile * at_walls,
+            "set_start": listed * (contacts + 2),
+        }
+
     return {
         "grains": {
             **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), bodies),
@@ -153,7 +160,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("spin", "last_spin", "angle", "rim_mass"), friction * n),
             **dict.fromkeys(("free_rim", "next_rim", "recomputed_rim"), friction * n),
         },
-        "contacts": listed,
+        "contacts": of_contacts(1, 1),
         "walls": {
             "shape": size.walls - 1,
             **dict.fromkeys(("joint", "joint_way"), size.joined),
@@ -176,7 +183,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "body_sums": ahead * -(-bodies // CHUNK),
         },
         "working": {
-            "contacts": {name: ahead * length for name, length in listed.items()} | not_swept,
+            "contacts": of_contacts(ahead, 0),
             "index": ahead * contacts,
             "mass": ahead * contacts * size.weighted,
             "range": ahead * chunks,
@@ -189,10 +196,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "neighbors": rows | search,
         "workspace": {
             "old": rows | dict.fromkeys(search, 0),
-            **dict.fromkeys(("old_dv", "old_index"), contacts),
-            **dict.fromkeys(("sweep_index", "set_of"), contacts),
-            "old_dvt": friction * contacts,
-            "old_dvr": size.rolling * contacts,
+            **dict.fromkeys(("old_index", "sweep_index", "set_of"), contacts),
             **dict.fromkeys(("row_sum", "taken"), n),
         },
         "partial": {

@@ -70,7 +70,7 @@ class ListedContacts:
 
         Both circles of the annulus share one correction. It is < 0 for the circle that does not carry it.
         """
-        own = self._records.array(self._k, f"contacts.{name}")
+        own = self._records.array(self._k, f"contacts.{name}.now")
         return np.concatenate([own[self._at_pair], self._sign * own[self._at_wall]])
 
     def write(self, name: str, correction: FloatArray) -> None:
@@ -79,7 +79,7 @@ class ListedContacts:
         Both circles of the annulus share one correction: that of the outer circle minus that of the inner
         one.
         """
-        own = self._records.array(self._k, f"contacts.{name}")
+        own = self._records.array(self._k, f"contacts.{name}.now")
         pairs, walls = np.split(correction, [len(self._at_pair)])
         own[self._at_pair] = pairs
         own[self._at_wall] = 0.0
