@@ -28,11 +28,16 @@ from .walls.walls import Walls
 
 f64 = wp.float64
 
-SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, CANCELLED, TOO_FAR, SLOW, PAUSED = (
-    wp.constant(k) for k in range(9)
-)
-"""Outcomes of a step. A SOLVED step is accepted: it has converged, or the scene allows that it has not. An
-EXPIRED step is repeated with another list. A SLOW step waits for the host. PAUSED follows a SOLVED step."""
+
+class Outcome(IntEnum):
+    """Result of a step."""
+
+    SOLVED = 0  # accepted: it has converged, or the scene allows that it has not
+    WAITING = 1  # not ended: it waits for the host, and its phase says for what
+    NOT_FINITE = 2
+    TOO_FAR = 3  # a grain may move beyond a wall, or meet two images of another grain
+    NOT_CONVERGED = 4
+    STOPPED = 5  # cancelled by the host; or solved, but as many steps as the host allows have not converged
 
 
 class Kind(NamedTuple):
@@ -47,23 +52,23 @@ class Kind(NamedTuple):
 class Phase(IntEnum):
     """The next part of a step. Stages of stopping.py and attempt.py choose the phase, and step.py reads it.
 
-    Stages that build the list also choose SEARCH, START and FULL. `contact_list.keep_pair` repeats a search.
-    The host answers steps that are FULL, or ENDED with the outcome SLOW.
+    Stages that build the list also choose SEARCH, START and LIST_FULL. `contact_list.keep_pair` repeats a
+    search. A step that is SLOW or LIST_FULL waits for the host, which changes the phase to the next one.
     """
 
-    ENDED = 0  # no step has begun, or the last one has its outcome; the host solves a SLOW step
-    FULL = 1  # wait until the host has reserved memory for the list
-    SEARCH = 2  # find the candidate contacts
-    START = 3  # compute free velocities, unless that is done; freeze contacts, and apply their corrections
-    CORRECTED = 4  # continue from the velocities that the host's corrections yield
-    DECLINED = 5  # continue the sweeps, because the host has found no better corrections
+    ENDED = 0  # no step has begun, or the last one has its outcome
+    LIST_FULL = 1  # wait until the host has reserved memory for the list; then SEARCH
+    SLOW = 2  # wait until the host has tried to solve the step; then ANSWERED
+    SEARCH = 3  # find the candidate contacts
+    START = 4  # compute free velocities, unless that is done; freeze contacts, and apply their corrections
+    ANSWERED = 5  # measure the corrections of the host; sweeps resume if it has not found better ones
     SCAN = 6  # check the list, measure, and scan all contacts for the working set, before a bout of sweeps
     SWEEP = 7
     VERIFY = 8  # verify the list and judge the step, after the sweeps or because the list has expired
 
 
-class Asking(IntEnum):
-    """Times at which a step may still ask the host for a solution. Method and host's answers set them."""
+class HostRequest(IntEnum):
+    """When a step may request a solution from the host. The method and the host's answers set it."""
 
     NEVER = 0
     AT_LAST = 1  # after the last sweep
@@ -83,10 +88,10 @@ class StepState:
     restarts: wp.int32  # attempts that were repeated because a contact may have been missing
     factorizations: wp.int32  # by the host
     measured: wp.int32  # last iteration after which the residual was measured
-    asking: wp.int32  # an `Asking`
+    host_request: wp.int32  # a `HostRequest`
     trend_residual: f64  # eta with which the next eta is compared, to see whether it falls too slowly [m/s]
     converged: wp.int32  # whether the step has met the tolerance
-    outcome: wp.int32
+    outcome: wp.int32  # an `Outcome`
 
 
 @wp.struct

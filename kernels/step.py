@@ -1,6 +1,6 @@
 """One step: a list of stages that reads as the algorithm (MODEL.md, "One step").
 
-A step returns to the host in two cases: the list exceeds its capacity (WITHOUT_ROOM), or sweeps converge too
+A step waits for the host in two cases: the list exceeds its capacity (LIST_FULL), or sweeps converge too
 slowly or reach their limit, and the host solves the step (SLOW). Conditions read the phase of the step, which
 attempt.py and stopping.py choose.
 
@@ -19,7 +19,7 @@ import warp as wp
 from . import integrate, statistics
 from .access import named
 from .contacts import chunk_count, contact_count
-from .record import EXPIRED, SOLVED, Kind, Phase, Scene, body_count, grain_count
+from .record import Kind, Outcome, Phase, Scene, body_count, grain_count
 from .search import cells, coloring, contact_list, neighbors, skins, verlet
 from .sweeps import attempt, momentum, residual, stopping, sweep, warm_start, working_set
 from .team.stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
@@ -36,11 +36,11 @@ def in_phase(*phases: Phase) -> wp.Function:
     return holds
 
 
-unsolved = in_phase(*set(Phase) - {Phase.ENDED, Phase.FULL})
+unsolved = in_phase(*set(Phase) - {Phase.ENDED, Phase.LIST_FULL, Phase.SLOW})
 searching = in_phase(Phase.SEARCH)
 starting = in_phase(Phase.START)
-answered = in_phase(Phase.CORRECTED, Phase.DECLINED)
-attempting = in_phase(Phase.START, Phase.CORRECTED, Phase.DECLINED)
+answered = in_phase(Phase.ANSWERED)
+attempting = in_phase(Phase.START, Phase.ANSWERED)
 scanning = in_phase(Phase.SCAN)
 sweeping = in_phase(Phase.SWEEP)
 
@@ -48,13 +48,7 @@ sweeping = in_phase(Phase.SWEEP)
 @wp.func
 def solved(s: Scene) -> bool:
     """Return whether the step is accepted."""
-    return s.step.outcome == SOLVED
-
-
-@wp.func
-def expired(s: Scene) -> bool:
-    """Return whether a contact may be missing from the list."""
-    return s.step.outcome == EXPIRED
+    return s.control.phase == Phase.ENDED and s.step.outcome == Outcome.SOLVED
 
 
 @wp.func
@@ -243,7 +237,7 @@ def step(kind: Kind) -> list[Stage]:
                         Each(body_count, verlet.verify),
                         Serial(attempt.judge),
                         If(solved, finish(kind)),
-                        If(expired, expire(kind.has_restitution)),
+                        If(searching, expire(kind.has_restitution)),
                     ],
                 ),
             ],

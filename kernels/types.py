@@ -217,7 +217,7 @@ class VerletFlags:
 
     list_expired: wp.int32  # whether a contact may be missing from the list
     without_normal: wp.int32  # whether a grain is where the normal of a wall is undefined
-    bad_body: wp.int32  # a body that is not finite or moves too far (outcomes NOT_FINITE and TOO_FAR), or -1
+    bad_body: wp.int32  # a body that is not finite or moves too far (NOT_FINITE, TOO_FAR), or -1
 
 
 @wp.struct

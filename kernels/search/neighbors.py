@@ -14,7 +14,7 @@ import warp as wp
 
 from .. import law
 from ..access import at, checked, lowest_bit, put
-from ..record import WITHOUT_ROOM, Phase, Scene, grain_count, is_driven, time_after
+from ..record import Outcome, Phase, Scene, grain_count, is_driven, time_after
 from ..team.threads import Team, is_on_gpu, thread_range
 from ..types import CellGrid, Ints
 from ..walls.driven import leader_of
@@ -253,7 +253,7 @@ def find_contacts(team: Team, s: Scene):
 
 @wp.func
 def check_capacity(s: Scene):
-    """Count the contacts found; the step waits as FULL if the list has no capacity for them."""
+    """Count the contacts found; the step waits as LIST_FULL if the list has no capacity for them."""
     contacts = at(s.neighbors.slots, 0)
     for rank in range(s.neighbors.empty.shape[0]):
         contacts -= at(s.neighbors.empty, rank)
@@ -263,6 +263,6 @@ def check_capacity(s: Scene):
         s.control.phase = Phase.START
         s.control.unordered = 1
     else:
-        s.control.phase = Phase.FULL
+        s.control.phase = Phase.LIST_FULL
         s.control.unordered = 0
-        s.step.outcome = WITHOUT_ROOM
+        s.step.outcome = Outcome.WAITING

@@ -27,7 +27,7 @@ when the residual is measured (working_set.py).
 import warp as wp
 
 from ..access import at, larger, put
-from ..record import EXPIRED, NOT_FINITE, SOLVED, Scene, body_count, grain_count, is_driven
+from ..record import Scene, body_count, grain_count, is_driven
 
 f64 = wp.float64
 IN_MEAN = wp.constant(1024)  # largest number of grains in the mean for v_f
@@ -208,13 +208,9 @@ def check_all(s: Scene, least: f64):
 
 
 @wp.func
-def outcome_of_check(s: Scene) -> int:
-    """Return NOT_FINITE for a bad body (`is_resolved`), EXPIRED if a contact may be missing, else SOLVED."""
-    if s.verlet.flags.bad_body >= 0:
-        return NOT_FINITE
-    if s.verlet.flags.list_expired != 0:
-        return EXPIRED
-    return SOLVED
+def is_list_valid(s: Scene) -> bool:
+    """Return whether the check has found no bad body (`is_resolved`), and no contact can be missing."""
+    return s.verlet.flags.bad_body < 0 and s.verlet.flags.list_expired == 0
 
 
 @wp.func

@@ -6,13 +6,8 @@ from .. import law
 from ..access import at, bodies_of, contact_at
 from ..contacts import limits_at
 from ..record import (
-    CANCELLED,
-    EXPIRED,
-    NOT_CONVERGED,
-    SLOW,
-    SOLVED,
-    TOO_FAR,
-    Asking,
+    HostRequest,
+    Outcome,
     Phase,
     Scene,
     grain_count,
@@ -21,7 +16,7 @@ from ..record import (
     is_driven,
     pair_count,
 )
-from ..search.verlet import check_all, outcome_of_check, spare_skin
+from ..search.verlet import check_all, is_list_valid, spare_skin
 from ..walls.driven import closing_speed
 from ..walls.walls import is_periodic, wall_velocity, way
 from .stopping import is_measured, meets_tolerance
@@ -31,20 +26,11 @@ f64 = wp.float64
 
 @wp.func
 def begin(s: Scene):
-    """Begin a step, or continue a step that waited for the host.
-
-    If the host has declined to solve the step, the sweeps resume.
-    """
-    if s.control.phase == Phase.FULL:
-        s.control.phase = Phase.SEARCH
-    elif s.control.phase == Phase.CORRECTED:
-        s.control.resuming = 0
-    elif s.control.phase == Phase.DECLINED:
-        s.control.resuming = 1
-    else:
+    """Begin a step, unless it continues after it has waited for the host."""
+    if s.control.phase == Phase.ENDED:
         s.control.phase = Phase.START
         s.control.resuming = 0
-        s.step.asking = Asking.EARLY if s.stopping.patience > 0 else Asking.NEVER
+        s.step.host_request = HostRequest.EARLY if s.stopping.patience > 0 else HostRequest.NEVER
         s.step.rebuilds = 0
         s.step.restarts = 0
         s.step.factorizations = 0
@@ -74,10 +60,10 @@ def begin_iterating(s: Scene):
         s.step.measured = 0
         s.control.may_stop = 0
         s.control.rejected = 0
-    if outcome_of_check(s) != SOLVED:
-        s.control.phase = Phase.VERIFY
-    else:
+    if is_list_valid(s):
         s.control.phase = Phase.SCAN if is_accelerated(s) else Phase.SWEEP
+    else:
+        s.control.phase = Phase.VERIFY
 
 
 @wp.func
@@ -147,32 +133,44 @@ def grain_at_other_image(s: Scene) -> int:
 
 
 @wp.func
-def judge(s: Scene):
-    """Choose the outcome: accept the step, repeat it with a new list, ask the host, or fail."""
-    check_all(s, s.tuning.rounding)
-    converged = meets_tolerance(s)
-    outcome = outcome_of_check(s)
-    if outcome == SOLVED and not converged:
-        if s.step.asking != Asking.NEVER:
-            outcome = SLOW
-        elif s.stopping.raise_on_unconverged != 0:
-            outcome = NOT_CONVERGED
-    if outcome == SOLVED and (s.walls.annulus.round != 0 or s.verlet.flags.without_normal != 0):
-        s.verlet.flags.bad_body = grain_beyond_wall(s)
-        if s.verlet.flags.bad_body >= 0:
-            outcome = TOO_FAR
-    if outcome == SOLVED and is_periodic(s.walls):
-        s.verlet.flags.bad_body = grain_at_other_image(s)
-        if s.verlet.flags.bad_body >= 0:
-            outcome = TOO_FAR
-    if outcome == SOLVED and is_driven(s):
+def body_too_far(s: Scene) -> int:
+    """Return a grain that moves beyond a wall or meets two images of another grain, or -1.
+
+    It is the body of the outer circle if no grain fits into this circle after the step.
+    """
+    found = int(-1)
+    if s.walls.annulus.round != 0 or s.verlet.flags.without_normal != 0:
+        found = grain_beyond_wall(s)
+    if found < 0 and is_periodic(s.walls):
+        found = grain_at_other_image(s)
+    if found < 0 and is_driven(s):
         outer = grain_count(s)
         radius = at(s.grains.position, outer)[0] + s.dt * at(s.grains.next_velocity, outer)[0]
-        if not (radius >= s.tuning.smallest_radius):  # no grain fits into the outer circle
-            s.verlet.flags.bad_body = outer
-            outcome = TOO_FAR
+        if not (radius >= s.tuning.smallest_radius):
+            found = outer
+    return found
+
+
+@wp.func
+def judge(s: Scene):
+    """End the step with its outcome, ask the host to solve it, or repeat it with a new list."""
+    check_all(s, s.tuning.rounding)
+    converged = meets_tolerance(s)
+    phase, outcome = int(Phase.ENDED), int(Outcome.SOLVED)
     if is_cancelled(s) and not (converged and is_measured(s)):
-        outcome = CANCELLED  # the residual may be that of an earlier iteration, for example during a scan
+        outcome = int(Outcome.STOPPED)  # the residual may be that of an earlier iteration, as during a scan
+    elif s.verlet.flags.bad_body >= 0:
+        outcome = int(Outcome.NOT_FINITE)
+    elif s.verlet.flags.list_expired != 0:
+        phase = int(Phase.SEARCH)
+    elif not converged and s.step.host_request != HostRequest.NEVER:
+        phase, outcome = int(Phase.SLOW), int(Outcome.WAITING)
+    elif not converged and s.stopping.raise_on_unconverged != 0:
+        outcome = int(Outcome.NOT_CONVERGED)
+    else:
+        s.verlet.flags.bad_body = body_too_far(s)
+        if s.verlet.flags.bad_body >= 0:
+            outcome = int(Outcome.TOO_FAR)
     s.step.converged = 1 if converged else 0
     s.step.outcome = outcome
-    s.control.phase = Phase.SEARCH if outcome == EXPIRED else Phase.ENDED
+    s.control.phase = phase

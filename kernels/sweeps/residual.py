@@ -7,7 +7,7 @@ round wall the gap depends on them. No contact closes faster than gap/dt + eta. 
 solution of a step with slightly different data: gaps that differ by at most dt * eta, and free velocities
 that differ by the corrections of contacts that should carry none, at most eta each.
 
-If sweeps converge too slowly, the step ends as SLOW (attempt.py), and the host solves it
+If sweeps converge too slowly, the step waits as SLOW (attempt.py), and the host solves it
 (warpgrains/solver/exact). Velocities are then recomputed from the host's corrections, and sweeps continue
 until they meet the tolerance; mostly no sweep is needed. If the host finds no better corrections, the sweeps
 resume. The way in which corrections were found does not matter: a contact that is not listed and that the
@@ -22,7 +22,7 @@ import warp as wp
 from .. import law
 from ..access import at, bodies_of, contact_at, larger, named, put
 from ..contacts import apply, contact_count, contacts_of, gap_rates_now, rim_weights, surface_of, value_at
-from ..record import Phase, Scene, has_rolling, is_driven, pair_count, rotates
+from ..record import Scene, has_rolling, is_driven, pair_count, rotates
 from ..team.threads import Team, thread_range, update_max
 from ..walls.driven import leader_of, levers, shares_of_wall
 from .rolling import apply_rolling, rolling_residual
@@ -117,7 +117,7 @@ def measuring(friction: bool, resists_rolling: bool) -> wp.Function:
 @wp.func
 def take_corrected_velocity(s: Scene, i: int):
     """If the host has found corrections, set velocity and rim speed of body i to the recomputed ones."""
-    if s.control.phase == Phase.CORRECTED:
+    if s.control.resuming == 0:
         put(s.grains.next_velocity, i, at(s.grains.recomputed_velocity, i))
         if rotates(s, i):
             put(s.grains.next_rim, i, at(s.grains.recomputed_rim, i))

@@ -14,7 +14,7 @@ from enum import IntEnum
 import warp as wp
 
 from ..access import put
-from ..record import Asking, Phase, Scene, has_friction, has_swept, is_accelerated, is_cancelled
+from ..record import HostRequest, Phase, Scene, has_friction, has_swept, is_accelerated, is_cancelled
 from ..team.threads import take_max
 
 f64 = wp.float64
@@ -125,7 +125,7 @@ def is_residual_needed(s: Scene) -> bool:
     It is needed to decide whether to stop, for the history, or as the first value of the decay that
     `is_too_slow` extrapolates.
     """
-    begins_trend = s.step.asking == Asking.EARLY and s.step.iterations == HALF_WAY
+    begins_trend = s.step.host_request == HostRequest.EARLY and s.step.iterations == HALF_WAY
     return is_measurement_due(s) or (not is_measured(s) and (is_recorded(s) or begins_trend))
 
 
@@ -185,7 +185,7 @@ def end_measurement(s: Scene):
     decides = is_measurement_due(s)
     take_residual(s)
     stopping = decides and not stops_on_zeta(s) and meets_tolerance(s)
-    if decides and s.step.asking == Asking.EARLY and s.step.iterations % RECOMPUTE_EVERY == 0:
+    if decides and s.step.host_request == HostRequest.EARLY and s.step.iterations % RECOMPUTE_EVERY == 0:
         stopping = stopping or is_too_slow(s)
         s.step.trend_residual = s.step.residual
     elif s.step.iterations == HALF_WAY:

@@ -9,7 +9,7 @@ from functools import cache
 
 import warp as wp
 
-from ..record import PAUSED, SOLVED, Scene, SceneRecord
+from ..record import Outcome, Scene, SceneRecord
 from .stages import OPTIONS
 from .threads import Team, TeamRecord, is_on_gpu
 from .waiting import barrier, seconds
@@ -30,7 +30,7 @@ class Queue:
     seconds: wp.array(dtype=f64)  # wall time spent on the scene
     going_on: wp.array(dtype=wp.int32)  # whether its team begins another step of the scene
     cancel: wp.array(dtype=wp.int32)  # whether no team may begin another step, shape (1,)
-    most_unconverged: wp.array(dtype=wp.int32)  # unconverged steps after which a scene is PAUSED, shape (1,)
+    most_unconverged: wp.array(dtype=wp.int32)  # unconverged steps after which a scene stops, shape (1,)
 
 
 @wp.func_native("return __atomic_fetch_add(cursor.data, 1LL, __ATOMIC_RELAXED);")
@@ -40,13 +40,13 @@ def next_slice(cursor: wp.array(dtype=wp.int64)) -> wp.int64:
 
 
 @wp.func_native("return __atomic_exchange_n(taken.data + k, 1, __ATOMIC_ACQUIRE) == 0;")
-def is_taken_now(taken: wp.array(dtype=wp.int32), k: int) -> bool:
-    """Try to acquire scene k; return whether that succeeded, because no other team held it."""
+def try_acquire(taken: wp.array(dtype=wp.int32), k: int) -> bool:
+    """Acquire scene k if no other team holds it; return whether that succeeded."""
     ...
 
 
 @wp.func_native("__atomic_store_n(taken.data + k, 0, __ATOMIC_RELEASE);")
-def give_back(taken: wp.array(dtype=wp.int32), k: int):
+def release(taken: wp.array(dtype=wp.int32), k: int):
     """Release scene k."""
     ...
 
@@ -60,11 +60,11 @@ def has_stopped(cancel: wp.array(dtype=wp.int32)) -> bool:
 @wp.func
 def has_work(queue: Queue, k: int) -> bool:
     """Return whether scene k has steps left and does not wait for the host."""
-    return queue.left[k] > 0 and queue.outcome[k] == SOLVED
+    return queue.left[k] > 0 and queue.outcome[k] == Outcome.SOLVED
 
 
 @wp.func
-def take(queue: Queue) -> int:
+def acquire(queue: Queue) -> int:
     """Acquire a free scene that has steps left; return its number, or -1 if there is none."""
     scenes = queue.left.shape[0]
     found = int(-1)
@@ -76,11 +76,11 @@ def take(queue: Queue) -> int:
             look = look + 1
             if not has_work(queue, k):
                 continue
-            if is_taken_now(queue.taken, k):
+            if try_acquire(queue.taken, k):
                 if has_work(queue, k):
                     found = k
                 else:
-                    give_back(queue.taken, k)
+                    release(queue.taken, k)
     return found
 
 
@@ -110,14 +110,16 @@ def kernel(name: str, solve: wp.Function, on_gpu: bool) -> wp.Kernel:
             solve(team, s)
             if team.rank == 0:
                 outcome = int(s.step.outcome)
-                if outcome == SOLVED:
+                if outcome == Outcome.SOLVED:
                     left -= 1
                 if s.statistics.unconverged >= most_unconverged:
-                    outcome = PAUSED
+                    outcome = int(Outcome.STOPPED)
                 queue.left[k] = left
                 queue.outcome[k] = outcome
                 spent = seconds() - begun
-                going_on = 1 if left > 0 and outcome == SOLVED and not has_stopped(queue.cancel) else 0
+                going_on = (
+                    1 if left > 0 and outcome == Outcome.SOLVED and not has_stopped(queue.cancel) else 0
+                )
                 if spent > TIME_SLICE and not is_on_gpu(team):
                     going_on = 0
                 if going_on == 0:
@@ -149,13 +151,13 @@ def kernel(name: str, solve: wp.Function, on_gpu: bool) -> wp.Kernel:
         k = int(0)
         while k >= 0:
             if team.rank == 0:
-                team.scene[0] = take(queue)
+                team.scene[0] = acquire(queue)
             barrier(team)
             k = team.scene[0]
             if k >= 0:
                 advance_scene(team, records[k], queue, k)
                 if team.rank == 0:
-                    give_back(queue.taken, k)
+                    release(queue.taken, k)
             barrier(team)  # all threads have read team.scene before it is written again
 
     return advance

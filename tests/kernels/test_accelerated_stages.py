@@ -10,7 +10,7 @@ from stages import OneRecord, Values, grains_apart
 
 from warpgrains.base.arrays import FloatArray, IntArray
 from warpgrains.kernels.contacts import chunk_count
-from warpgrains.kernels.record import CANCELLED, NOT_FINITE, SOLVED, Asking, Phase, grain_count
+from warpgrains.kernels.record import HostRequest, Outcome, Phase, grain_count
 from warpgrains.kernels.sweeps import attempt, momentum, stopping, working_set
 from warpgrains.kernels.sweeps.stopping import StopOn
 from warpgrains.kernels.team.stages import Each, Serial, Sets, Stage
@@ -215,13 +215,17 @@ MET = {
 }
 MET |= {"verlet.numbers.frame_skin": 1.0, "verlet.numbers.lifetime": 1.0}
 # a cancellation during a scan ends the sweeps with the residual of another iteration
-for cancelled, measured, outcome in ((0, 4, SOLVED), (1, 4, SOLVED), (1, 3, CANCELLED)):
+for cancelled, measured, outcome in ((0, 4, Outcome.SOLVED), (1, 4, Outcome.SOLVED), (1, 3, Outcome.STOPPED)):
     canceled = {"control.cancelled": cancelled, "step.measured": measured}
     CASES[f"canceled {cancelled}, measured {measured}"] = (JUDGE, MET | canceled, {"step.outcome": outcome})
 # threads find grains that are no longer finite in any order
 lost = np.where(np.isin(np.arange(N), (2, 7)), np.inf, 0.0)[:, np.newaxis]
-found = {"verlet.flags.bad_body": 7, "step.outcome": NOT_FINITE}
-CASES["the last that is not finite"] = (JUDGE, MET | {"verlet.flags.bad_body": 2, VELOCITY: lost}, found)
+found = {"verlet.flags.bad_body": 7, "step.outcome": Outcome.NOT_FINITE}
+CASES["the last that is not finite"] = (
+    JUDGE,
+    MET | {"verlet.flags.bad_body": 2, EXPIRES: 1, VELOCITY: lost},
+    found,
+)
 # by zeta, what contacts outside the set are violated by is a change to come
 for iterations, on, rejected, violation, zeta, left in (
     (0, StopOn.ZETA, 0, 9.0, 0.03, 1),
@@ -240,7 +244,7 @@ for iterations, on, rejected, violation, zeta, left in (
 # a plain step does not measure after a rejected sweep, so that nothing may follow from its residual
 for iterations, rejected, following in ((100, 0, Phase.VERIFY), (100, 1, Phase.SCAN), (70, 0, Phase.SCAN)):
     slow = {"stopping.on": StopOn.RESIDUAL, "stopping.max_iterations": 1000, "stopping.patience": 750}
-    slow |= {"step.asking": Asking.EARLY, "step.trend_residual": 1.0, "partial.residual": 0.99}
+    slow |= {"step.host_request": HostRequest.EARLY, "step.trend_residual": 1.0, "partial.residual": 0.99}
     slow |= {PHASE: Phase.SCAN, "step.iterations": iterations, "control.rejected": rejected}
     trend = 0.99 if following == Phase.VERIFY else 1.0
     found = {PHASE: following, "step.trend_residual": trend, "step.residual": 0.99}

@@ -18,7 +18,7 @@ import warpgrains.kernels
 from warpgrains import Batch, Simulation, SimulationError
 from warpgrains.kernels.step import Kind, fused_step
 from warpgrains.kernels.team.advance import kernel
-from warpgrains.solver import buffers, service, sizes
+from warpgrains.solver import buffers, failures, sizes
 
 TOO_SHORT = [
     ("contacts.set_start", 3, 1),
@@ -99,7 +99,7 @@ def random_runs(rng: np.random.Generator, file: str) -> Iterator[Simulation | Ba
 
 def fuzz(steps: int, file: str) -> None:
     """Take at least so many steps of hard scenes, some of which may refuse them."""
-    service._find_proof = lambda *_: None  # NumPy's, with indices of its own; it takes most of the time
+    failures._find_proof = lambda *_: None  # NumPy's, with indices of its own; it takes most of the time
     scene = 0
     while steps > 0:
         rng, scene = np.random.default_rng((0, scene)), scene + 1

@@ -8,7 +8,7 @@ from stages import OneRecord, listed, record_of_graph
 from warpgrains import Scene
 from warpgrains.base.arrays import IntArray
 from warpgrains.kernels.access import put
-from warpgrains.kernels.record import WITHOUT_ROOM, Phase, grain_count
+from warpgrains.kernels.record import Outcome, Phase, grain_count
 from warpgrains.kernels.record import Scene as SceneOnDevice
 from warpgrains.kernels.search import contact_list, neighbors
 from warpgrains.kernels.step import ORDER, SAVE, SEARCH, searching
@@ -180,7 +180,10 @@ def test_pairs_of_a_row_end_where_its_walls_begin(at_walls: list[int]) -> None:
 def test_step_waits_for_capacity() -> None:
     listed = Listed(cloud(), NARROW)
     capacity = len(listed["neighbors.neighbor"])
-    for total, phase, outcome in ((capacity, Phase.START, 0), (capacity + 1, Phase.FULL, WITHOUT_ROOM)):
+    for total, phase, outcome in (
+        (capacity, Phase.START, 0),
+        (capacity + 1, Phase.LIST_FULL, Outcome.WAITING),
+    ):
         listed.write({"step.outcome": 0, "control.phase": Phase.SEARCH, "control.unordered": 1})
         listed["neighbors.slots"][0], listed["neighbors.empty"][0] = total + 3, 3
         listed.run(Serial(neighbors.check_capacity))

@@ -95,7 +95,7 @@ def test_a_search_ends_before_its_count_overflows() -> None:
     record.run(*SEARCH[4:6])
     found = int(record["neighbors.total"][0])
     assert found == MOST_CONTACTS + 1
-    record.assert_holds({"control.phase": Phase.FULL})
+    record.assert_holds({"control.phase": Phase.LIST_FULL})
     told = "in a step of 0.01 s, more than 1073741824 contacts of 50 grains are within reach: dt is too long"
     with pytest.raises(SimulationError, match=told):
         record.records.reserve_contacts(0, found)

@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 from stages import OneRecord, Values, grains_apart
 
-from warpgrains.kernels.record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
+from warpgrains.kernels.record import Scene, grain_count
 from warpgrains.kernels.search import skins, verlet
 from warpgrains.kernels.team.stages import Each, If, Serial, Stage
 
@@ -24,7 +24,7 @@ UNMONITORED = 1.0
 PEAK, SEEN, SKIN = "verlet.peak_square", "verlet.recent_deviation", "verlet.skin"
 FRAME, CHANGES = "verlet.work.frame_velocity", "verlet.work.unmonitored_change"
 SHIFT, TIME, LIFETIME = "verlet.numbers.frame_shift", "verlet.numbers.elapsed", "verlet.numbers.lifetime"
-EXPIRES, BAD, OUTCOME = "verlet.flags.list_expired", "verlet.flags.bad_body", "step.outcome"
+EXPIRES, BAD, VALID = "verlet.flags.list_expired", "verlet.flags.bad_body", "step.outcome"
 TWO_GRAINS: Values = {
     "grains.position": POSITION,
     "grains.next_velocity": VELOCITY,
@@ -47,12 +47,12 @@ def check_all(s: Scene):
 
 
 @wp.func
-def find_outcome(s: Scene):
-    s.step.outcome = verlet.outcome_of_check(s)
+def find_validity(s: Scene):
+    s.step.outcome = 1 if verlet.is_list_valid(s) else 0
 
 
 VERIFY, BEGIN = Each(grain_count, verlet.verify), Each(grain_count, verlet.begin_check)
-CHECK, TELL = Serial(check_all), Serial(find_outcome)
+CHECK, IS_VALID = Serial(check_all), Serial(find_validity)
 CLEAR, FIND, SHIFTED = Serial(verlet.clear_check), Serial(verlet.find_frame), Serial(verlet.shift_frame)
 SAMPLE, REMEMBER = Each(grain_count, verlet.sample), Each(grain_count, verlet.remember)
 ADD, SAMPLED = Serial(verlet.add_unmonitored), If(verlet.is_sampling_due, [Serial(verlet.end_sampling)])
@@ -110,7 +110,7 @@ def test_grain_that_is_no_longer_finite_is_named(name: str, grain: int) -> None:
     """It is refused, and not solved again with another list."""
     bad = TWO_GRAINS[name] + np.array([[0.0, np.inf], [0.0, 0.0]])[[grain, 1 - grain]]
     assert_after([VERIFY, CHECK], {name: bad}, {BAD: grain})
-    assert_after([TELL], {EXPIRES: 1, BAD: grain}, {OUTCOME: NOT_FINITE})
+    assert_after([IS_VALID], {EXPIRES: 0, BAD: grain}, {VALID: 0})
 
 
 COMING = {"grains.next_velocity": W + np.array([[2.0, 8.0], [4.0, -4.0]]), FRAME: np.nan}
@@ -149,18 +149,18 @@ for zeta, change in ((0.25, 1.75), (1.0 / 3.0, 2.0), (0.5, 2.5), (MOST / ROW_SUM
         {CHANGES: change if change <= MOST else 0.0},
     )
 FRAME_SKIN = 5.0 + DT * 8.0 + ROUNDING  # |U| + dt |u| <= frame skin
-for skin, outcome in ((FRAME_SKIN, SOLVED), (np.nextafter(FRAME_SKIN, 0.0), EXPIRED), (np.nan, EXPIRED)):
+for skin, valid in ((FRAME_SKIN, 1), (np.nextafter(FRAME_SKIN, 0.0), 0), (np.nan, 0)):
     falling = {SHIFT: (3.0, -4.0), FRAME: (0.0, 8.0), "verlet.numbers.frame_skin": skin}
-    CASES[f"frame skin {skin}"] = ([CHECK, TELL], falling, {OUTCOME: outcome})
+    CASES[f"frame skin {skin}"] = ([CHECK, IS_VALID], falling, {VALID: valid})
 for steps in (0, 1, 7):  # of a list for one step more, whatever rounding makes of their sum
-    for lifetime, outcome in (
-        (steps + 1, SOLVED),
-        ((steps + 1) * (1.0 - 0.9e-13), SOLVED),
-        ((steps + 1) * (1.0 - 1.1e-13), EXPIRED),
-        (steps, EXPIRED),
+    for lifetime, valid in (
+        (steps + 1, 1),
+        ((steps + 1) * (1.0 - 0.9e-13), 1),
+        ((steps + 1) * (1.0 - 1.1e-13), 0),
+        (steps, 0),
     ):
         times = {TIME: steps * DT, LIFETIME: lifetime * DT}
-        CASES[f"{steps} steps of {lifetime}"] = ([CHECK, TELL], times, {OUTCOME: outcome})
+        CASES[f"{steps} steps of {lifetime}"] = ([CHECK, IS_VALID], times, {VALID: valid})
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -68,9 +68,9 @@ def test_steps_that_the_host_solves_are_completed_by_a_cancel_between_steps(monk
 @pytest.mark.parametrize(
     ("scene", "method", "phase"),
     [
-        ("polydisperse", "gauss-seidel", Phase.FULL),
-        ("column", "exact", Phase.CORRECTED),
-        ("collapse", "exact", Phase.CORRECTED),
+        ("polydisperse", "gauss-seidel", Phase.SEARCH),
+        ("column", "exact", Phase.ANSWERED),
+        ("collapse", "exact", Phase.ANSWERED),
     ],
 )
 def test_a_step_that_has_been_served_is_finished_or_undone(monkeypatch, scene, method, phase):

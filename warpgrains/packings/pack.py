@@ -23,7 +23,7 @@ from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.sources import require_closed
 from warpgrains.scene.state import State
 from warpgrains.simulation.simulation import Simulation
-from warpgrains.solver.service import exact_solver
+from warpgrains.solver.exact.solver import exact_solver
 from warpgrains.space.geometry import distance
 
 MOST_TESTS = 3  # number of tests of rest; after a failed test, grains settle again

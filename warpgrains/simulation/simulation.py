@@ -40,10 +40,10 @@ from warpgrains.simulation.run import Observer, ResumedRun, SceneRun, require_ob
 from warpgrains.simulation.until import EndCriterion, Question
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
+from warpgrains.solver.failures import infeasible_grains
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loaded_scene import LoadedScene
 from warpgrains.solver.loading import change_scene
-from warpgrains.solver.service import infeasible_grains
 from warpgrains.solver.sizes import Sizes
 from warpgrains.solver.statistics import StepHistory, StepReport, Summary
 from warpgrains.solver.tuning import threads_for

@@ -15,27 +15,19 @@ from warpgrains.base.checks import LARGEST_WHOLE_NUMBER
 from warpgrains.base.errors import SimulationError
 from warpgrains.base.turns import BUILDING
 from warpgrains.kernels.access import CHECKED
-from warpgrains.kernels.record import (
-    CANCELLED,
-    NOT_CONVERGED,
-    NOT_FINITE,
-    SLOW,
-    SOLVED,
-    TOO_FAR,
-    WITHOUT_ROOM,
-    Phase,
-)
+from warpgrains.kernels.record import Outcome, Phase
 from warpgrains.kernels.step import fused_step
 from warpgrains.kernels.team import advance as advance_kernel
 from warpgrains.kernels.team.threads import TeamRecord, team_records
 from warpgrains.scene.snapshot import Snapshots
 from warpgrains.solver import tuning
+from warpgrains.solver.exact.solver import exact_solver
+from warpgrains.solver.failures import failure
 from warpgrains.solver.forces import force_of
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loaded_scene import LoadedScene
 from warpgrains.solver.loading import give_up_step, scene_with_walls
 from warpgrains.solver.records import SceneRecords
-from warpgrains.solver.service import exact_solver, failure
 from warpgrains.solver.sizes import Sizes, kind_of
 from warpgrains.solver.threads import run_threads
 
@@ -45,7 +37,7 @@ if TYPE_CHECKING:
 CPU_BLOCK = 1  # block size for which Warp compiles CPU kernels
 BRIEF = 2e7  # grains times iterations, some tenths of a second
 MOVES = 10  # number of iterations that take as long as the rest of a step
-FAILURES = (NOT_FINITE, TOO_FAR, NOT_CONVERGED, WITHOUT_ROOM)
+FAILURES = (Outcome.NOT_FINITE, Outcome.TOO_FAR, Outcome.NOT_CONVERGED)
 
 
 class Engine:
@@ -147,7 +139,7 @@ class Engine:
         self.left[:], self._most_unconverged[:] = steps, most_unconverged
         iterations = self.records.host["stopping"]["max_iterations"]
         self.is_brief = float(self._grains @ iterations) * max(steps) < BRIEF
-        self._outcome[:] = SOLVED
+        self._outcome[:] = Outcome.SOLVED
         self.seconds[:] = 0.0
         self._sums.fill(self._no_steps)
         self._errors.clear()
@@ -205,29 +197,36 @@ class Engine:
         """Enlarge full lists, and solve slow steps on the host; return True if a scene can continue."""
         if not np.count_nonzero(self._outcome):  # all are solved
             return bool(np.count_nonzero(self.left) and not self._cancel[0])
-        waiting = self._solve_slow() + self._grow()
-        self._outcome[waiting] = SOLVED
-        return bool((self.left[self._outcome == SOLVED] > 0).any() and not self._cancel[0])
+        self._outcome[self._serve()] = Outcome.SOLVED
+        return bool((self.left[self._outcome == Outcome.SOLVED] > 0).any() and not self._cancel[0])
 
-    def _solve_slow(self) -> list[int]:
-        """Solve slow steps on the host, unless they are solved already; return the indices of slow scenes."""
-        slow = np.flatnonzero(self._outcome == SLOW).tolist()
-        for k in slow:
-            if self.records.host["control"]["phase"][k] == Phase.ENDED:
+    def _serve(self, solves_slow: bool = True) -> list[int]:
+        """Serve the scenes that wait, unless that is done; return the indices of those that can continue.
+
+        A scene cannot continue if there is not enough memory for its list, or if its step is slow and
+        `solves_slow` is False.
+        """
+        phase, served = self.records.host["control"]["phase"], []
+        waiting = set(np.flatnonzero(self._outcome == Outcome.WAITING).tolist())
+        for k in sorted(waiting - self._errors.keys()):
+            if phase[k] == Phase.LIST_FULL:
+                self._grow(k)
+            elif phase[k] == Phase.SLOW and solves_slow:
                 start = perf_counter()
                 self._exact[k].solve()
                 self.seconds[k] += perf_counter() - start
-        return slow
+            if phase[k] == Phase.SEARCH or (phase[k] == Phase.ANSWERED and solves_slow):
+                served.append(k)
+        return served
 
-    def _grow(self) -> list[int]:
-        """Enlarge the full lists; return the indices k of the scenes for which there was enough memory."""
-        full = set(np.flatnonzero(self._outcome == WITHOUT_ROOM).tolist()) - self._errors.keys()
-        for k in full:
-            try:
-                self.records.reserve_contacts(k, int(self.records.array(k, "neighbors.total")[0]))
-            except SimulationError as error:
-                self._errors[k] = error
-        return sorted(full - self._errors.keys())
+    def _grow(self, k: int) -> None:
+        """Enlarge the list of scene k, or store the error if there is not enough memory."""
+        try:
+            self.records.reserve_contacts(k, int(self.records.array(k, "neighbors.total")[0]))
+        except SimulationError as error:
+            self._errors[k] = error
+        else:
+            self.records.host["control"]["phase"][k] = Phase.SEARCH
 
     def finish_open_steps(self, has_failed: bool) -> None:
         """Finish or undo all open steps, and store the errors of failed scenes.
@@ -243,14 +242,12 @@ class Engine:
             self._cancel[0] = 0
             control["cancelled"] = 0
         if np.count_nonzero(self.left):  # a step may not have continued since its request was served
-            phase = control["phase"]
-            self._outcome[phase == Phase.FULL] = WITHOUT_ROOM
-            self._outcome[np.isin(phase, (Phase.CORRECTED, Phase.DECLINED))] = SLOW
+            self._outcome[control["phase"] != Phase.ENDED] = Outcome.WAITING
         if np.count_nonzero(self._outcome):  # not all are solved
             self._continue_open_steps(undoes_slow)
-            for k in np.flatnonzero(np.isin(self._outcome, FAILURES)).tolist():
-                self._errors[k] = failure(self.records, k, self._outcome[k], self._errors.get(k))
-            for k in np.flatnonzero(np.isin(self._outcome, (*FAILURES, CANCELLED, SLOW))).tolist():
+            for k in np.flatnonzero(self._outcome).tolist():
+                if k in self._errors or self._outcome[k] in FAILURES:
+                    self._errors[k] = failure(self.records, k, self._outcome[k], self._errors.get(k))
                 give_up_step(self.records, k)
 
     def _raise_violation(self) -> None:
@@ -266,10 +263,10 @@ class Engine:
 
         Slow steps stay open if `undoes_slow`, because the caller undoes them.
         """
-        while amid := self._grow() + ([] if undoes_slow else self._solve_slow()):
+        while amid := self._serve(solves_slow=not undoes_slow):
             left = self.left.copy()
             self.left[:] = 0
-            self.left[amid], self._outcome[amid] = 1, SOLVED
+            self.left[amid], self._outcome[amid] = 1, Outcome.SOLVED
             run_threads(self.tasks(self.team))
             left[amid] += self.left[amid] - 1
             self.left[:] = left

@@ -232,7 +232,7 @@ def give_up_step(records: SceneRecords, k: int) -> None:
     for name in ("dv", "dvt", "dvr"):
         now, start = (records.array(k, f"contacts.{name}.{moment}") for moment in ("now", "start"))
         now[:listed] = start[:listed]
-    if control["phase"] == Phase.FULL:
+    if control["phase"] == Phase.LIST_FULL:
         for rows, count in (("start", records.scenes[k].n + 1), ("neighbor", listed)):
             records.array(k, f"neighbors.{rows}")[:count] = records.array(k, f"workspace.old.{rows}")[:count]
         record["control"] = 0

@@ -22,8 +22,8 @@ from warpgrains.batch.loaded_scenes import team_size
 from warpgrains.scene.fields import KEY_OF
 from warpgrains.scene.reader import document_fields
 from warpgrains.scene.scene import Scene
+from warpgrains.solver.exact.solver import exact_solver
 from warpgrains.solver.memory import OutOfMemoryError
-from warpgrains.solver.service import exact_solver
 from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
 from warpgrains.sweep.group import Group

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from warpgrains.base.arrays import FloatArray
-from warpgrains.kernels.record import Asking, Phase
+from warpgrains.kernels.record import HostRequest, Phase
 from warpgrains.solver.exact import active_set, interior_point
 from warpgrains.solver.exact.bordered import BorderedMatrix
 from warpgrains.solver.exact.constraints import StepConstraints
@@ -89,8 +89,8 @@ class ConvexSolver:
         if is_better:
             contacts.write("dv", q / unit)
         if left > tolerance or not is_better:
-            record["step"]["asking"] = Asking.NEVER  # another attempt would not improve the answer
-        record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
+            record["step"]["host_request"] = HostRequest.NEVER  # another attempt would not improve the answer
+        record["control"]["phase"], record["control"]["resuming"] = Phase.ANSWERED, not is_better
 
 
 def _with_gaps_of(problem: Projection, constraints: StepConstraints, q: FloatArray) -> Projection:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.base.arrays import Indices
-from warpgrains.kernels.record import Asking, Phase
+from warpgrains.kernels.record import HostRequest, Phase
 from warpgrains.kernels.types import PoseOf
 from warpgrains.solver.exact.listed import ListedContacts
 from warpgrains.solver.exact.path import Answer, Contacts, FrictionStep
@@ -46,7 +46,7 @@ class PathSolver:
         scene, record = self._records.scenes[self._k], self._records.host[self._k]
         listed, state = ListedContacts(self._records, self._k), record["step"]
         contacts, tolerance = Contacts.of(listed.constraints), ASKED * scene.tolerance
-        if state["asking"] == Asking.EARLY:
+        if state["host_request"] == HostRequest.EARLY:
             self._best, self._work = None, 0
         bodies = np.stack(
             [contacts.first, np.append(listed.constraints.second, -1 - listed.constraints.wall[:, 1])]
@@ -64,8 +64,8 @@ class PathSolver:
             listed.write("dv", best.dv)
             for name, values in zip(self._tangential, best.dvt.reshape(-1, len(best.dv)), strict=True):
                 listed.write(name, values)
-        state["asking"] = Asking.NEVER if is_last or is_solved else Asking.AT_LAST
-        record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
+        state["host_request"] = HostRequest.NEVER if is_last or is_solved else HostRequest.AT_LAST
+        record["control"]["phase"], record["control"]["resuming"] = Phase.ANSWERED, not is_better
 
     def _with_rolling(self, contacts: Contacts, wall: Indices) -> Contacts:
         """Return the contacts; with rolling friction, they are followed by an entry for rolling of each.

@@ -1,15 +1,14 @@
-"""The solver on the host for a method, and error messages for failed steps."""
+"""Error messages for failed steps."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import hypot, inf, isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpgrains.base.errors import SimulationError, requiring
-from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE, TOO_FAR
+from warpgrains.base.errors import SimulationError
+from warpgrains.kernels.record import Outcome
 from warpgrains.solver.infeasible import InfeasibilityProof, find_infeasibility_proof
 from warpgrains.solver.loading import corrections_of
 from warpgrains.solver.statistics import named
@@ -17,23 +16,6 @@ from warpgrains.solver.statistics import named
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.records import SceneRecords
-
-
-def exact_solver(method: str) -> Callable[[SceneRecords, int], Any] | None:
-    """Return a factory `(records, k)` of the host's solver of scene k; None for other methods than "exact".
-
-    Raises MissingExtraError if the method is "exact" and its extra is not installed.
-    """
-    if method != "exact":
-        return None
-    with requiring("method 'exact'", "exact"):
-        from warpgrains.solver.exact.convex import ConvexSolver
-        from warpgrains.solver.exact.friction import PathSolver
-
-    def solver_of(records: SceneRecords, k: int) -> ConvexSolver | PathSolver:
-        return (PathSolver if records.scenes[k].has_friction else ConvexSolver)(records, k)
-
-    return solver_of
 
 
 def failure(
@@ -56,7 +38,7 @@ def infeasible_grains(records: SceneRecords, k: int) -> tuple[int, ...]:
 
 def _reason(records: SceneRecords, k: int, outcome: int) -> str:
     """Return the message for the outcome of a failed step."""
-    if outcome == NOT_CONVERGED:
+    if outcome == Outcome.NOT_CONVERGED:
         return _not_converged(records, k)
     scene, body = records.scenes[k], int(records.host["verlet"]["flags"]["bad_body"][k])
     velocity = records.array(k, "grains.next_velocity")[body].tolist()
@@ -67,7 +49,7 @@ def _reason(records: SceneRecords, k: int, outcome: int) -> str:
             f" of {scene.dt} s it would leave no room for the grains, or its place would not be finite"
         )
     reached = f"grain {body} reached a velocity of {velocity} m/s"
-    is_across = outcome == TOO_FAR and bool(scene.period)
+    is_across = outcome == Outcome.TOO_FAR and bool(scene.period)
     if is_across and (other := _across(records, k, body)) is not None:
         return (
             f"{reached}: in a step of {scene.dt} s it would meet grain {other} by two of its images in the"
@@ -75,7 +57,7 @@ def _reason(records: SceneRecords, k: int, outcome: int) -> str:
         )
     path = inf if scene.has_driven_walls else scene.dt * hypot(*velocity)
     undefined = _wall_without_normal(records, k, body, path)
-    if undefined is not None or outcome == NOT_FINITE:
+    if undefined is not None or outcome == Outcome.NOT_FINITE:
         return f"{reached}: {undefined or _excess(scene, velocity)}"
     circle = scene.reach - scene.radius[body].item()
     return (
