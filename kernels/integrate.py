@@ -14,8 +14,8 @@ f64 = wp.float64
 @wp.func
 def begin_step(s: Scene):
     """Set gravity and place the mobile walls for the start of the step."""
-    if s.turning.rate != f64(0.0):
-        s.gravity = law.turned_gravity(s.turning.start, s.turning.rate, time_after(s, s.steps))
+    if s.gravity_rate != f64(0.0):
+        s.gravity = law.turned_gravity(s.gravity_start, s.gravity_rate, time_after(s, s.steps))
     place_mobile_walls(s)
 
 
@@ -29,8 +29,8 @@ def place_mobile_walls(s: Scene):
 @wp.func
 def velocity_after_kick(s: Scene, v: wp.vec2d, acceleration: wp.vec2d, drag: f64, m: f64) -> wp.vec2d:
     """Return the velocity after acceleration [m/s2] and drag [kg/s] of a body of mass m (eqs. 2, 16, 17)."""
-    if s.scheme.leapfrog != 0:
-        return law.leapfrog_velocity(v, acceleration, drag, m, s.dt, s.scheme.staggered != 0)
+    if s.leapfrog != 0:
+        return law.leapfrog_velocity(v, acceleration, drag, m, s.dt, s.staggered != 0)
     return law.free_velocity(v, acceleration, drag, m, s.dt)
 
 
@@ -68,9 +68,9 @@ def move(s: Scene, i: int):
 
 @wp.func
 def end_step(s: Scene):
-    """Count the step, place mobile walls, and set `staggered` (record.TimeScheme) after a leapfrog step."""
+    """Count the step, place mobile walls, and set `staggered` after a leapfrog step."""
     s.steps = s.steps + wp.int64(1)
     place_mobile_walls(s)
-    s.scheme.last_staggered = s.scheme.staggered
-    if s.scheme.leapfrog != 0:
-        s.scheme.staggered = 1
+    s.last_staggered = s.staggered
+    if s.leapfrog != 0:
+        s.staggered = 1

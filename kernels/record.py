@@ -2,7 +2,7 @@
 
 A kernel changes the numbers and the contents of the arrays, and no length of an array. It changes only those
 parameters that follow from the time or from driven walls: `gravity`, the times to which velocities belong
-(`TimeScheme`), and the speed and the radius of the outer circle (`walls.surface` and `walls.annulus`). This
+(`staggered`), and the speed and the radius of the outer circle (`walls.surface` and `walls.annulus`). This
 radius is also the coordinate of the circle's body (driven.py).
 """
 
@@ -22,7 +22,6 @@ from .types import (
     Vectors,
     Verlet,
     WorkingSet,
-    Workspace,
 )
 from .walls.walls import Walls
 
@@ -118,14 +117,6 @@ class Partial:
 
 
 @wp.struct
-class History:
-    """Zeta and residual of every iteration of the last step; of length 0 unless requested."""
-
-    zeta: Floats  # of every iteration [m/s]
-    residual: Floats  # after every iteration [m/s]
-
-
-@wp.struct
 class StoppingCriterion:
     """Parameters that decide when iterations stop (stopping.py)."""
 
@@ -134,15 +125,6 @@ class StoppingCriterion:
     max_iterations: wp.int32
     patience: wp.int32  # sweeps that cost as much as a solution by the host; 0: the host solves no step
     raise_on_unconverged: wp.int32  # whether a step that has not converged is an error
-
-
-@wp.struct
-class TimeScheme:
-    """Offset in time between velocities and positions, which the leapfrog scheme has."""
-
-    leapfrog: wp.int32  # whether velocities belong to the middle of a step
-    staggered: wp.int32  # whether velocities are half a step behind the positions now
-    last_staggered: wp.int32  # `staggered` before the last good step
 
 
 @wp.struct
@@ -183,14 +165,6 @@ class Violation:
 
 
 @wp.struct
-class Turning:
-    """Gravity whose direction turns."""
-
-    start: wp.vec2d  # gravity at time 0 [m/s2]
-    rate: f64  # [rad/s]; 0 if gravity is constant
-
-
-@wp.struct
 class SceneRecord:
     """One scene: its state, its list of contacts, and its parameters."""
 
@@ -201,10 +175,10 @@ class SceneRecord:
     working: WorkingSet
     grid: CellGrid
     neighbors: NeighborList
-    workspace: Workspace
     control: Control
     partial: Partial
-    history: History
+    zeta_history: Floats  # of every iteration of the last step [m/s]; of length 0 unless requested
+    residual_history: Floats  # after every iteration [m/s]
     step: StepState
     statistics: StepSums
     violation: Violation
@@ -213,9 +187,12 @@ class SceneRecord:
     stopping: StoppingCriterion
     tuning: Tuning
     walls: Walls
-    scheme: TimeScheme
+    leapfrog: wp.int32  # whether velocities belong to the middle of a step
+    staggered: wp.int32  # whether velocities are half a step behind the positions now
+    last_staggered: wp.int32  # `staggered` before the last good step
     gravity: wp.vec2d  # at the start of the step [m/s2]
-    turning: Turning
+    gravity_start: wp.vec2d  # at time 0 [m/s2]
+    gravity_rate: f64  # angular velocity of gravity [rad/s]; 0 if it is constant
     drag: f64  # [kg/s]
     spin_drag: f64  # [kg m2/s]
     friction: f64  # coefficient between grains

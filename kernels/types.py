@@ -163,6 +163,14 @@ class NeighborList:
 
     start: Ints
     neighbor: Ints
+    sweep_index: Ints  # of every contact: its index in the order of the sweep
+    # The rest is used while a list is built.
+    old_start: Ints  # rows of the previous list
+    old_neighbor: Ints
+    old_index: Ints  # of every contact: its index in the previous list, or -1
+    set_of: Ints  # independent set of every pair; -1 for contacts with walls
+    taken: wp.array(dtype=wp.uint64)  # of every grain: the sets of its pairs so far (coloring.py)
+    row_sum: Floats  # of every grain: sum of its mass shares over its contacts
     second: Ints  # number of contacts in which a grain or wall is the second body
     found: wp.array(dtype=wp.vec2i)  # contacts in the order of the search, as many as fit
     by_second: wp.array(dtype=wp.vec2i)  # contacts sorted by second body
@@ -191,36 +199,6 @@ class CellGrid:
 
 
 @wp.struct
-class VerletNumbers:
-    """Numbers that bound how long a list is valid; a state saves them under these names (`VerletList`)."""
-
-    frame_shift: wp.vec2d  # path of the frame since the list was built [m]
-    base_skin: f64  # [m]
-    frame_skin: f64  # largest path of the frame for which the list is valid [m]
-    elapsed: f64  # since the list was built [s]
-    lifetime: f64  # for which the list was built [s]
-
-
-@wp.struct
-class VerletWork:
-    """Numbers that a step computes before it uses them, so that a saved state does not contain them."""
-
-    frame_velocity: wp.vec2d  # v_f [m/s]
-    mean_velocity: wp.vec2d  # of the reference velocities v0_i [m/s]
-    unmonitored_change: f64  # bound on the change of a velocity since velocities were last sampled [m/s]
-    max_row_sum: f64  # bound on the change of a velocity by one iteration, in units of zeta
-
-
-@wp.struct
-class VerletFlags:
-    """Results of the check of the list (verlet.py)."""
-
-    list_expired: wp.int32  # whether a contact may be missing from the list
-    without_normal: wp.int32  # whether a grain is where the normal of a wall is undefined
-    bad_body: wp.int32  # a body that is not finite or moves too far (NOT_FINITE, TOO_FAR), or -1
-
-
-@wp.struct
 class Verlet:
     """Arrays by body, and numbers, that prove that no contact is missing from the list (verlet.py)."""
 
@@ -230,32 +208,39 @@ class Verlet:
     skin: Floats  # skin_i: bound on s_i + dt p_i for which the list is valid [m]
     reference_position: Vectors  # position when the list was built [m]
     reference_velocity: Vectors  # v0_i [m/s]
-    numbers: VerletNumbers
-    work: VerletWork
-    flags: VerletFlags
+    # Numbers that bound how long the list is valid; a state saves them under these names (`VerletList`).
+    frame_shift: wp.vec2d  # path of the frame since the list was built [m]
+    base_skin: f64  # [m]
+    frame_skin: f64  # largest path of the frame for which the list is valid [m]
+    elapsed: f64  # since the list was built [s]
+    lifetime: f64  # for which the list was built [s]
+    # Numbers that a step computes before it uses them, so that a saved state does not contain them.
+    frame_velocity: wp.vec2d  # v_f [m/s]
+    mean_velocity: wp.vec2d  # of the reference velocities v0_i [m/s]
+    unmonitored_change: f64  # bound on the change of a velocity since velocities were last sampled [m/s]
+    max_row_sum: f64  # bound on the change of a velocity by one iteration, in units of zeta
+    # Results of the check.
+    list_expired: wp.int32  # whether a contact may be missing from the list
+    without_normal: wp.int32  # whether a grain is where the normal of a wall is undefined
+    bad_body: wp.int32  # a body that is not finite or moves too far (NOT_FINITE, TOO_FAR), or -1
 
 
 @wp.struct
-class MomentumState:
-    """The momentum of the accelerated method (momentum.py)."""
+class Momentum:
+    """The momentum of the accelerated method (momentum.py), and sums by chunk (contacts.py)."""
 
     t: f64
     beta: f64
     relaxation: f64  # over-relaxation omega - 1 at beta = 1
     first_zeta: f64  # zeta of the first sweep of the step [m/s]
     change: f64  # of the last sweep with friction, squared and summed in the mass metric [kg m2/s2]
-
-
-@wp.struct
-class Momentum:
-    """Velocities before the last sweep, and sums by chunk (contacts.py); empty without acceleration."""
+    # The arrays are empty without acceleration.
 
     last_rim: Floats  # rim speeds before the last sweep [m/s]
     last_velocity: Vectors  # before the last sweep [m/s]
-    # by chunk of contacts: rise of phi (with friction: MomentumState.change), and slope along the momentum
+    # by chunk of contacts: rise of phi (with friction: `change`), and slope along the momentum
     contact_sums: Vectors
     body_sums: Vectors  # sums of M s.(v + y) and M v.v, where y = v + beta s; unused with friction
-    state: MomentumState
 
 
 @wp.struct
@@ -266,15 +251,3 @@ class WorkingSet:
     index: Ints  # index of each contact in the list of all contacts
     mass: Floats  # mu_c of pairs [kg]; empty if all masses are equal
     range: wp.array(dtype=wp.vec2i)  # first contact and end of every chunk
-
-
-@wp.struct
-class Workspace:
-    """Temporary arrays for building a list."""
-
-    old: NeighborList  # the previous list
-    old_index: Ints  # of every contact: its index in the previous list, or -1
-    sweep_index: Ints  # of every contact: its index in the order of the sweep
-    set_of: Ints  # independent set of every pair; -1 for contacts with walls
-    row_sum: Floats  # of every grain: sum of its mass shares over its contacts
-    taken: wp.array(dtype=wp.uint64)  # of every grain: the sets of its pairs so far (coloring.py)

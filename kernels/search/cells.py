@@ -90,11 +90,11 @@ def fill_cell(s: Scene, i: int):
     """Write grain i to its bucket; cell_start of the bucket counts down from end to start."""
     k = add(s.grid.cell_start, at(s.grid.bucket, i), -1) - 1
     x = wrapped(s, at(s.grains.position, i))
-    w = at(s.verlet.reference_velocity, i) - s.verlet.work.mean_velocity
+    w = at(s.verlet.reference_velocity, i) - s.verlet.mean_velocity
     skin = at(s.grains.radius, i) + at(s.verlet.skin, i)
     put(s.grid.grain, k, i)
     put(s.grid.x, k, x[0])
     put(s.grid.y, k, x[1])
     put(s.grid.velocity, k, w)
     put(s.grid.skin, k, skin)
-    put(s.grid.extent, k, skin + s.verlet.numbers.lifetime * wp.length(w))
+    put(s.grid.extent, k, skin + s.verlet.lifetime * wp.length(w))

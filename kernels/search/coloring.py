@@ -26,7 +26,7 @@ MASK_COLORS = wp.constant(64)
 def choose_sets(s: Scene):
     """Write the set of every pair to `set_of`, and -1 for contacts with walls."""
     rows, n = s.neighbors, grain_count(s)
-    taken = s.workspace.taken  # of every grain: 1 + the level of its last pair, or a mask of its colors
+    taken = s.neighbors.taken  # of every grain: 1 + the level of its last pair, or a mask of its colors
     for i in range(n):
         put(taken, i, wp.uint64(0))
     extra = int(MASK_COLORS)  # a pair for which no color of the mask is free gets a color of no other pair
@@ -50,7 +50,7 @@ def choose_sets(s: Scene):
                     bit = wp.uint64(1) << wp.uint64(chosen)
                     own = own | bit
                     put(taken, j, its | bit)
-            put(s.workspace.set_of, k, chosen)
+            put(s.neighbors.set_of, k, chosen)
             k += 1
 
 
@@ -62,7 +62,7 @@ def order_contacts(s: Scene):
     become one set, but keep this order.
     """
     listed = listed_count(s)
-    start, set_of, sweep_index = s.contacts.set_start, s.workspace.set_of, s.workspace.sweep_index
+    start, set_of, sweep_index = s.contacts.set_start, s.neighbors.set_of, s.neighbors.sweep_index
     sets, pairs = int(0), int(0)
     k = int(0)
     while k < listed:

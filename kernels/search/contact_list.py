@@ -16,7 +16,7 @@ from ..record import (
     is_accelerated,
 )
 from ..sweeps.rolling import find_roll_weights
-from ..types import Contact, CorrectionByRef, NeighborList
+from ..types import Contact, CorrectionByRef, Ints
 from ..walls.walls import way
 from .cells import clear, prefix_sum
 
@@ -31,11 +31,11 @@ def listed_count(s: Scene) -> int:
 
 
 @wp.func
-def pair_end(rows: NeighborList, i: int) -> int:
+def pair_end(start: Ints, neighbor: Ints, i: int) -> int:
     """Return the index after the last pair of row i, where the contacts of grain i with walls begin."""
-    n = rows.start.shape[0] - 1
-    begin, k = at(rows.start, i), at(rows.start, i + 1)
-    while k > begin and at(rows.neighbor, wp.max(k - 1, 0)) >= n:
+    n = start.shape[0] - 1
+    begin, k = at(start, i), at(start, i + 1)
+    while k > begin and at(neighbor, wp.max(k - 1, 0)) >= n:
         k -= 1
     return k
 
@@ -43,14 +43,14 @@ def pair_end(rows: NeighborList, i: int) -> int:
 @wp.func
 def save_row(s: Scene, i: int):
     """Save the index at which row i begins."""
-    put(s.workspace.old.start, i, at(s.neighbors.start, i))
+    put(s.neighbors.old_start, i, at(s.neighbors.start, i))
 
 
 @wp.func
 def save_contact(s: Scene, k: int):
     """Save the second body and the corrections of contact k of the list."""
-    c = at(s.workspace.sweep_index, k)
-    put(s.workspace.old.neighbor, k, at(s.neighbors.neighbor, k))
+    c = at(s.neighbors.sweep_index, k)
+    put(s.neighbors.old_neighbor, k, at(s.neighbors.neighbor, k))
     save(s.contacts.dv, k, c)
     save(s.contacts.dvt, k, c)
     save(s.contacts.dvr, k, c)
@@ -81,7 +81,7 @@ def restore(correction: CorrectionByRef, k: int, c: int):
 def expire(s: Scene):
     """Count a rebuild of the list. Accelerated sweeps resume with the new list, plain sweeps start again."""
     n = grain_count(s)
-    put(s.workspace.old.start, n, at(s.neighbors.start, n))
+    put(s.neighbors.old_start, n, at(s.neighbors.start, n))
     s.step.rebuilds = s.step.rebuilds + 1
     s.control.resuming = 0
     if has_swept(s):
@@ -148,22 +148,22 @@ def keep_pair(s: Scene, i: int, j: int, k_old: int):
 @wp.func
 def match_rows(s: Scene, i: int):
     """Find the contacts of grain i in the old list; repeat the search if a pair with a correction is lost."""
-    rows, old = s.neighbors, s.workspace.old
-    k_old, end_old = at(old.start, i), at(old.start, i + 1)
+    rows = s.neighbors
+    k_old, end_old = at(rows.old_start, i), at(rows.old_start, i + 1)
     k, end = at(rows.start, i), at(rows.start, i + 1)
     while k < end:
         j = at(rows.neighbor, k)
-        while k_old < end_old and at(old.neighbor, k_old) < j:
-            keep_pair(s, i, at(old.neighbor, k_old), k_old)
+        while k_old < end_old and at(rows.old_neighbor, k_old) < j:
+            keep_pair(s, i, at(rows.old_neighbor, k_old), k_old)
             k_old += 1
         k_found = int(-1)
-        if k_old < end_old and at(old.neighbor, k_old) == j:
+        if k_old < end_old and at(rows.old_neighbor, k_old) == j:
             k_found = k_old
             k_old += 1
-        put(s.workspace.old_index, k, k_found)
+        put(s.neighbors.old_index, k, k_found)
         k += 1
     while k_old < end_old:
-        keep_pair(s, i, at(old.neighbor, k_old), k_old)
+        keep_pair(s, i, at(rows.old_neighbor, k_old), k_old)
         k_old += 1
 
 
@@ -173,8 +173,8 @@ def transfer_warm_start(s: Scene, i: int):
     k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
     while k < end:
         j = at(s.neighbors.neighbor, k)
-        c = at(s.workspace.sweep_index, k)
-        k_old = at(s.workspace.old_index, k)
+        c = at(s.neighbors.sweep_index, k)
+        k_old = at(s.neighbors.old_index, k)
         contact = Contact()
         contact.i = wp.uint32(2 * i)
         contact.j = wp.uint32(2 * j)
@@ -213,7 +213,7 @@ def find_row_sums(s: Scene):
     """
     if is_accelerated(s):
         return
-    n, row_sum, largest = grain_count(s), s.workspace.row_sum, f64(0.0)
+    n, row_sum, largest = grain_count(s), s.neighbors.row_sum, f64(0.0)
     for i in range(n):
         put(row_sum, i, f64(0.0))
     for i in range(n):
@@ -223,7 +223,7 @@ def find_row_sums(s: Scene):
             j = at(s.neighbors.neighbor, k)
             weight = wp.vec2d(wp.where(j < n, f64(0.5), f64(1.0)), f64(0.5))
             if has_weights(s):
-                weight = at(s.contacts.weights, at(s.workspace.sweep_index, k))
+                weight = at(s.contacts.weights, at(s.neighbors.sweep_index, k))
             own = own + weight[0]
             if j < n:
                 put(row_sum, j, at(row_sum, j) + weight[1])
@@ -231,4 +231,4 @@ def find_row_sums(s: Scene):
         largest = wp.max(largest, own)
     if has_friction(s):
         largest = ROOT_TWO * largest  # tangential corrections may be as large as normal ones
-    s.verlet.work.max_row_sum = largest
+    s.verlet.max_row_sum = largest

@@ -119,7 +119,7 @@ def note_pairs(s: Scene, free: int, k: int, shift: wp.vec2d, near: wp.uint64, be
         left = left & (left - wp.uint64(1))
         other = begins[bit >> 3] + (bit & 7)
         w = at(velocity, other) - at(velocity, k)
-        path = s.verlet.numbers.lifetime * wp.length(w)
+        path = s.verlet.lifetime * wp.length(w)
         reach = (at(skin, k) + at(skin, other) + path) * TOO_WIDE
         apart = wp.vec2d(at(x, other) - at(x, k), at(y, other) - at(y, k))
         d = apart - shift
@@ -203,13 +203,13 @@ def find_walls(s: Scene, free: int, i: int) -> int:
 
     Returns the next free slot.
     """
-    lifetime = s.verlet.numbers.lifetime
+    lifetime = s.verlet.lifetime
     path = lifetime * wp.length(at(s.verlet.reference_velocity, i))
-    own = at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path
+    own = at(s.verlet.skin, i) + s.verlet.frame_skin + path
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
     now = time_after(s, s.steps)
-    old = s.workspace.old
-    k_old, end_old = pair_end(old, i), at(old.start, i + 1)
+    old_start, old = s.neighbors.old_start, s.neighbors.old_neighbor
+    k_old, end_old = pair_end(old_start, old, i), at(old_start, i + 1)
     skipping = not (are_mobile(s.walls) or is_periodic(s.walls) or k_old < end_old)
     b, slot = int(0), int(free)
     while b < wall_body_count(s.walls):
@@ -221,9 +221,9 @@ def find_walls(s: Scene, free: int, i: int) -> int:
             its = its + its_path + at(s.verlet.skin, leader)
         reach = (own + its) * TOO_WIDE
         listed = is_near_wall(b, x, radius, s.walls, reach)
-        while k_old < end_old and at(old.neighbor, k_old) < j:
+        while k_old < end_old and at(old, k_old) < j:
             k_old += 1
-        if k_old < end_old and at(old.neighbor, k_old) == j and is_active(at(s.contacts.dv.saved, k_old)):
+        if k_old < end_old and at(old, k_old) == j and is_active(at(s.contacts.dv.saved, k_old)):
             listed = True
         if listed:
             slot = note_contact(s, slot, i, j)

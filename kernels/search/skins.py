@@ -23,8 +23,8 @@ LONGEST = wp.constant(f64(64.0))  # longest lifetime of a list, in steps
 def adapt_base_skin(s: Scene):
     """Widen the base skin [m] if the list lasted less than 5 steps; narrow it after more than 20."""
     radius = s.tuning.smallest_radius
-    skin = s.verlet.numbers.base_skin
-    steps = s.verlet.numbers.elapsed / s.dt
+    skin = s.verlet.base_skin
+    steps = s.verlet.elapsed / s.dt
     if steps < f64(4.5):
         widest = WIDEST
         if is_accelerated(s):
@@ -34,7 +34,7 @@ def adapt_base_skin(s: Scene):
         skin = wp.max(skin, wp.min(f64(1.25) * skin, widest * radius))
     elif steps > f64(20.5):
         skin = wp.max(f64(0.7) * skin, NARROWEST * radius)
-    s.verlet.numbers.base_skin = skin
+    s.verlet.base_skin = skin
 
 
 @wp.func
@@ -56,9 +56,9 @@ def renew_skin(s: Scene, i: int):
             put(s.verlet.peak_square, i, f64(0.0))
         else:
             margin = FOUND_OUT
-            w = at(s.verlet.reference_velocity, i) + s.verlet.work.frame_velocity
+            w = at(s.verlet.reference_velocity, i) + s.verlet.frame_velocity
             put(s.verlet.recent_deviation, i, needed)  # so that skins only grow as long as the step goes on
-    put(s.verlet.skin, i, s.verlet.numbers.base_skin + margin * s.dt * needed)
+    put(s.verlet.skin, i, s.verlet.base_skin + margin * s.dt * needed)
     put(s.verlet.reference_position, i, at(s.grains.position, i))
     put(s.verlet.reference_velocity, i, w)
 
@@ -67,7 +67,7 @@ def renew_skin(s: Scene, i: int):
 def widen_for_start(s: Scene, i: int):
     """Widen skin_i to cover the velocity at the end of the last step, too (`verlet.monitor_start`)."""
     away = wp.length(at(s.grains.velocity, i) - at(s.verlet.reference_velocity, i))
-    put(s.verlet.skin, i, larger(at(s.verlet.skin, i), s.verlet.numbers.base_skin + FORESEEN * s.dt * away))
+    put(s.verlet.skin, i, larger(at(s.verlet.skin, i), s.verlet.base_skin + FORESEEN * s.dt * away))
 
 
 @wp.func
@@ -91,8 +91,8 @@ def renew_numbers(s: Scene):
     steps = wp.clamp(wp.floor(s.tuning.room / (s.dt * wp.sqrt(spread))), f64(1.0), LONGEST)
     lifetime = steps * s.dt
     fall = f64(1.2) * s.tuning.acceleration * lifetime * (f64(0.5) * lifetime + s.dt)
-    s.verlet.numbers.frame_shift = wp.vec2d(f64(0.0), f64(0.0))
-    s.verlet.numbers.elapsed = f64(0.0)
-    s.verlet.work.mean_velocity = mean
-    s.verlet.numbers.lifetime = lifetime
-    s.verlet.numbers.frame_skin = s.verlet.numbers.base_skin + fall
+    s.verlet.frame_shift = wp.vec2d(f64(0.0), f64(0.0))
+    s.verlet.elapsed = f64(0.0)
+    s.verlet.mean_velocity = mean
+    s.verlet.lifetime = lifetime
+    s.verlet.frame_skin = s.verlet.base_skin + fall

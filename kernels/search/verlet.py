@@ -38,16 +38,15 @@ ROUNDED = wp.constant(f64(1.0 + 1e-13))  # factor above the rounding of `elapsed
 @wp.func
 def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
     """Return v_i - v0_i - v_f, the deviation of a velocity v_i [m/s] from the reference motion of grain i."""
-    return velocity - at(s.verlet.reference_velocity, i) - s.verlet.work.frame_velocity
+    return velocity - at(s.verlet.reference_velocity, i) - s.verlet.frame_velocity
 
 
 @wp.func
 def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
     """Return s_i, the distance of a position from the straight path of body i at v0_i + v_f [m]."""
-    verlet = s.verlet.numbers
     w = at(s.verlet.reference_velocity, i)
-    straight = at(s.verlet.reference_position, i) + verlet.elapsed * w
-    return wp.length(position - straight - verlet.frame_shift)
+    straight = at(s.verlet.reference_position, i) + s.verlet.elapsed * w
+    return wp.length(position - straight - s.verlet.frame_shift)
 
 
 @wp.func
@@ -60,13 +59,13 @@ def is_finite(x: wp.vec2d) -> bool:
 @wp.func
 def least_monitored(s: Scene) -> f64:
     """Return the smallest change of a velocity after which the grain is monitored [m/s]."""
-    return s.tuning.monitor_threshold * s.verlet.numbers.base_skin
+    return s.tuning.monitor_threshold * s.verlet.base_skin
 
 
 @wp.func
 def least_monitored_correction(s: Scene) -> f64:
     """Return the smallest change of a correction after which both grains are monitored [m/s]."""
-    return least_monitored(s) / s.verlet.work.max_row_sum
+    return least_monitored(s) / s.verlet.max_row_sum
 
 
 @wp.func
@@ -82,29 +81,29 @@ def monitor(s: Scene, i: int, velocity: wp.vec2d):
     """Update the peak deviation p_i for this velocity of grain i [m/s]; above its limit, the list expires."""
     limit = at(s.verlet.peak_limit, i)
     if keep_peak(s, i, velocity) > limit * limit:
-        s.verlet.flags.list_expired = 1
+        s.verlet.list_expired = 1
 
 
 @wp.func
 def peak_of(s: Scene, i: int) -> f64:
     """Return the peak deviation p_i of body i plus the bound on unmonitored changes [m/s]."""
-    return wp.sqrt(at(s.verlet.peak_square, i)) + s.verlet.work.unmonitored_change
+    return wp.sqrt(at(s.verlet.peak_square, i)) + s.verlet.unmonitored_change
 
 
 @wp.func
 def sample(s: Scene, i: int):
     """Raise the peak deviation p_i to the present one of grain i plus the bound on unmonitored changes."""
     v = at(s.grains.next_velocity, i)
-    peak = wp.length(deviation(s, v, i)) + s.verlet.work.unmonitored_change
+    peak = wp.length(deviation(s, v, i)) + s.verlet.unmonitored_change
     put(s.verlet.peak_square, i, larger(at(s.verlet.peak_square, i), peak * peak))
 
 
 @wp.func
 def clear_check(s: Scene):
     """Reset the results of the check."""
-    s.verlet.work.unmonitored_change = f64(0.0)
-    s.verlet.flags.list_expired = 0
-    s.verlet.flags.bad_body = -1
+    s.verlet.unmonitored_change = f64(0.0)
+    s.verlet.list_expired = 0
+    s.verlet.bad_body = -1
 
 
 @wp.func
@@ -125,7 +124,7 @@ def find_frame(s: Scene):
             w = at(s.verlet.reference_velocity, i)
             u = u + (at(s.grains.next_velocity, i) - w) / f64(count)
             i += stride
-    s.verlet.work.frame_velocity = u
+    s.verlet.frame_velocity = u
 
 
 @wp.func
@@ -147,15 +146,15 @@ def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
     peak = wp.max(peak_of(s, i), foreseen * at(s.verlet.recent_deviation, i))
     used = displacement(s, x, i) + s.dt * peak
     if not is_resolved(s, i):
-        s.verlet.flags.bad_body = i  # of any thread; check_all replaces it by the last such body
+        s.verlet.bad_body = i  # of any thread; check_all replaces it by the last such body
     elif not (used + least <= at(s.verlet.skin, i)):
-        s.verlet.flags.list_expired = 1
+        s.verlet.list_expired = 1
 
 
 @wp.func
 def spare_skin(s: Scene) -> f64:
     """Return the length of each skin that must be left before the iteration [m]."""
-    return s.tuning.rounding + s.tuning.reserve * s.verlet.numbers.base_skin
+    return s.tuning.rounding + s.tuning.reserve * s.verlet.base_skin
 
 
 @wp.func
@@ -195,43 +194,40 @@ def verify(s: Scene, i: int):
 @wp.func
 def check_all(s: Scene, least: f64):
     """Check the lifetime, and that `least` [m] of the frame's skin is left; find the last bad body."""
-    numbers = s.verlet.numbers
-    path = wp.length(numbers.frame_shift) + s.dt * wp.length(s.verlet.work.frame_velocity)
-    if not (path + least <= numbers.frame_skin):
-        s.verlet.flags.list_expired = 1
-    if not (numbers.elapsed + s.dt <= ROUNDED * numbers.lifetime):
-        s.verlet.flags.list_expired = 1
-    if s.verlet.flags.bad_body >= 0:
+    path = wp.length(s.verlet.frame_shift) + s.dt * wp.length(s.verlet.frame_velocity)
+    if not (path + least <= s.verlet.frame_skin):
+        s.verlet.list_expired = 1
+    if not (s.verlet.elapsed + s.dt <= ROUNDED * s.verlet.lifetime):
+        s.verlet.list_expired = 1
+    if s.verlet.bad_body >= 0:
         for i in range(body_count(s)):
             if not is_resolved(s, i):
-                s.verlet.flags.bad_body = i
+                s.verlet.bad_body = i
 
 
 @wp.func
 def is_list_valid(s: Scene) -> bool:
     """Return whether the check has found no bad body (`is_resolved`), and no contact can be missing."""
-    return s.verlet.flags.bad_body < 0 and s.verlet.flags.list_expired == 0
+    return s.verlet.bad_body < 0 and s.verlet.list_expired == 0
 
 
 @wp.func
 def add_unmonitored(s: Scene):
     """Add a bound on the changes by the last sweep that were not monitored to `unmonitored_change`."""
-    work = s.verlet.work
-    most = least_monitored(s)
-    change = work.unmonitored_change + wp.min(work.max_row_sum * s.step.zeta, most)
-    s.verlet.work.unmonitored_change = change
+    change = wp.min(s.verlet.max_row_sum * s.step.zeta, least_monitored(s))
+    s.verlet.unmonitored_change = s.verlet.unmonitored_change + change
 
 
 @wp.func
 def is_sampling_due(s: Scene) -> bool:
     """Return whether the sum of unmonitored changes exceeds the threshold of monitoring."""
-    return s.verlet.work.unmonitored_change > least_monitored(s)
+    return s.verlet.unmonitored_change > least_monitored(s)
 
 
 @wp.func
 def end_sampling(s: Scene):
     """Reset the sum of unmonitored changes."""
-    s.verlet.work.unmonitored_change = f64(0.0)
+    s.verlet.unmonitored_change = f64(0.0)
 
 
 @wp.func
@@ -243,6 +239,5 @@ def remember(s: Scene, i: int):
 @wp.func
 def shift_frame(s: Scene):
     """Move the frame by v_f dt, and add dt to the age of the list."""
-    numbers = s.verlet.numbers
-    s.verlet.numbers.frame_shift = numbers.frame_shift + s.dt * s.verlet.work.frame_velocity
-    s.verlet.numbers.elapsed = numbers.elapsed + s.dt
+    s.verlet.frame_shift = s.verlet.frame_shift + s.dt * s.verlet.frame_velocity
+    s.verlet.elapsed = s.verlet.elapsed + s.dt

@@ -44,7 +44,7 @@ def start(s: Scene):
     """
     s.control.unordered = 0
     if s.control.phase == Phase.START:
-        s.verlet.flags.without_normal = 0
+        s.verlet.without_normal = 0
 
 
 @wp.func
@@ -139,7 +139,7 @@ def body_too_far(s: Scene) -> int:
     It is the body of the outer circle if no grain fits into this circle after the step.
     """
     found = int(-1)
-    if s.walls.annulus.round != 0 or s.verlet.flags.without_normal != 0:
+    if s.walls.annulus.round != 0 or s.verlet.without_normal != 0:
         found = grain_beyond_wall(s)
     if found < 0 and is_periodic(s.walls):
         found = grain_at_other_image(s)
@@ -159,17 +159,17 @@ def judge(s: Scene):
     phase, outcome = int(Phase.ENDED), int(Outcome.SOLVED)
     if is_cancelled(s) and not (converged and is_measured(s)):
         outcome = int(Outcome.STOPPED)  # the residual may be that of an earlier iteration, as during a scan
-    elif s.verlet.flags.bad_body >= 0:
+    elif s.verlet.bad_body >= 0:
         outcome = int(Outcome.NOT_FINITE)
-    elif s.verlet.flags.list_expired != 0:
+    elif s.verlet.list_expired != 0:
         phase = int(Phase.SEARCH)
     elif not converged and s.step.host_request != HostRequest.NEVER:
         phase, outcome = int(Phase.SLOW), int(Outcome.WAITING)
     elif not converged and s.stopping.raise_on_unconverged != 0:
         outcome = int(Outcome.NOT_CONVERGED)
     else:
-        s.verlet.flags.bad_body = body_too_far(s)
-        if s.verlet.flags.bad_body >= 0:
+        s.verlet.bad_body = body_too_far(s)
+        if s.verlet.bad_body >= 0:
             outcome = int(Outcome.TOO_FAR)
     s.step.converged = 1 if converged else 0
     s.step.outcome = outcome

@@ -51,7 +51,7 @@ FADE = wp.constant(f64(500.0))  # number of sweeps after which the cap falls, as
 @wp.func
 def relaxation_factor(s: Scene) -> f64:
     """Return omega, the factor by which a sweep multiplies the excess of a contact (eq. 13)."""
-    return f64(1.0) + s.momentum.state.relaxation * s.momentum.state.beta
+    return f64(1.0) + s.momentum.relaxation * s.momentum.beta
 
 
 @wp.func
@@ -68,21 +68,21 @@ def take_t_on(s: Scene, zeta: f64):
     sweeps = s.step.iterations + 1
     tolerance = s.stopping.tolerance
     if sweeps == 1:
-        s.momentum.state.first_zeta = zeta
-    t = s.momentum.state.t
+        s.momentum.first_zeta = zeta
+    t = s.momentum.t
     following = f64(0.5) * (f64(1.0) + wp.sqrt(f64(1.0) + f64(4.0) * t * t))
-    s.momentum.state.beta = (t - f64(1.0)) / following
+    s.momentum.beta = (t - f64(1.0)) / following
     if zeta < NEAR_END * tolerance:
-        fall = T_PER_FALL * wp.sqrt(s.momentum.state.first_zeta / tolerance)
+        fall = T_PER_FALL * wp.sqrt(s.momentum.first_zeta / tolerance)
         following = wp.min(following, wp.max(T_ANYWAY, wp.max(fall, T_PER_SWEEP * f64(sweeps))))
-    s.momentum.state.t = following
+    s.momentum.t = following
 
 
 @wp.func
 def back_off(s: Scene):
     """Stop momentum for one sweep, and halve t."""
-    s.momentum.state.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * s.momentum.state.t)
-    s.momentum.state.beta = f64(0.0)
+    s.momentum.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * s.momentum.t)
+    s.momentum.beta = f64(0.0)
 
 
 @wp.func
@@ -108,10 +108,10 @@ def accept_or_reject(s: Scene, zeta: f64):
         moving = at(s.momentum.body_sums, k)
         energy = energy + moving[0]
         size = size + moving[1]
-    beta = s.momentum.state.beta
+    beta = s.momentum.beta
     rejected = beta > f64(0.0) and total[0] + beta * (f64(0.5) * energy - ROUNDING * size) > f64(0.0)
     if rejected:
-        s.momentum.state.relaxation = RELAXATION_BACKOFF * s.momentum.state.relaxation
+        s.momentum.relaxation = RELAXATION_BACKOFF * s.momentum.relaxation
     if rejected or total[1] > f64(0.0):
         back_off(s)
     else:
@@ -126,14 +126,14 @@ def limit_momentum(s: Scene, zeta: f64):
     Back off if the changes by sweeps grow, or if the slope along the momentum is > 0.
     """
     total = sum_of_chunks(s)
-    grown = s.momentum.state.beta > f64(0.0) and total[0] > GROWTH * s.momentum.state.change
-    s.momentum.state.change = total[0]
+    grown = s.momentum.beta > f64(0.0) and total[0] > GROWTH * s.momentum.change
+    s.momentum.change = total[0]
     if total[1] > f64(0.0) or grown:
         back_off(s)
     else:
         take_t_on(s, zeta)
         cap = CAP * wp.min(f64(1.0), FADE / f64(s.step.iterations + 1))
-        s.momentum.state.beta = wp.min(cap, s.momentum.state.beta)
+        s.momentum.beta = wp.min(cap, s.momentum.beta)
 
 
 @wp.func
@@ -189,9 +189,9 @@ def begin_momentum(team: Team, s: Scene):
     copy_numbers(team, s.contacts.dvt.last, s.contacts.dvt.now, contact_count(s))
     copy_numbers(team, s.contacts.dvr.last, s.contacts.dvr.now, contact_count(s))
     if team.rank == 0:
-        s.momentum.state.t = f64(1.0)
-        s.momentum.state.beta = f64(0.0)
-        s.momentum.state.relaxation = RELAXATION
+        s.momentum.t = f64(1.0)
+        s.momentum.beta = f64(0.0)
+        s.momentum.relaxation = RELAXATION
 
 
 def extrapolating(friction: bool) -> wp.Function:
@@ -203,7 +203,7 @@ def extrapolating(friction: bool) -> wp.Function:
         grains = s.grains
         last_velocity = s.momentum.last_velocity
         last_rim = s.momentum.last_rim
-        beta = s.momentum.state.beta
+        beta = s.momentum.beta
         begin, end = thread_range(team, 0, chunks_in(n))
         for k in range(begin, end):
             energy = f64(0.0)

@@ -91,7 +91,7 @@ def sweeping_pairs(
         rim_weights = contacts.rim_weights
         masses = s.working.mass
         kept_v = s.partial.kept_velocity
-        beta, mu, omega = s.momentum.state.beta, f64(s.friction), f64(1.0)
+        beta, mu, omega = s.momentum.beta, f64(s.friction), f64(1.0)
         mu_r = f64(s.rolling_friction)
         if wp.static(ahead and not friction):
             omega = relaxation_factor(s)

@@ -115,7 +115,7 @@ def is_too_slow(s: Scene) -> bool:
 @wp.func
 def is_recorded(s: Scene) -> bool:
     """Return whether the history records the residual of the last iteration."""
-    return s.step.iterations <= s.history.zeta.shape[0]
+    return s.step.iterations <= s.zeta_history.shape[0]
 
 
 @wp.func
@@ -152,21 +152,21 @@ def end_iteration(s: Scene, zeta: f64):
     iterations = s.step.iterations + 1
     s.step.iterations = iterations
     s.step.zeta = zeta
-    if iterations <= s.history.zeta.shape[0]:
-        put(s.history.zeta, iterations - 1, zeta)
+    if iterations <= s.zeta_history.shape[0]:
+        put(s.zeta_history, iterations - 1, zeta)
     stopping = is_last_iteration(s)
     s.control.may_stop = 1 if stopping else 0
     if is_accelerated(s):
         if stopping or is_scan_due(iterations):
             s.control.phase = Phase.SCAN
-    elif stopping or (s.verlet.flags.list_expired != 0 and is_power_of_two(iterations)):
+    elif stopping or (s.verlet.list_expired != 0 and is_power_of_two(iterations)):
         s.control.phase = Phase.VERIFY
 
 
 @wp.func
 def end_list_check(s: Scene):
     """Interrupt the sweeps if the list has expired; they resume with a scan of the next list."""
-    if s.verlet.flags.list_expired != 0:
+    if s.verlet.list_expired != 0:
         s.control.phase = Phase.VERIFY
 
 
@@ -175,8 +175,8 @@ def take_residual(s: Scene):
     """Reduce the residual over the threads, and store it as that of the last iteration."""
     s.step.residual = take_max(s.partial.residual)
     s.step.measured = s.step.iterations
-    if s.step.iterations <= s.history.residual.shape[0]:
-        put(s.history.residual, s.step.iterations - 1, s.step.residual)
+    if s.step.iterations <= s.residual_history.shape[0]:
+        put(s.residual_history, s.step.iterations - 1, s.step.residual)
 
 
 @wp.func

@@ -52,7 +52,7 @@ def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: b
         walls = contacts.contact
         dvs = contacts.dv.now
         all_limits = contacts.limits
-        beta, omega = s.momentum.state.beta, f64(1.0)
+        beta, omega = s.momentum.beta, f64(1.0)
         if wp.static(ahead and not friction):
             omega = relaxation_factor(s)
         large, first_wall = least_monitored_correction(s), pair_count(s)

@@ -72,7 +72,7 @@ def starting(kind: Kind) -> wp.Function:
             normal, gap, back, circle = wall_contact(b, x, radius, s.walls)
             if wp.isnan(normal[0]) and wp.min(gap, back) > f64(0.0):
                 normal = wp.vec2d()  # no force; `grain_beyond_wall` checks that the grain does not reach it
-                s.verlet.flags.without_normal = 1
+                s.verlet.without_normal = 1
             rates, surface = wp.vec3d(gap / s.dt, back / s.dt, circle / s.dt), wp.vec2d()
             if are_mobile(s.walls):
                 surface = surface_velocity(b, x, radius + gap, normal, s.walls)

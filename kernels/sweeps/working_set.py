@@ -43,7 +43,7 @@ def check_peak(s: Scene, i: int):
     allowed = at(s.verlet.peak_limit, i) - nearness(s)
     peak = keep_peak(s, i, at(s.grains.next_velocity, i))
     if allowed < f64(0.0) or peak > allowed * allowed:
-        s.verlet.flags.list_expired = 1
+        s.verlet.list_expired = 1
 
 
 @wp.func
@@ -221,6 +221,6 @@ def end_scan(s: Scene):
     iterations = s.step.iterations
     if has_swept(s) and stops_on_zeta(s) and s.control.rejected == 0:
         s.step.zeta = wp.max(s.step.zeta, violation)
-        if iterations <= s.history.zeta.shape[0]:
-            put(s.history.zeta, iterations - 1, s.step.zeta)
+        if iterations <= s.zeta_history.shape[0]:
+            put(s.zeta_history, iterations - 1, s.step.zeta)
     stop_or_sweep(s)

@@ -96,7 +96,7 @@ class Sweeps:
         self._numbers["control"]["phase"] = Phase.SWEEP
         self._numbers["control"]["may_stop"] = 0
         self._numbers["step"]["iterations"] = self._numbers["step"]["measured"] = 0
-        self._numbers["verlet"]["flags"]["list_expired"] = 0
+        self._numbers["verlet"]["list_expired"] = 0
 
     def run_in_c(self) -> float:
         """Do the same sweeps in C; return the last zeta [m/s]."""

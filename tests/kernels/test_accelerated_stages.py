@@ -187,9 +187,9 @@ def of_one(value: float, other: float, count: int = N, one: int = 7) -> FloatArr
 
 
 EXPIRES, PHASE, HISTORY, PEAK = (
-    "verlet.flags.list_expired",
+    "verlet.list_expired",
     "control.phase",
-    "history.zeta",
+    "zeta_history",
     "verlet.peak_square",
 )
 LOOK: list[Stage] = [Each(grain_count, working_set.check_peak), Serial(stopping.end_list_check)]
@@ -197,7 +197,7 @@ JUDGE, END_SCAN, MEASURED = (
     [Serial(stage)] for stage in (attempt.judge, working_set.end_scan, stopping.end_measurement)
 )
 CASES: dict[str, tuple[list[Stage], Values, Values]] = {}
-AT_REST = {"verlet.reference_velocity": 0.0, "verlet.work.frame_velocity": 0.0, PHASE: Phase.SCAN}
+AT_REST = {"verlet.reference_velocity": 0.0, "verlet.frame_velocity": 0.0, PHASE: Phase.SCAN}
 AT_REST |= {EXPIRES: 0, MAY_STOP: 0, "step.measured": 1}
 # p_i + h, with h = 1/8 of what is nearly violated, is what the skin must allow; p_i was seen, or is now
 for limit, peak, expired in ((5.125, 5.0, 0), (5.125, 5.0 + 2**-40, 1), (0.1, 0.0, 1)):
@@ -211,19 +211,19 @@ MET = {
     "step.residual": 0.0,
     "step.iterations": 4,
     "stopping.on": StopOn.RESIDUAL,
-    "verlet.flags.bad_body": -1,
+    "verlet.bad_body": -1,
 }
-MET |= {"verlet.numbers.frame_skin": 1.0, "verlet.numbers.lifetime": 1.0}
+MET |= {"verlet.frame_skin": 1.0, "verlet.lifetime": 1.0}
 # a cancellation during a scan ends the sweeps with the residual of another iteration
 for cancelled, measured, outcome in ((0, 4, Outcome.SOLVED), (1, 4, Outcome.SOLVED), (1, 3, Outcome.STOPPED)):
     canceled = {"control.cancelled": cancelled, "step.measured": measured}
     CASES[f"canceled {cancelled}, measured {measured}"] = (JUDGE, MET | canceled, {"step.outcome": outcome})
 # threads find grains that are no longer finite in any order
 lost = np.where(np.isin(np.arange(N), (2, 7)), np.inf, 0.0)[:, np.newaxis]
-found = {"verlet.flags.bad_body": 7, "step.outcome": Outcome.NOT_FINITE}
+found = {"verlet.bad_body": 7, "step.outcome": Outcome.NOT_FINITE}
 CASES["the last that is not finite"] = (
     JUDGE,
-    MET | {"verlet.flags.bad_body": 2, EXPIRES: 1, VELOCITY: lost},
+    MET | {"verlet.bad_body": 2, EXPIRES: 1, VELOCITY: lost},
     found,
 )
 # by zeta, what contacts outside the set are violated by is a change to come

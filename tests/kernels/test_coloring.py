@@ -72,7 +72,7 @@ def test_sets(name: str, by_color: bool, most: int, merge: bool) -> None:
     at_walls = np.random.default_rng(4).integers(0, most + 1, grain_total(pairs))
     at_wall, walls = listed(pairs, at_walls)[:, 1] >= len(at_walls), at_walls.sum()
     record = grouped(pairs, at_walls, by_color, merge)
-    group, index = (record[f"workspace.{own}"][: len(at_wall)] for own in ("set_of", "sweep_index"))
+    group, index = (record[f"neighbors.{own}"][: len(at_wall)] for own in ("set_of", "sweep_index"))
     assert (group[at_wall] == -1).all()
     group = group[~at_wall]
     assert group.tolist() == (first_fit_colors if by_color else levels)(pairs)
@@ -96,7 +96,7 @@ def note_threads(records: wp.array(dtype=SceneRecord), size: int) -> None:
         for k in range(set_count(records[0])):
             c, end = contacts_of(team, records[0], k)
             while c < end:
-                numbers = records[0].workspace.old_index
+                numbers = records[0].neighbors.old_index
                 put(numbers, c, 10 * at(numbers, c) + rank + 1)
                 c += 1
 
@@ -108,13 +108,13 @@ def test_every_contact_has_one_thread(size: int, driven: bool) -> None:
     at_walls = np.random.default_rng(6).integers(0, 6, grain_total(SPARSE))
     record, contacts, pairs = grouped(SPARSE, at_walls, by_color=True), listed(SPARSE, at_walls), len(SPARSE)
     grain, total = np.empty(len(contacts), int), len(contacts)
-    grain[record["workspace.sweep_index"][:total]] = contacts[:, 0]
+    grain[record["neighbors.sweep_index"][:total]] = contacts[:, 0]
     grain[pairs - 1] = grain[pairs]  # the last pair is of the first grain with a wall
     record["contacts.contact"]["i"][:total] = 2 * grain
-    record["workspace.old_index"][:] = 0
+    record["neighbors.old_index"][:] = 0
     record.records.host["walls"]["drive"]["shape"][0, 0] = int(driven)
     wp.launch(note_threads, dim=1, inputs=(record.records.device, size), device="cpu")
-    thread = record["workspace.old_index"][:total]
+    thread = record["neighbors.old_index"][:total]
     everyone = set(range(1, size + 1))
     assert set(thread[:pairs]) == everyone
     assert set(thread[pairs:]) == ({1} if driven else everyone)

@@ -44,17 +44,17 @@ class Listed(OneRecord):
         self.scene, self.names = scene, [NOW, START] + [LAST] * (scene.method == "accelerated")
         self.write({"grains.position": scene.position, "grains.radius": scene.radius})
         self.write({"grains.contact_mass": scene.contact_mass, "verlet.reference_velocity": 0.0})
-        self.write({"verlet.numbers.lifetime": scene.dt})
+        self.write({"verlet.lifetime": scene.dt})
         self.search(skin)
 
     def search(self, skin: float) -> None:
-        self.write({SKIN: skin, "verlet.numbers.frame_skin": skin, "control.phase": Phase.SEARCH})
+        self.write({SKIN: skin, "verlet.frame_skin": skin, "control.phase": Phase.SEARCH})
         self.run(*LISTED)
         self.assert_holds({"control.phase": Phase.START})
         rows = self["neighbors.start"]
         first, second = np.repeat(np.arange(N), np.diff(rows)), self["neighbors.neighbor"][: rows[-1]]
         self.bodies: list[Bodies] = list(zip(first.tolist(), second.tolist(), strict=True))
-        self.index: IntArray = self["workspace.sweep_index"][: rows[-1]].copy()
+        self.index: IntArray = self["neighbors.sweep_index"][: rows[-1]].copy()
 
     def carry(self) -> None:
         """Let half of the contacts carry: now, at the step's start or a sweep back alone, or at all times."""
@@ -74,9 +74,9 @@ class Listed(OneRecord):
 
     def expire(self) -> None:
         """Set the list aside, and spoil what is left of older ones, and what a new one has to write."""
-        self.write({"workspace.old.start": -7, "workspace.old.neighbor": -7, "contacts.dv.saved": 9.0})
+        self.write({"neighbors.old_start": -7, "neighbors.old_neighbor": -7, "contacts.dv.saved": 9.0})
         self.run(*EXPIRE)
-        self.write(dict.fromkeys((*self.names, "contacts.weights"), np.nan) | {"workspace.sweep_index": -7})
+        self.write(dict.fromkeys((*self.names, "contacts.weights"), np.nan) | {"neighbors.sweep_index": -7})
         self["contacts.contact"]["i"], self["contacts.contact"]["j"] = 7, 7
 
 
@@ -143,10 +143,10 @@ def test_shares_and_their_sums() -> None:
     for (i, j), share in zip(listed.bodies, weights, strict=True):
         assert share == ([1.0, 0.0] if j == N else [m[j] / (m[i] + m[j]), m[i] / (m[i] + m[j])])
         np.add.at(row_sum, [i, j % N], share)
-    assert listed["verlet.work.max_row_sum"] == pytest.approx(row_sum.max(), rel=1e-14)
+    assert listed["verlet.max_row_sum"] == pytest.approx(row_sum.max(), rel=1e-14)
     equal = Listed(cloud(), NARROW)
     halves = np.bincount(np.ravel([(i, i if j == N else j) for i, j in equal.bodies]), minlength=N)
-    equal.assert_holds({"verlet.work.max_row_sum": halves.max() / 2.0})
+    equal.assert_holds({"verlet.max_row_sum": halves.max() / 2.0})
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
@@ -164,7 +164,7 @@ def test_list_that_expires(iterations: int, method: str) -> None:
 
 @wp.func
 def note_pair_end(s: SceneOnDevice, i: int):
-    put(s.grid.bucket, i, contact_list.pair_end(s.neighbors, i))
+    put(s.grid.bucket, i, contact_list.pair_end(s.neighbors.start, s.neighbors.neighbor, i))
 
 
 @pytest.mark.parametrize("at_walls", [[0, 0, 0, 0], [2, 0, 1, 2], [0, 2, 0, 1], [1, 1, 1, 1]], ids=str)

@@ -10,8 +10,8 @@ from warpgrains.kernels.sweeps import momentum, stopping, sweep
 from warpgrains.kernels.team.stages import Each, If, Serial, Shared
 
 N, TOLERANCE, TINY = 150, 2.0**-4, 2.0**-40
-T, BETA, RELAXATION = "momentum.state.t", "momentum.state.beta", "momentum.state.relaxation"
-FIRST, REJECTED = "momentum.state.first_zeta", "control.rejected"
+T, BETA, RELAXATION = "momentum.t", "momentum.beta", "momentum.relaxation"
+FIRST, REJECTED = "momentum.first_zeta", "control.rejected"
 SWEPT: Values = {
     "momentum.contact_sums": 0.0,
     "momentum.body_sums": 0.0,
@@ -103,7 +103,7 @@ def test_when_all_contacts_are_scanned(zeta: float, rejected: int, ends: bool) -
     record = record_with({})
     for k in range(1, 205):
         record.write({BETA: 0.5, "stopping.max_iterations": k if ends else 1000, REJECTED: 1 - rejected})
-        record.write({"step.iterations": k - 1, "step.measured": 0, "verlet.flags.list_expired": 0})
+        record.write({"step.iterations": k - 1, "step.measured": 0, "verlet.list_expired": 0})
         record.write({"control.phase": Phase.SWEEP, "partial.residual": 9.0})
         record["partial.zeta"][0], record["momentum.contact_sums"][0, 0] = zeta, rejected
         record.run(Serial(sweep.end_sweep))

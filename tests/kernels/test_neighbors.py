@@ -64,8 +64,8 @@ def listed_pairs(sought: Cloud, cell_size: float, threads: int = 1) -> IntArray:
     record = OneRecord(scene, contacts=1, threads=threads)
     record.write({"grains.position": sought.position, "grains.radius": sought.radius})
     record.write({"verlet.skin": sought.reach, "verlet.reference_velocity": sought.velocity})
-    record.write({"verlet.work.mean_velocity": sought.velocity.mean(axis=0)})
-    record.write({"verlet.numbers.lifetime": sought.horizon, "grid.inverse_size": 1.0 / cell_size})
+    record.write({"verlet.mean_velocity": sought.velocity.mean(axis=0)})
+    record.write({"verlet.lifetime": sought.horizon, "grid.inverse_size": 1.0 / cell_size})
     for _ in range(2):  # the second time with room for what the first has found
         record.write(POISON)
         record.run(*SEARCH)

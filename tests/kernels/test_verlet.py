@@ -22,17 +22,17 @@ VELOCITY = W + U + np.array([3.0, 4.0])
 DISPLACEMENT, DEVIATION = 0.625, 5.0  # of (3, 4) / 8 m and (3, 4) m/s
 UNMONITORED = 1.0
 PEAK, SEEN, SKIN = "verlet.peak_square", "verlet.recent_deviation", "verlet.skin"
-FRAME, CHANGES = "verlet.work.frame_velocity", "verlet.work.unmonitored_change"
-SHIFT, TIME, LIFETIME = "verlet.numbers.frame_shift", "verlet.numbers.elapsed", "verlet.numbers.lifetime"
-EXPIRES, BAD, VALID = "verlet.flags.list_expired", "verlet.flags.bad_body", "step.outcome"
+FRAME, CHANGES = "verlet.frame_velocity", "verlet.unmonitored_change"
+SHIFT, TIME, LIFETIME = "verlet.frame_shift", "verlet.elapsed", "verlet.lifetime"
+EXPIRES, BAD, VALID = "verlet.list_expired", "verlet.bad_body", "step.outcome"
 TWO_GRAINS: Values = {
     "grains.position": POSITION,
     "grains.next_velocity": VELOCITY,
     "verlet.reference_position": X0,
     "verlet.reference_velocity": W,
     "verlet.peak_limit": 0.0,
-    "verlet.numbers.base_skin": BASE_SKIN,
-    "verlet.numbers.frame_skin": 1e3,
+    "verlet.base_skin": BASE_SKIN,
+    "verlet.frame_skin": 1e3,
     "tuning.rounding": ROUNDING,
     "tuning.reserve": RESERVE,
     **{PEAK: 0.0, SEEN: 0.0, SKIN: 1e3, EXPIRES: 0, BAD: -1},
@@ -138,7 +138,7 @@ for seen, peak in ((0.0, 6.5), (6.0, 6.5), (7.0, 7.0)):  # the velocity now, and
 ROW_SUM, MOST = 3.0, 2.0  # a sweep adds max_row_sum zeta, or what is monitored, if that is less
 for zeta, change in ((0.25, 1.75), (1.0 / 3.0, 2.0), (0.5, 2.5), (MOST / ROW_SUM, 3.0), (9.0, 3.0)):
     swept = {
-        "verlet.work.max_row_sum": ROW_SUM,
+        "verlet.max_row_sum": ROW_SUM,
         "tuning.monitor_threshold": MOST / BASE_SKIN,
         "step.zeta": zeta,
     }
@@ -150,7 +150,7 @@ for zeta, change in ((0.25, 1.75), (1.0 / 3.0, 2.0), (0.5, 2.5), (MOST / ROW_SUM
     )
 FRAME_SKIN = 5.0 + DT * 8.0 + ROUNDING  # |U| + dt |u| <= frame skin
 for skin, valid in ((FRAME_SKIN, 1), (np.nextafter(FRAME_SKIN, 0.0), 0), (np.nan, 0)):
-    falling = {SHIFT: (3.0, -4.0), FRAME: (0.0, 8.0), "verlet.numbers.frame_skin": skin}
+    falling = {SHIFT: (3.0, -4.0), FRAME: (0.0, 8.0), "verlet.frame_skin": skin}
     CASES[f"frame skin {skin}"] = ([CHECK, IS_VALID], falling, {VALID: valid})
 for steps in (0, 1, 7):  # of a list for one step more, whatever rounding makes of their sum
     for lifetime, valid in (

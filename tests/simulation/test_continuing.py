@@ -36,12 +36,13 @@ def started(which):
 
 
 def restored(simulation):
-    """Continue elsewhere from what a state keeps: a step finds all of `VerletWork` before it uses it."""
+    """Continue elsewhere from what a state keeps: a step finds other numbers before it uses them."""
     other = Simulation(simulation.scene, state=simulation.state())
     verlet = other._engine.records.host["verlet"]
-    assert verlet["numbers"].dtype.names == ("frame_shift", *VERLET_NUMBERS)
-    for name in verlet["work"].dtype.names:
-        verlet["work"][name] = np.nan
+    numbers = {name for name in verlet.dtype.names if verlet.dtype[name].base.kind == "f"}
+    assert numbers > {"frame_shift", *VERLET_NUMBERS}
+    for name in numbers - {"frame_shift", *VERLET_NUMBERS}:
+        verlet[name] = np.nan
     return other
 
 

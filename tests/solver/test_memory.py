@@ -144,6 +144,6 @@ def test_every_scene_has_a_history_of_its_own():
     scenes, device = [grains_apart(3)] * 2, wp.get_device("cpu")
     records = SceneRecords(scenes, Sizes.first(scenes, 1, device), device)
     records.keep_history(1, 7)
-    assert [len(records.array(k, "history.zeta")) for k in (0, 1)] == [0, 7]
+    assert [len(records.array(k, "zeta_history")) for k in (0, 1)] == [0, 7]
     records.keep_history(0, 7)
-    assert [len(records.array(k, "history.zeta")) for k in (0, 1)] == [7, 7]
+    assert [len(records.array(k, "zeta_history")) for k in (0, 1)] == [7, 7]

@@ -115,6 +115,6 @@ def record_of_graph(pairs: IntArray, at_walls: IntArray) -> OneRecord:
     record = OneRecord(scene.replace(wall="round"), len(contacts) + 1)  # round walls have limits
     record["neighbors.start"][:] = np.searchsorted(contacts[:, 0], np.arange(scene.n + 1))
     record["neighbors.neighbor"][: len(contacts)] = contacts[:, 1]
-    record.write({"workspace.set_of": -7, "workspace.sweep_index": -7, "workspace.taken": 2**64 - 1})
+    record.write({"neighbors.set_of": -7, "neighbors.sweep_index": -7, "neighbors.taken": 2**64 - 1})
     record.write({"contacts.set_start": -7, "contacts.count": (-7, -7, -7)})
     return record

@@ -210,7 +210,7 @@ class Simulation(LoadedScene, Shown):
             report = self._advance(1, history=history).report(0)
             if not history:
                 return report
-            whole = (self._records.array(0, f"history.{name}") for name in StepHistory._fields)
+            whole = (self._records.array(0, f"{name}_history") for name in StepHistory._fields)
             kept = (array[: report.iterations].copy() for array in whole)
             return replace(report, history=StepHistory(*kept))
 

@@ -40,7 +40,7 @@ def _reason(records: SceneRecords, k: int, outcome: int) -> str:
     """Return the message for the outcome of a failed step."""
     if outcome == Outcome.NOT_CONVERGED:
         return _not_converged(records, k)
-    scene, body = records.scenes[k], int(records.host["verlet"]["flags"]["bad_body"][k])
+    scene, body = records.scenes[k], int(records.host["verlet"]["bad_body"][k])
     velocity = records.array(k, "grains.next_velocity")[body].tolist()
     if body >= scene.n:
         at = records.array(k, "grains.position")[body, 0]

@@ -85,7 +85,7 @@ class LoadedScene:
     @property
     def last_staggered(self) -> bool:
         """True if velocities were half a step behind positions before the last step, as in `State`."""
-        return bool(self._records.host["scheme"]["last_staggered"][self._k])
+        return bool(self._records.host["last_staggered"][self._k])
 
     @property
     def driven(self) -> FloatArray | None:
@@ -104,7 +104,7 @@ class LoadedScene:
         """
         now = scene_with_walls(self._records, self._k)
         velocity, spin = self.velocity, self.spin
-        if self._records.host["scheme"]["staggered"][self._k]:
+        if self._records.host["staggered"][self._k]:
             velocity, spin = at_positions(now, velocity, spin, self.time)
         return now.placed(None, self.time, position=self.position, velocity=velocity, spin=spin)
 

@@ -63,7 +63,7 @@ def state_of(records: SceneRecords, k: int, has_lists: bool = True) -> State:
     if scene.has_driven_walls:
         own["driven"] = driven_walls(records, k)
     for name in ("staggered", "last_staggered"):
-        own[name] = bool(record["scheme"][name])
+        own[name] = bool(record[name])
     own |= {name: copy(value) for name, value in records.populations[k].items()}
     return State(
         int(record["steps"]),
@@ -80,7 +80,7 @@ def _lists_of(records: SceneRecords, k: int) -> VerletList:
     wall[:, 1], _ = records.scenes[k].bodies.carried(
         wall[:, 1], np.zeros(len(wall))
     )  # annulus -> outer circle
-    numbers = records.host[k]["verlet"]["numbers"]
+    numbers = records.host[k]["verlet"]
     own: dict[str, Any] = {name: records.array(k, f"verlet.{name}").copy() for name in VERLET}
     own |= {name: float(numbers[name]) for name in VERLET_NUMBERS}
     own["frame_shift"] = numbers["frame_shift"].copy()
@@ -114,7 +114,7 @@ def load_state(records: SceneRecords, k: int, state: State) -> None:
         for name in VERLET:
             records.array(k, f"verlet.{name}")[:] = getattr(lists, name)
         for name in ("frame_shift", *VERLET_NUMBERS):
-            record["verlet"]["numbers"][name] = getattr(lists, name)
+            record["verlet"][name] = getattr(lists, name)
     if scene.has_friction:
         for name in ("spin", "angle"):
             own = getattr(state, name)
@@ -131,7 +131,7 @@ def load_state(records: SceneRecords, k: int, state: State) -> None:
     record["control"] = 0
     record["control"]["unordered"] = 1
     for name in ("staggered", "last_staggered"):
-        record["scheme"][name] = getattr(state, name)
+        record[name] = getattr(state, name)
     record["steps"] = records.loaded_steps[k] = state.steps
     records.last_scenes[k] = state.last_scene
     records.populations[k] = {name: getattr(state, name) for name in OF_POPULATION}
@@ -169,8 +169,9 @@ def _forget_list(records: SceneRecords, k: int) -> None:
     """Invalidate the list, so that the next step requests a new one."""
     records.array(k, "verlet.skin")[:] = tuning.NO_SKIN
     records.array(k, "verlet.recent_deviation")[:] = 0.0
-    records.host[k]["verlet"]["numbers"] = 0.0
-    records.host[k]["verlet"]["numbers"]["base_skin"] = tuning.first_skin(records.scenes[k])
+    for name in ("frame_shift", *VERLET_NUMBERS):
+        records.host[k]["verlet"][name] = 0.0
+    records.host[k]["verlet"]["base_skin"] = tuning.first_skin(records.scenes[k])
 
 
 def _write_list(
@@ -187,8 +188,8 @@ def _write_list(
     records.reserve_contacts(k, count)
     records.host[k]["contacts"]["count"] = len(pair), 0, len(wall)  # the step divides the pairs into sets
     if count == 0:
-        for rows in ("neighbors", "workspace.old"):
-            records.array(k, f"{rows}.start")[:] = 0
+        for rows in ("start", "old_start"):
+            records.array(k, f"neighbors.{rows}")[:] = 0
         return
 
     def in_bodies(pair: IntArray, wall: IntArray) -> IntArray:
@@ -213,11 +214,11 @@ def _write_list(
         records.array(k, f"contacts.{name}.saved")[:count] = value[order, np.newaxis]
     contact = records.array(k, "contacts.contact")[:count]
     contact["i"], contact["j"] = 2 * body.T
-    for rows in ("neighbors", "workspace.old"):
-        records.array(k, f"{rows}.start")[:] = np.searchsorted(body[order, 0], np.arange(scene.n + 1))
-        records.array(k, f"{rows}.neighbor")[:count] = body[order, 1]
-    records.array(k, "workspace.sweep_index")[:count] = order
-    records.array(k, "workspace.old_index")[:count] = np.arange(count)
+    for age in ("", "old_"):
+        records.array(k, f"neighbors.{age}start")[:] = np.searchsorted(body[order, 0], np.arange(scene.n + 1))
+        records.array(k, f"neighbors.{age}neighbor")[:count] = body[order, 1]
+    records.array(k, "neighbors.sweep_index")[:count] = order
+    records.array(k, "neighbors.old_index")[:count] = np.arange(count)
 
 
 def give_up_step(records: SceneRecords, k: int) -> None:
@@ -234,7 +235,7 @@ def give_up_step(records: SceneRecords, k: int) -> None:
         now[:listed] = start[:listed]
     if control["phase"] == Phase.LIST_FULL:
         for rows, count in (("start", records.scenes[k].n + 1), ("neighbor", listed)):
-            records.array(k, f"neighbors.{rows}")[:count] = records.array(k, f"workspace.old.{rows}")[:count]
+            records.array(k, f"neighbors.{rows}")[:count] = records.array(k, f"neighbors.old_{rows}")[:count]
         record["control"] = 0
         records.array(k, "verlet.skin")[:] = tuning.NO_SKIN
     control["phase"] = Phase.ENDED

@@ -125,14 +125,14 @@ class SceneRecords:
             host[name] = [getattr(scene, name) for scene in scenes]
         host["first_bounce"] = [scene.has_restitution and not scene.bounces_at_start for scene in scenes]
         self.set_gravity([scene.gravity for scene in scenes], which)
-        host["turning"]["start"] = host["gravity"]
-        host["turning"]["rate"] = [scene.gravity_rate for scene in scenes]
+        host["gravity_start"] = host["gravity"]
+        host["gravity_rate"] = [scene.gravity_rate for scene in scenes]
         annulus, bodies = host["walls"]["annulus"], [scene.bodies for scene in scenes]
         annulus["radius_in"], annulus["radius_out"] = np.array([own.circles for own in bodies]).T
         annulus["angular_velocity_out"] = [own.outer.rotation if own.outer else 0.0 for own in bodies]
         annulus["round"] = [own.is_round for own in bodies]
         host["walls"]["period"] = [scene.period.lengths for scene in scenes]
-        host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
+        host["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
         for name in ("room", "rounding", "monitor_threshold", "nearest"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
         host["tuning"]["smallest_radius"] = [scene.smallest_radius for scene in scenes]
@@ -195,7 +195,7 @@ class SceneRecords:
             self._write(f"grains.{name}", [getattr(scene, name) for scene in self.scenes])
         self._write("grains.last_position", [scene.position for scene in self.scenes])
         self._write("verlet.skin", [np.full(len(scene.position), tuning.NO_SKIN) for scene in self.scenes])
-        self.host["verlet"]["numbers"]["base_skin"] = [tuning.first_skin(scene) for scene in self.scenes]
+        self.host["verlet"]["base_skin"] = [tuning.first_skin(scene) for scene in self.scenes]
         self.host["control"]["unordered"] = 1
 
     def _write(self, name: str, values: Sequence[FloatArray]) -> None:

@@ -121,10 +121,6 @@ def lengths(size: Sizes) -> dict[str, Any]:
     n, contacts = size.grains, size.contacts
     bodies = n + size.driven * size.walls
     cells = grid_width(n) ** 2 + 1
-    rows = {"start": n + 1, "neighbor": contacts}
-    found = contacts + TAKEN * size.team
-    search = {"second": n + size.walls, "found": found, "by_second": contacts}
-    search |= {"slots": 1, "empty": size.team, "total": 1}
     friction = size.friction
     ahead = size.accelerated
     at_walls = np.minimum(n * size.walls, contacts)
@@ -193,17 +189,22 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("x", "y", "extent"), n + AT_ONCE),
             **dict.fromkeys(("bucket", "grain", "velocity", "skin"), n),
         },
-        "neighbors": rows | search,
-        "workspace": {
-            "old": rows | dict.fromkeys(search, 0),
-            **dict.fromkeys(("old_index", "sweep_index", "set_of"), contacts),
+        "neighbors": {
+            **dict.fromkeys(("start", "old_start"), n + 1),
+            **dict.fromkeys(("neighbor", "old_neighbor", "by_second"), contacts),
+            **dict.fromkeys(("sweep_index", "old_index", "set_of"), contacts),
             **dict.fromkeys(("row_sum", "taken"), n),
+            "second": n + size.walls,
+            "found": contacts + TAKEN * size.team,
+            "slots": 1,
+            "empty": size.team,
+            "total": 1,
         },
         "partial": {
             **dict.fromkeys(("zeta", "residual", "overlap", "active"), size.partials),
             "kept_velocity": KEPT * size.team * (1 - ahead),
         },
-        "history": dict.fromkeys(("zeta", "residual"), size.history),
+        **dict.fromkeys(("zeta_history", "residual_history"), size.history),
     }
 
 

@@ -38,7 +38,7 @@ def _listed(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
     rows = np.diff(records.array(k, "neighbors.start"))
     first = np.repeat(np.arange(len(rows), dtype=np.int32), rows)
     body = np.stack([first, records.array(k, "neighbors.neighbor")[: len(first)]], axis=1)
-    return body, records.array(k, "workspace.sweep_index")[: len(first)]
+    return body, records.array(k, "neighbors.sweep_index")[: len(first)]
 
 
 class ListedContacts:
