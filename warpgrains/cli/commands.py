@@ -2,7 +2,7 @@
 
 import tomllib
 from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction, Namespace
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
@@ -79,7 +79,22 @@ def _whole_numbers(text: str) -> list[int]:
         raise ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 0,20,-1") from None
 
 
-_TYPES = {"int": int, "float": float, "str": str, "whole numbers": _whole_numbers}
+def _number(convert: Callable[[str], float], told: str) -> Callable[[str], float]:
+    def converted(text: str) -> float:
+        try:
+            return convert(text)
+        except ValueError:
+            raise ArgumentTypeError(f"{text!r} is not {told}") from None
+
+    return converted
+
+
+_TYPES = {
+    "int": _number(int, "a whole number such as 100"),
+    "float": _number(float, "a number such as 0.5"),
+    "str": str,
+    "whole numbers": _whole_numbers,
+}
 _TABLE = tomllib.loads((Path(__file__).parent / "commands.toml").read_text())
 _SHARED = _TABLE.pop("shared")
 _OUTPUTS = {"RunOptions": _outputs(FLAGS), "looks": _outputs(Looks.__annotations__, "as recorded")}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from warpgrains.base.arrays import FloatArray
+from warpgrains.base.described import Described
 from warpgrains.base.errors import InputError
 from warpgrains.space.geometry import LARGEST, SMALLEST, Period
 from warpgrains.space.region import Region
@@ -12,7 +13,7 @@ from warpgrains.walls.container import space_of
 from warpgrains.walls.wall import Wall
 
 
-class Boundary:
+class Boundary(Described):
     """The keys of `[domain]` in a scene file: they define the outer walls of a scene, and its period."""
 
     @property
