@@ -50,10 +50,12 @@ def _do(arguments: Sequence[str] | None) -> int:
         sys.stdout.flush()
         raise
     if unknown:
-        own = f" {words[0]}" if parsed.command else ""
-        if own and unknown[0].startswith("-"):
-            names = " ".join(one["name"] for one in parsed.command.options).split()
-            checks.one_of(f"option of{own}", unknown[0].partition("=")[0], [n for n in names if n[0] == "-"])
+        own, names = "", ["--completion", "--help", "--version"]
+        if parsed.command is not None:
+            own, names = f" {words[0]}", " ".join(one["name"] for one in parsed.command.options).split()
+        if unknown[0].startswith("-"):
+            known = [name for name in names if name[0] == "-"]
+            checks.one_of(f"option of warpgrains{own}", unknown[0].partition("=")[0], known)
         raise InputError(f"{unknown[0]!r} is one too many: `warpgrains{own} --help` shows what it takes")
     if parsed.completion is not None:
         with requiring("--completion", "shell"):

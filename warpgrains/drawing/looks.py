@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -11,7 +10,7 @@ from typing import Any, TypedDict
 
 from warpgrains.base import checks
 from warpgrains.base.described import described, described_fields
-from warpgrains.base.errors import InputError
+from warpgrains.base.errors import InputError, written_as
 from warpgrains.drawing.kinds import color_of, colors_of, frame_of, range_of, size_of
 
 DEFAULT_RATE = 24.0
@@ -137,12 +136,18 @@ def with_style(given: Mapping[str, Any], style: str | Path | None) -> dict[str, 
     """Return the options `given`, by name, completed by those in the TOML file `style`."""
     if style is None:
         return dict(given)
+    from warpgrains.scene.toml import parse_toml  # imports NumPy, which --help does not need
+
     path = Path(checks.path("style", style))
     try:
-        table = tomllib.loads(path.read_text())
-    except (OSError, ValueError) as error:
+        table = parse_toml(path.read_text(), path)
+    except (OSError, UnicodeDecodeError) as error:
         told = "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read: {error}"
-        raise InputError(f"style '{path}' {told}") from None
+        raise InputError(
+            f"style '{path}' {told}: give a TOML file of looks, such as color_by = 'speed'"
+        ) from None
     for name in table:
         checks.one_of(f"key of style '{path}'", name, LOOKS)
+    with written_as({}, f"style '{path}'"):
+        Look(**table)
     return table | dict(given)

@@ -63,6 +63,10 @@ def shipped_text(kind: str, name: str) -> str:
 def read_text(path: Path, kind: str) -> str:
     """Return the text of a scene or sweep from a file, or from a shipped file by its name."""
     if not _exists(path):
+        if kind == "sweep" and str(path) in shipped("scene"):
+            raise InputError(
+                f'{checks.shown(str(path))} is a scene: give a sweep file with scene = "{path}" and [axes]'
+            )
         if os.path.isdir(path) and str(path) not in shipped(kind):
             told = "`warpgrains batch` takes a folder of scenes, other commands take a file"
             raise InputError(f"{kind} {checks.shown(str(path))} is a folder: {told}")
@@ -89,7 +93,7 @@ def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
         document = tomllib.loads(text)
         require_toml_numbers(document)
     except (ValueError, RecursionError) as error:
-        told = "" if str(path).endswith(".toml") else ": give a scene or sweep file, .toml"
+        told = "" if str(path).endswith(".toml") else ": give a file .toml"
         raise InputError(f"{path} is not TOML{told}: {_reason(str(error), text)}") from None
     return document
 

@@ -240,6 +240,8 @@ _WRITES = "`warpgrains run SCENE -o FILE.usdc` writes one"
 
 def open_recording(path: Path) -> Usd.Stage:
     """Open a recording. Raises InputError if the file is missing or cannot be read."""
+    if path.is_dir():
+        raise InputError(f"recording '{path}' is a folder: give its files, such as {path}/*.usdc")
     if not path.is_file():
         raise InputError(f"recording '{path}' does not exist: {_WRITES}")
     try:

@@ -39,7 +39,7 @@ OF_SIDES |= {"pressure": checks.number, "roughness": _roughness}
 
 def _side(field: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, Mapping):
-        raise InputError(f"{field} is {checks.shown(value)}: it must be a table such as {{friction = 0.3}}")
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a table of keys such as friction")
     for key in value:
         checks.one_of(f"key of {field}", key, OF_SIDES)
     given = {key: own for key, own in value.items() if own is not None}
