@@ -72,15 +72,10 @@ def _outputs(names: Collection[str], shown: str | None = None) -> Iterator[Optio
         yield option | value | {"name": f"-o {flag}" if name == "record" else flag, "help": meaning}
 
 
-def _whole_numbers(text: str) -> list[int]:
-    try:
-        return [int(word) for word in text.split(",")]
-    except ValueError:
-        raise ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 0,20,-1") from None
+def _parser_of(convert: Callable[[str], Any], told: str) -> Callable[[str], Any]:
+    """Return a `type` of argparse that calls `convert`; messages say what the value must be, `told`."""
 
-
-def _number(convert: Callable[[str], float], told: str) -> Callable[[str], float]:
-    def converted(text: str) -> float:
+    def converted(text: str) -> Any:
         try:
             return convert(text)
         except ValueError:
@@ -90,10 +85,12 @@ def _number(convert: Callable[[str], float], told: str) -> Callable[[str], float
 
 
 _TYPES = {
-    "int": _number(int, "a whole number such as 100"),
-    "float": _number(float, "a number such as 0.5"),
+    "int": _parser_of(int, "a whole number such as 100"),
+    "float": _parser_of(float, "a number such as 0.5"),
     "str": str,
-    "whole numbers": _whole_numbers,
+    "whole numbers": _parser_of(
+        lambda text: [int(word) for word in text.split(",")], "a list of whole numbers such as 0,20,-1"
+    ),
 }
 _TABLE = tomllib.loads((Path(__file__).parent / "commands.toml").read_text())
 _SHARED = _TABLE.pop("shared")
