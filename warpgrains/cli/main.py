@@ -65,6 +65,11 @@ def _do(arguments: Sequence[str] | None) -> int:
     if parsed.command is None:
         parser.print_help()
         return DONE
+    for one in parsed.command.options:
+        flags = [name for name in one["name"].split() if name[0] == "-"]
+        is_repeated = sum(word.partition("=")[0] in flags for word in words) > 1
+        if is_repeated and one["name"] != "--set":
+            raise InputError(f"{flags[-1]} is given twice: give it once")
     with written_as({"override": "--set", "quantity": "--measure", "until": "--until"}):
         return parsed.command.do(parsed)
 
