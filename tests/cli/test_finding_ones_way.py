@@ -141,7 +141,7 @@ def test_many_recordings_are_checked_at_once(tmp_path, capfd):
     files[0].write_text("no recording")
     assert exit_code("check", *files) == 1
     first, second = capfd.readouterr().out.splitlines()
-    assert first.endswith("is not a USD file that can be read")
+    assert "is not a USD file that can be read: `warpgrains run SCENE -o FILE.usdc` writes one" in first
     assert second == f"{files[1]}: OK: 2 frames, 5 grains"
 
 

@@ -85,12 +85,12 @@ LONG = f'#if 0\n#include "{"a" * 400}"\n#include "{"a" * 400}.h"\n#endif\n'
 CLASS = {
     "ada.c": (EXCHANGED, "wrong", "vaut"),
     "bob/<b>.c": (EXCHANGED, "wrong", "vaut"),
-    "dots.c": (f'#include ".."\n{PLAIN}', "does not compile", "homework.c:1:10: "),
-    "eve.c": ("=1+1\n", "does not compile", "homework.c:1:1: error:"),
+    "dots.c": (f'#include ".."\n{PLAIN}', "does not compile", "dots.c:1:10: "),
+    "eve.c": ("=1+1\n", "does not compile", "eve.c:1:1: error:"),
     "huge.c": (" " * (2**20 + 1), "cannot be read", "it has more than 1048576 bytes"),
     "long.c": (LONG + PLAIN, "right", ""),
     "lost.c": (Path("nowhere"), "cannot be read", "No such file or directory"),
-    "name\udcff.c": ("=1+1\n", "does not compile", "homework.c:1:1: error:"),
+    "name\udcff.c": ("=1+1\n", "does not compile", "name\\xff.c:1:1: error:"),
     "pipe.c": (None, "cannot be read", "is not a regular file"),
     "secret.c": (
         Path("/etc/passwd"),

@@ -12,6 +12,7 @@ import pytest
 from command import exit_code
 from matplotlib.collections import PolyCollection
 from matplotlib.image import imread
+from matplotlib.patches import Rectangle
 from moments import far_away
 from PIL import Image, ImageSequence
 from pxr import Usd
@@ -158,7 +159,7 @@ def test_marks_show_how_far_grains_have_turned(tmp_path, suffix, options):
     simulation.run(steps=40, record=path, **options)
     assert list(tmp_path.iterdir()) == [path]
     pixels, now = picture_of(path), snapshot(simulation)
-    view, colors = View(pixels, 0.08), GrainColors(simulation.scene, "palette").of(now)
+    view, colors = View(pixels, 0.08), Painter(simulation.scene, Look()).color(now)
     turned = np.stack([np.cos(now.angle), np.sin(now.angle)], axis=1)
     ahead = 0.6 * now.scene.radius[:, np.newaxis] * turned
     for shift, expected in ((-ahead, colors), (ahead, mark_color(colors))):
@@ -375,6 +376,32 @@ class TestLooks:
         velocity = np.outer(np.geomspace(0.01, 1.0, 3), (speed_scale(scene), 0.0)).repeat(5, axis=0)
         levels = GrainColors(scene, "speed").levels(moment(scene.position, velocity, scene))
         assert levels[::5].tolist() == [round(0.1 * 63), round(0.1**0.5 * 63), 63]
+
+    def test_turn_orange_with_speed(self):
+        """Grains of the palette: at rest they have its colors, and the fastest one is far from sand."""
+        scene = Scene.load("annulus")
+        velocity = np.outer(np.linspace(0.0, 1.0, 15), (speed_scale(scene), 0.0))
+        now, rest = moment(scene.position, velocity, scene), GrainColors(scene, "palette").of
+        color = Painter(scene, Look()).color(now)
+        assert np.array_equal(color[0], rest(now)[0])
+        assert np.abs(color[-1] - rest(now)[-1]).max() > 0.3
+        for look in (Look(color_by="bands"), Look(colors="tan,#ffffff")):
+            painter = Painter(scene, look)
+            assert np.array_equal(painter.color(now), painter.colors.of(now))
+
+    @pytest.mark.parametrize("look", [Look(), Look(forces=True), Look(color_by="radius"), Look(clean=True)])
+    def test_legends(self, look):
+        """A length is as long as its text says, and nothing is written in a clean picture."""
+        scene = Scene.load("annulus")
+        axes = Picture(Painter(scene, look), snapshot(Simulation(scene))).figure.axes[0]
+        texts = {text.get_text() for text in axes.texts if text.get_visible()}
+        speed, force = (
+            {"0 to 2 m/s"} if look.color_by == "palette" else set(),
+            {"2.9 N"} if look.forces else set(),
+        )
+        assert texts == (set() if look.clean else {"t = 0.00 s", "0.5 m"} | speed | force)
+        lengths = [own.get_width() for own in axes.patches if isinstance(own, Rectangle)]
+        assert (0.5 in lengths) == (not look.clean)
 
     @pytest.mark.parametrize(("pixels", "is_marked"), [(64, False), (800, True)])
     def test_marks_are_off_where_grains_are_small(self, pixels, is_marked):

@@ -231,6 +231,7 @@ def folder(tmp_path_factory):
     (folder / "mine.csv").write_text("a,b\n1,2\n")
     (folder / "laid.toml").write_text("grains.layout = [1]")
     (folder / "no_wall.toml").write_text("walls = [3]")
+    (folder / "fast.toml").write_text("fps = 'fast'")
     (folder / "text.usdc").write_text("no stage")
     (folder / "empty.usda").write_text("#usda 1.0\n")
     for name in ("kept", "all", "site"):

@@ -177,7 +177,7 @@ def test_a_closed_polyline_is_filled(layout, fraction, name, way):
     [
         (None, "bowl", "grains.region is 'bowl': it must be a table, because no wall is a closed polyline"),
         (POLYGONS["bowl"], "bowel", "did you mean 'bowl'"),
-        (POLYGONS["bowl"], True, "it must be a table such as"),
+        (POLYGONS["bowl"], True, "it must be a table of ranges"),
         (
             ((-0.5, 0.0), (0.5, 0.4), (0.5, 0.0), (-0.5, 0.4)),
             "bowl",

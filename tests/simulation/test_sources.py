@@ -200,7 +200,7 @@ def test_what_finds_no_room_is_counted_and_what_sinks_feed_waits(capfd, tmp_path
     simulation.advance(5)
     assert simulation.inflow == [(5, 2, 4, 6)]
     assert simulation.id.tolist() == [0, 9]
-    simulation = run_of(scene.replace(sinks=[Sink(region={})], sources=()), 20)
+    simulation = run_of(scene.replace(sinks=[Sink(region={"x": (-9.0, 9.0)})], sources=()), 20)
     assert simulation.id.tolist() == [7]  # the last grain stays
     assert simulation.outflow == [(7, pytest.approx(0.7, rel=1e-15))]
     table = parameters_text(scene.replace(duration=0.1))

@@ -75,6 +75,10 @@ def certify(simulation: Simulation) -> ErrorBound:
     >>> bound.solver_error < 0.1 * bound.error
     True
     """
+    if not hasattr(simulation, "last_start"):
+        raise InputError(
+            f"certify takes a Simulation that has done a step, not a {type(simulation).__name__}"
+        )
     if simulation.scene.has_driven_walls:
         raise InputError("certify: steps in which a force drives a wall cannot be certified")
     if simulation.scene.has_rolling_friction:

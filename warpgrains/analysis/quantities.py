@@ -244,7 +244,8 @@ def names_of(wanted: str | Iterable[str]) -> tuple[str, ...]:
     A single text may hold several names, separated by commas.
     """
     found: dict[str, None] = {}
-    for name in map(str.strip, wanted.split(",") if isinstance(wanted, str) else wanted):
+    for given in wanted.split(",") if isinstance(wanted, str) else wanted:
+        name = checks.text("quantity", given).strip()
         if name not in GROUPS:
             find(name)
         found |= dict.fromkeys(GROUPS.get(name, (name,)))

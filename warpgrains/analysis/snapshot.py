@@ -56,9 +56,13 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     """
     if isinstance(of, Snapshot):
         return of
+    if state is not None and (hasattr(of, "scene") or not hasattr(state, "last_scene")):
+        raise InputError(
+            f"snapshot takes a Scene and a State, not a {type(of).__name__} and a {type(state).__name__}"
+        )
     if state is None and not hasattr(of, "scene"):
-        given = checks.shown(of)
-        raise InputError(f"of is {given}: it must be a Simulation; or give a scene and a state of it")
+        told = "Simulation(scene), analysis.snapshot(scene, state) or Recording(path).frame(number)"
+        raise InputError(f"{checks.shown(of)} is a {type(of).__name__}: give {told}")
     if state is None:
         scene, state = of.scene, getattr(of, "measured_state", of.state)()
     else:

@@ -65,7 +65,7 @@ def structure_factor(
     now = snapshot(of)
     if k is None:
         k = np.arange(1, 101) * (0.04 * np.pi / now.scene.radius.mean())
-    number = np.array(k, np.float64)
+    number = np.array(np.nan if isinstance(k, str) else k, np.float64)
     if number.ndim != 1 or not np.isfinite(number).all():
         raise InputError(f"k has shape {number.shape}: it must be a list of finite wave numbers [1/m]")
     counted = counted_region(now, region)

@@ -169,7 +169,9 @@ def vectors(field: str, value: Any, of: str = "grain") -> FloatArray:
     """Return a read-only copy of finite vectors, shape (n, 2), n >= 1. Messages call each row `of`."""
     array = _floats(field, value, of, 2)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
-        raise InputError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one {of}")
+        raise InputError(
+            f"{field} has shape {array.shape}: it must be (n, 2), such as [[0.5, 0.0]], a row per {of}"
+        )
     require_finite(field, array, of)
     return frozen(array)
 

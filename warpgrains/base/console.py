@@ -14,6 +14,8 @@ from math import inf
 from time import monotonic
 from typing import Any, NoReturn, Protocol
 
+from warpgrains.base import checks
+
 BETWEEN_LINES = 30.0  # seconds between two lines, without a terminal
 INTERRUPTED = 130
 """Exit code of a command that Ctrl-C ended."""
@@ -91,7 +93,7 @@ def progress_bar(
     total: int, initial: float = 0, shown: bool = True, unit: str = "step", **options: Any
 ) -> Iterator[Progress]:
     """Yield a progress bar in a terminal or a notebook; elsewhere it prints a line every 30 s."""
-    if not shown or not (sys.stderr.isatty() or "ipykernel" in sys.modules):
+    if not checks.boolean("progress", shown) or not (sys.stderr.isatty() or "ipykernel" in sys.modules):
         yield ProgressLines(total, initial, unit, BETWEEN_LINES if shown else inf)
         return
     from tqdm.auto import tqdm

@@ -9,8 +9,9 @@ import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, Field, field, fields
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
+from warpgrains.base import checks
 from warpgrains.base.checks import one_of
 from warpgrains.base.errors import InputError
 
@@ -21,6 +22,26 @@ Documented = TypeVar("Documented", bound=Callable[..., Any])
 def described(meaning: str, *, default: Any = MISSING, **more: Any) -> Any:
     """Return a dataclass field with its `meaning`, including the unit such as "[m]", and more metadata."""
     return field(default=default, metadata={"meaning": meaning, **more})
+
+
+class Described:
+    """Base class of dataclasses that raises InputError for an unknown or a missing keyword."""
+
+    def __new__(cls, *values: Any, **given: Any) -> Self:
+        own = [one for one in fields(cls) if one.init]  # type: ignore[arg-type]
+        for name in given:
+            checks.one_of(f"keyword of {cls.__name__}", name, [one.name for one in own])
+        by_place = [one.name for one in own if not one.kw_only]
+        if len(values) > len(by_place):
+            raise InputError(
+                f"{cls.__name__} takes {len(by_place)} values without keyword, not {len(values)}"
+            )
+        placed = by_place[: len(values)]
+        for one in own if given or values else ():  # copies are made without any
+            if one.name not in (*given, *placed) and one.default is MISSING is one.default_factory:
+                told = f"{one.name}: {one.metadata['meaning']}" if "meaning" in one.metadata else one.name
+                raise InputError(f"{cls.__name__} needs {told}")
+        return super().__new__(cls)
 
 
 def described_fields(record: type) -> dict[str, Field[Any]]:

@@ -45,7 +45,8 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
+        told = "it is a file" if folder.is_file() else error.strerror
+        raise InputError(f"output folder '{folder}' cannot be created: {told}") from error
     require_writable_folder(folder)
 
 

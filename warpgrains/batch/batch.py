@@ -229,7 +229,7 @@ class Batch(Shown):
 
     def _steps_of_each(self, steps: int | Sequence[int] | None, duration: float | None) -> list[int]:
         """Return the number of steps of each scene."""
-        if steps is not None and not isinstance(steps, Sequence):
+        if isinstance(steps, str) or (steps is not None and not isinstance(steps, Sequence)):
             return [steps_of(self.scenes[0], steps, duration)] * len(self)
         each = [None] * len(self) if steps is None else steps
         if len(each) != len(self):

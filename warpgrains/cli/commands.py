@@ -2,7 +2,7 @@
 
 import tomllib
 from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction, Namespace
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
@@ -72,14 +72,26 @@ def _outputs(names: Collection[str], shown: str | None = None) -> Iterator[Optio
         yield option | value | {"name": f"-o {flag}" if name == "record" else flag, "help": meaning}
 
 
-def _whole_numbers(text: str) -> list[int]:
-    try:
-        return [int(word) for word in text.split(",")]
-    except ValueError:
-        raise ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 0,20,-1") from None
+def _parser_of(convert: Callable[[str], Any], told: str) -> Callable[[str], Any]:
+    """Return a `type` of argparse that calls `convert`; messages say what the value must be, `told`."""
+
+    def converted(text: str) -> Any:
+        try:
+            return convert(text)
+        except ValueError:
+            raise ArgumentTypeError(f"{text!r} is not {told}") from None
+
+    return converted
 
 
-_TYPES = {"int": int, "float": float, "str": str, "whole numbers": _whole_numbers}
+_TYPES = {
+    "int": _parser_of(int, "a whole number such as 100"),
+    "float": _parser_of(float, "a number such as 0.5"),
+    "str": str,
+    "whole numbers": _parser_of(
+        lambda text: [int(word) for word in text.split(",")], "a list of whole numbers such as 0,20,-1"
+    ),
+}
 _TABLE = tomllib.loads((Path(__file__).parent / "commands.toml").read_text())
 _SHARED = _TABLE.pop("shared")
 _OUTPUTS = {"RunOptions": _outputs(FLAGS), "looks": _outputs(Looks.__annotations__, "as recorded")}

@@ -56,7 +56,7 @@ def grade(arguments: Namespace) -> int:
             "HOMEWORK is missing: give a file or a folder, or --template to write an empty homework"
         )
     if arguments.seed is not None:
-        whole_number("seed", arguments.seed, least=0)
+        whole_number("--seed", arguments.seed, least=0)
     paths, table, site = [Path(name) for name in arguments.homework], arguments.output, arguments.html
     path, points = paths[0], None if arguments.points is None else points_of("--points", arguments.points)
     is_folder = len(paths) == 1 and path.is_dir()

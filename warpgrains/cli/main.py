@@ -9,6 +9,7 @@ from errno import EDQUOT, EFBIG, EIO, ENOSPC
 from typing import Any, NoReturn
 
 from warpgrains import __version__
+from warpgrains.base import checks
 from warpgrains.base.console import INTERRUPTED, STDOUT, open_standard_streams, printable
 from warpgrains.base.errors import InputError, SimulationError, requiring, written_as
 from warpgrains.cli.commands import COMMANDS
@@ -44,10 +45,18 @@ def _do(arguments: Sequence[str] | None) -> int:
     if words[:1] == ["help"]:
         words = [*words[1:], "--help"]
     try:
-        parsed = parser.parse_args(words)
+        parsed, unknown = parser.parse_known_args(words)
     except SystemExit:  # after --help or --version
         sys.stdout.flush()
         raise
+    if unknown:
+        own, names = "", ["--completion", "--help", "--version"]
+        if parsed.command is not None:
+            own, names = f" {words[0]}", " ".join(one["name"] for one in parsed.command.options).split()
+        if unknown[0].startswith("-"):
+            known = [name for name in names if name[0] == "-"]
+            checks.one_of(f"option of warpgrains{own}", unknown[0].partition("=")[0], known)
+        raise InputError(f"{unknown[0]!r} is one too many: `warpgrains{own} --help` shows what it takes")
     if parsed.completion is not None:
         with requiring("--completion", "shell"):
             import shtab
@@ -56,6 +65,11 @@ def _do(arguments: Sequence[str] | None) -> int:
     if parsed.command is None:
         parser.print_help()
         return DONE
+    for one in parsed.command.options:
+        flags = [name for name in one["name"].split() if name[0] == "-"]
+        is_repeated = sum(word.partition("=")[0] in flags for word in words) > 1
+        if is_repeated and one["name"] != "--set":
+            raise InputError(f"{flags[-1]} is given twice: give it once")
     with written_as({"override": "--set", "quantity": "--measure", "until": "--until"}):
         return parsed.command.do(parsed)
 
@@ -74,7 +88,7 @@ class _Parser(ArgumentParser):
     """A parser that prints errors on one line, as commands do, and that accepts "-1,2" as a value."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(**options)
+        super().__init__(**options, allow_abbrev=False)
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
@@ -83,6 +97,8 @@ class _Parser(ArgumentParser):
 
             if found[1] in shipped_scenes() or found[1].endswith(".toml"):
                 message = f"unknown command {found[1]!r}: did you mean `warpgrains run {found[1]}`?"
+        elif re.search("expected|required", message):
+            message = f"{message}: `{self.prog} --help` explains it"
         sys.exit(_complain(message, BAD_INPUT))
 
 

@@ -6,6 +6,7 @@ from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from warpgrains.base import checks
 from warpgrains.base.errors import InputError, requiring
@@ -15,7 +16,9 @@ from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.sandbox import Processes
 from warpgrains.reference.reference import MOST_GRAINS
+from warpgrains.scene.fields import KEY_OF
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.toml import toml_value
 from warpgrains.usd.recording import Recording
 from warpgrains.view.homework import Homework
 from warpgrains.view.players import Live, Player, Replay
@@ -30,7 +33,7 @@ def view(arguments: Namespace) -> bool:
     port = checks.whole_number("--port", arguments.port, most=65535)
     is_recorded = suffix_of(arguments.what) in RECORDINGS
     if is_recorded and arguments.homework is not None:
-        raise InputError("--homework needs a scene, not a recording")
+        raise InputError(f"--homework needs a scene: '{arguments.what}' is a recording")
     player: Player
     with ExitStack() as held:
         if arguments.homework is not None:
@@ -58,32 +61,30 @@ def _homework(arguments: Namespace, held: ExitStack) -> Homework:
 
 
 def _require_the_texts(scene: Scene) -> None:
-    others = len(scene.written_walls)
+    """Raise InputError unless the scene is one of the course, which the reference can compute."""
+    wanted: dict[str, Any] = {"scheme": "euler", "wall": "tangent", "gravity_rate": 0.0, "pressure": None}
+    wanted |= dict.fromkeys(
+        ("friction", "wall_friction", "restitution", "wall_restitution", "spin_drag"), 0.0
+    )
+    for name, value in wanted.items():
+        if (own := getattr(scene, name)) not in (value, None):
+            key = KEY_OF.get(name, "physics.gravity.angular_velocity")
+            told = "none" if value is None else toml_value(value)
+            raise InputError(f"{key} is {toml_value(own)}: --homework needs {told}")
     lacking = {
-        f"scheme is {scene.scheme!r}": scene.scheme != "euler",
-        f"wall is {scene.wall!r}": scene.wall != "tangent",
-        f"radius_in is {scene.radius_in} m": scene.radius_in == 0.0,
-        f"gravity.angular_velocity is {scene.gravity_rate} rad/s": scene.gravity_rate,
-        f"friction is {scene.friction}": scene.friction,
-        f"wall_friction is {scene.wall_friction}": scene.wall_friction,
-        f"restitution is {scene.restitution}": scene.restitution,
-        f"wall_restitution is {scene.wall_restitution}": scene.wall_restitution,
-        f"spin_drag is {scene.spin_drag} kg m2/s": scene.spin_drag,
-        f"pressure is {scene.pressure} N/m": scene.pressure is not None,
-        f"walls has {others} entries": others,
+        "the scene has no inner wall": scene.radius_in == 0.0,
+        f"the scene has {len(scene.written_walls)} [[walls]]": bool(scene.written_walls),
         f"the scene has {scene.n} grains": scene.n > MOST_GRAINS,
     }
     for what, is_lacking in lacking.items():
         if is_lacking:
-            raise InputError(
-                f"{what}: --homework needs scheme euler, wall tangent, an inner wall, constant gravity, no"
-                f" friction, restitution, pressure or other walls, and at most {MOST_GRAINS} grains"
-            )
+            told = f"an annulus with an inner wall, no other walls and at most {MOST_GRAINS} grains"
+            raise InputError(f"{what}: --homework needs {told}, such as the scene annulus")
 
 
 def _recorded(arguments: Namespace) -> Replay:
     if arguments.overrides:
-        raise InputError("--set has no effect on a recording")
+        raise InputError(f"--set has no effect on a recording, '{arguments.what}': give its scene")
     return Replay(Recording(arguments.what))
 
 

@@ -136,7 +136,9 @@ class GrainColors:
                 self.still = self.scale.levels(coloring.values(scene))
         else:
             if range is not None:
-                raise InputError(f"range has no effect on color_by {color_by!r}, which has no scale")
+                raise InputError(
+                    f"range has no effect on color_by {color_by!r}, which has no scale, as speed has"
+                )
             self.colors, self._number = CATEGORIES[color_by]
             if colors is not None:
                 listed = colors_of("colors", colors)

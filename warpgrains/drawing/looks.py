@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -11,7 +10,7 @@ from typing import Any, TypedDict
 
 from warpgrains.base import checks
 from warpgrains.base.described import described, described_fields
-from warpgrains.base.errors import InputError
+from warpgrains.base.errors import InputError, written_as
 from warpgrains.drawing.kinds import color_of, colors_of, frame_of, range_of, size_of
 
 DEFAULT_RATE = 24.0
@@ -40,15 +39,17 @@ def option(
 _look = partial(option, needs="record")
 
 
-def _readable(read: Callable[[str, Any], object]) -> Callable[[str, Any], str]:
-    """Return a `check` for `option` that accepts each text that `read(field, text)` can parse.
+def _readable(read: Callable[[str, Any], object], example: str) -> Callable[[str, Any], str]:
+    """Return a `check` for `option` of texts, such as `example`, that `read(field, text)` can parse.
 
     The check returns the text itself, not the result of `read`.
     """
 
     def check(field: str, text: Any) -> str:
-        read(field, checks.text(field, text))
-        return str(text)
+        if not isinstance(text, str):
+            raise InputError(f"{field} is {checks.shown(text)}: it must be a text, such as {example!r}")
+        read(field, text)
+        return text
 
     return check
 
@@ -77,27 +78,29 @@ class Look:
     )
     colors: str | None = _look(
         "Other colors: a colormap such as viridis, or a list such as '#e8d3a8,tan'.",
-        _readable(colors_of),
+        _readable(colors_of, "#e8d3a8,tan"),
         "COLORS",
     )
     range: str | None = _look(
         "Values of the first and the last color, in the unit of the quantity.",
-        _readable(range_of),
+        _readable(range_of, "0,0.5"),
         "LOW,HIGH",
     )
     forces: bool = _look("Draw force chains.", checks.boolean, default=False)
     size: str | None = _look(
         "Width and height of a film or a picture [pixels]; without it, they follow from the frame.",
-        _readable(size_of),
+        _readable(size_of, "1920x1080"),
         "WIDTHxHEIGHT",
     )
     frame: str | None = _look(
         "Rectangle to show [m], also by the camera of a USD file; without it, the grains and the walls that"
         " they can touch.",
-        _readable(frame_of),
+        _readable(frame_of, "-0.5,0,0.5,1"),
         "X0,Y0,X1,Y1",
     )
-    background: str = _look("Color behind a film or a picture.", _readable(color_of), "COLOR", "#ffffff")
+    background: str = _look(
+        "Color behind a film or a picture.", _readable(color_of, "#ffffff"), "COLOR", "#ffffff"
+    )
     clean: bool = _look("Draw grains and walls alone, without texts.", checks.boolean, default=False)
     fps: float = _look("Frames per second [1/s] as played, exactly.", checks.positive, "F", DEFAULT_RATE)
     slow: float | None = _look(
@@ -133,12 +136,18 @@ def with_style(given: Mapping[str, Any], style: str | Path | None) -> dict[str, 
     """Return the options `given`, by name, completed by those in the TOML file `style`."""
     if style is None:
         return dict(given)
+    from warpgrains.scene.toml import parse_toml  # imports NumPy, which --help does not need
+
     path = Path(checks.path("style", style))
     try:
-        table = tomllib.loads(path.read_text())
-    except (OSError, ValueError) as error:
+        table = parse_toml(path.read_text(), path)
+    except (OSError, UnicodeDecodeError) as error:
         told = "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read: {error}"
-        raise InputError(f"style '{path}' {told}") from None
+        raise InputError(
+            f"style '{path}' {told}: give a TOML file of looks, such as color_by = 'speed'"
+        ) from None
     for name in table:
         checks.one_of(f"key of style '{path}'", name, LOOKS)
+    with written_as({}, f"style '{path}'"):
+        Look(**table)
     return table | dict(given)

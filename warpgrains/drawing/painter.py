@@ -10,6 +10,7 @@ import numpy as np
 
 from warpgrains.base.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
+from warpgrains.drawing.colorings import speed_scale
 from warpgrains.drawing.colors import GrainColors, is_dark
 from warpgrains.drawing.extent import box_of_discs, extent_of
 from warpgrains.drawing.kinds import color_of, frame_of
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 
 _THICKNESS = 0.014  # of walls, in half of the longer side of the view
+_HOT = np.array((0.87, 0.33, 0.04))  # color of the fastest grains of the palette (sRGB)
+_HEAT = 0.7  # exponent of the speed; below 1, slow grains differ in color
 _MARGIN = 0.04  # about the extent, in half of its longer side: walls are drawn outside of the grains' space
 
 
@@ -36,6 +39,9 @@ class Painter:
     def __init__(self, scene: Scene, look: Look) -> None:
         self.scene, self.look = scene, look
         self.colors = GrainColors(scene, look.color_by, look.colors, look.range)
+        is_heated = look.color_by == "palette" and look.colors is None
+        self.top_speed = speed_scale(scene) if is_heated else 0.0
+        """Speed of the reddest grains [m/s]; 0 if colors do not depend on the speed."""
         self.chain_scale = ChainScale.of(scene) if look.forces else None
         self.view = _view_of(scene) if look.frame is None else frame_of("frame", look.frame)
         self.thickness = _THICKNESS * self.view.half
@@ -71,7 +77,14 @@ class Painter:
 
     def color(self, now: Snapshot) -> FloatArray:
         """Return the colors of the grains (sRGB), shape (n, 3)."""
-        return self.colors.of(now)
+        return self.heated(self.colors.of(now), np.hypot(*now.velocity.T))
+
+    def heated(self, color: FloatArray, speed: FloatArray) -> FloatArray:
+        """Return colors (sRGB), shape (n, 3), of grains at speeds [m/s]; those of the palette turn red."""
+        if self.top_speed == 0.0:
+            return color
+        share = np.clip(speed / self.top_speed, 0.0, 1.0)[:, np.newaxis] ** _HEAT
+        return (1.0 - share) * color + share * _HOT
 
     def chains(self, now: Snapshot) -> Chains | None:
         return None if self.chain_scale is None else chains_of(self.chain_scale, now)

@@ -16,10 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from warpgrains.base.console import printable
 from warpgrains.base.errors import InputError
 from warpgrains.base.files import read_regular
 from warpgrains.grade.compare import DOUBLE, FLOAT, Difference, difference
-from warpgrains.grade.compiler import LONGEST, WITHOUT, CompileError, Compiler
+from warpgrains.grade.compiler import HOMEWORK, LONGEST, WITHOUT, CompileError, Compiler
 from warpgrains.grade.diagnosis import Explanation, Model, hint_of
 from warpgrains.grade.probes import Probe, draw_probes, make_probes
 from warpgrains.grade.sandbox import (
@@ -136,7 +137,10 @@ class Grader:
         try:
             library, _ = self._compiler.compile_homework(read_regular(source, LONGEST), folder)
             child = self._child(dict.fromkeys((UPDATE, CONTACT), library), self._limits)
-        except (CompileError, EndedError) as error:
+        except CompileError as error:
+            first = next((line for line in str(error).splitlines() if "error:" in line), str(error))
+            raise InputError(f"'{source}' does not compile: {_named(first, source)}") from None
+        except EndedError as error:
             raise InputError(f"'{source}' cannot be run: {error}") from None
         if child.updates and child.iterates:
             return self._child({}), child
@@ -157,6 +161,7 @@ class Grader:
             except CompileError as error:
                 said[part] = str(error)
         lines = next((lines for part, lines in said.items() if part not in libraries), said[BOTH])
+        lines = _named(lines, source)
         if not libraries:
             return Verdict(str(source), lines, seed=self.seed, seconds=monotonic() - start)
         parts = [self._part(part, libraries, until) for part in (UPDATE, CONTACT)]
@@ -322,6 +327,11 @@ def _counts_0(asked: Round, answered: Mapping[int, Answer]) -> bool:
     limits = [probe.call.max_iterations for probe in asked.probes]
     ended = [k for k in answered if asked.expected[k].calls > limits[k]]
     return max((answered[k].calls - limits[k] for k in ended), default=1) == 0
+
+
+def _named(lines: str, source: Path) -> str:
+    """Return messages of the compiler with the name of the student's file, of which it gets a copy."""
+    return lines.replace(f"{HOMEWORK}:", f"{printable(source.name)}:")
 
 
 def _warnings(child: Child) -> tuple[Words, ...]:

@@ -209,8 +209,8 @@ def draw_film(
     step = rate / slow / shown
     if abs(step - round(step)) > 1e-9 or round(step) < 1:
         raise InputError(
-            f"fps {shown:g} cannot be met: '{recording}' has {rate / slow:g} frames a second at this"
-            " speed, and these over whole numbers"
+            f"fps {shown:g} cannot be met: '{recording}' has {rate / slow:g} frames a second: give this, or"
+            " a half or a third of it, and so on"
         )
     step = round(step) * max(1, ceil(shown / FILMS[form_of(output)].fastest))
     require_rate(rate / slow / step)

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from warpgrains.base.files import draft_of, require_writable_path
 from warpgrains.base.locks import Lock
-from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
+from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colorings import COLORINGS
-from warpgrains.drawing.colors import mark_color
+from warpgrains.drawing.colors import PALETTE, mark_color
 from warpgrains.drawing.kinds import STILLS
 from warpgrains.drawing.painter import Painter
 from warpgrains.drawing.shapes import WALL_COLOR, marks
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 _OUTLINE = 0.3  # line width [points]; less for small grains
 _EDGE = (0.25, 0.2, 0.15)  # color of the outlines of grains (sRGB)
 _LEAST_MARK = 5.0  # mean radius of grains with marks [pixels]
-_TEXT: dict[str, Any] = {"fontsize": "x-small"}
 _CASING = 0.15  # width of the white border of a force chain, in widths of the chain
 DOTS_PER_INCH = 120
 _SIDE = 600  # pixels of the longer side of the axes in a picture of a simulation
@@ -76,7 +75,9 @@ class FrameArtists:
         pixels = self._pixels = min(window.width / view.width, window.height / view.height)
         self._points = 72.0 * pixels / axes.figure.dpi
         side = "top" if painter.has_free_corners else "bottom"
-        self._time = axes.text(0.0, 1.0, "t", transform=axes.transAxes, va=side, **_TEXT, color=painter.ink)
+        size = 4.0 + 1.2 * max(window.width, window.height) / axes.figure.dpi  # points
+        text: dict[str, Any] = {"va": side, "color": painter.ink, "fontsize": size}
+        self._time = axes.text(0.0, 1.0, "t", transform=axes.transAxes, **text)
         self._time.set_visible(not painter.look.clean)
         self._has_marks = painter.scene.has_friction
         marks = [self._marks] if self._has_marks else []
@@ -86,8 +87,8 @@ class FrameArtists:
         mobile = [self._walls[name] for name in painter.moved_walls(painter.scene, 0.0)]
         self.changing: tuple[Any, ...] = *mobile, *collections, self._time
         """Artists that `show` changes, from back to front."""
-        if painter.chain_scale is not None and not painter.look.clean:
-            _add_chain_legend(axes, painter.chain_scale, painter)
+        if not painter.look.clean:
+            _add_legends(axes, painter, 0.85 * size)
 
     def show(self, now: Snapshot) -> None:
         """Draw a snapshot, replacing the last one."""
@@ -127,20 +128,35 @@ def add_color_bar(figure: Figure | SubFigure, axes: Any, painter: Painter) -> No
     bar.outline.set(linewidth=0.5, edgecolor=painter.ink)
 
 
-def _add_chain_legend(axes: Axes, scale: ChainScale, painter: Painter) -> None:
-    """Draw the legend of force chains: a band of full width, and the force that it stands for.
+def _add_legends(axes: Axes, painter: Painter, size: float) -> None:
+    """Draw bars with texts of a `size` [points]: a length, the colors of speeds, the width of force chains.
 
-    It is in a corner of the axes if no grains can be there, otherwise below the axes.
+    They are in corners of the axes if no grains can be there, otherwise below and above the axes.
     """
-    view, length = painter.view, 0.12 * painter.view.half
-    left, middle = view.left + 0.02 * view.half, view.bottom + 0.05 * view.half
-    if not painter.has_free_corners:
-        left, middle = view.left, view.bottom - 0.05 * view.half
-    corner = left, middle - scale.width / 2.0
-    band = Rectangle(corner, length, scale.width, color=CHAIN_COLOR, linewidth=0.0, clip_on=False)
-    axes.add_patch(band)
-    force = f"{float(f'{scale.force:.2g}'):g} N"
-    axes.text(left + 1.1 * length, middle, force, va="center", **_TEXT, color=painter.ink)
+    view, half, speed, scale = painter.view, painter.view.half, painter.top_speed, painter.chain_scale
+    digit = 10.0 ** np.floor(np.log10(0.3 * half))
+    length = digit * max(k for k in (1, 2, 5) if k * digit <= 0.3 * half)
+    bars: list[Any] = [(1, -1, length, 0.012 * half, f"{length:g} m", [painter.ink])]
+    if speed > 0.0:
+        colors = painter.heated(np.tile(PALETTE.mean(axis=0), (32, 1)), np.linspace(0.0, speed, 32))
+        bars.append((1, 1, 0.2 * half, 0.04 * half, f"0 to {_rounded(speed)} m/s", colors))
+    if scale is not None:
+        bars.append((-1, -1, 0.12 * half, scale.width, f"{_rounded(scale.force)} N", [CHAIN_COLOR]))
+    inset, beyond = (0.02 * half, -0.05 * half) if painter.has_free_corners else (0.0, 0.05 * half)
+    for x, y, length, width, text, colors in bars:  # x is 1 at the right, y at the top
+        first = view.right - inset - length if x > 0 else view.left + inset
+        middle = view.top + beyond if y > 0 else view.bottom - beyond
+        for k, color in enumerate(colors):
+            begin = length * k / len(colors)
+            bar = Rectangle((first + begin, middle - width / 2.0), length - begin, width, color=color)
+            bar.set(linewidth=0.0, clip_on=False)
+            axes.add_patch(bar)
+        place, side = (first - 0.02 * half, "right") if x > 0 else (first + length + 0.02 * half, "left")
+        axes.text(place, middle, text, va="center", ha=side, fontsize=size, color=painter.ink)
+
+
+def _rounded(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def shares(view: Bounds) -> tuple[float, float]:

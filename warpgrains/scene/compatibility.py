@@ -111,7 +111,7 @@ def _of_walls(scene: Scene) -> Iterator[str]:
                 f" radii of {smallest} m, because float64 could not resolve gaps"
             )
         if isinstance(wall, Row) and not any(wall.fills_gaps_of(other) for other in scene.walls):
-            yield f"walls[{k}] is {wall}: another row must have its discs in the middle between these"
+            yield f"walls[{k}] is a row: another row must have its discs in the middle between these"
         which = f"walls[{k}], {wall.one()}, in a periodic box:"
         if isinstance(wall, Line) and any(way and own for way, own in zip(wall.normal, periods, strict=True)):
             yield f"{which} its normal is {wall.normal}: it must be at a right angle to that direction"

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
-from warpgrains.base.described import checked, described, described_fields
+from warpgrains.base.described import Described, checked, described, described_fields
 from warpgrains.base.errors import InputError
 from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
 from warpgrains.scene.scheme import SCHEMES
@@ -43,7 +43,7 @@ def _key(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class SceneFields:
+class SceneFields(Described):
     """Data and settings that define a scene."""
 
     position: FloatArray = _key("Centers of the grains [m], shape (n, 2).")

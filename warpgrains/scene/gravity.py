@@ -51,7 +51,7 @@ def checked_gravity(field: str, value: Any) -> Vector | TurningGravity:
     if not isinstance(value, Mapping):
         return checks.vector(field, value)
     for key in value:
-        checks.one_of(f"key in {field}", key, ("vector", "angular_velocity"))
+        checks.one_of(f"{field} key", key, ("vector", "angular_velocity"))
     if "angular_velocity" not in value:
         raise InputError(f"{field}.angular_velocity is missing: give the angular velocity of gravity [rad/s]")
     vector = checks.vector(f"{field}.vector", value.get("vector", EARTH))

@@ -1,6 +1,7 @@
 """Random radii: the distributions that `grains.radius` of the layout "random" accepts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,9 @@ def listed_radii(radius: Any) -> FloatArray | None:
 def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, float]:
     """Return a function that draws radii according to `grains.radius`, and their upper bound [m]."""
     if not isinstance(radius, dict):
+        if isinstance(radius, str) or not isinstance(radius, Iterable | Real):
+            told = "a number, the smallest and the largest, or a table with a distribution"
+            raise InputError(f"grains.radius is {checks.shown(radius)}: it must be {told}")
         low, high = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
         return _uniform(checks.positive("grains.radius", low), high, generator), high
     if "distribution" not in radius:

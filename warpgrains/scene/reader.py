@@ -137,6 +137,9 @@ def _grains(table: Table, space: Region, walls: tuple[Wall, ...], folder: Path) 
         grains: Table = {"position": position, "radius": radius}
     else:
         _refuse_unknown_keys("grains", own, (source, "radius", *PROPERTIES))
+        if isinstance(own.get("radius"), dict):
+            told = 'only layout = "random" draws radii, so give a number or a list'
+            raise InputError(f"grains.radius is {checks.shown(own['radius'])}: {told}")
         grains = {"position": own["position"]} if "position" in own else read_grains(folder, own["file"])
         _set_once(grains, own, "radius")
     grains["position"] = checks.vectors("position", grains["position"])
@@ -267,7 +270,7 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
         if len(header) == 1 and separator in header[0]:
             raise InputError(f"its columns are separated by {name}: they must be separated by commas")
     for name in header:
-        checks.one_of("column", name, _COLUMNS)
+        checks.one_of("column in line 1", name, _COLUMNS)
     column = np.zeros(0, [(name, np.float64) for name in header])
     if lines:
         try:

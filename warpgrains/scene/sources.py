@@ -13,6 +13,7 @@ import numpy as np
 from warpgrains.base import checks
 from warpgrains.base.arrays import BoolArray, FloatArray
 from warpgrains.base.described import (
+    Described,
     checked,
     described,
     described_fields,
@@ -100,7 +101,7 @@ def radius_named(field: str) -> Iterator[None]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Exchange:
+class Exchange(Described):
     """The keys that sources and sinks share: a region, and the times at which grains are exchanged."""
 
     region: Mapping[str, Any] = described(
@@ -226,6 +227,11 @@ class Sink(Exchange):
         check=checked_name,
         default=None,
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.region:
+            raise InputError("region of a sink is empty: give ranges x, y or distance [m]")
 
     def is_open(self, time: float) -> bool:
         """Return whether the sink takes grains at a time [s]."""

@@ -311,4 +311,4 @@ def _require_array(name: str, array: Any, dtype: type, shape: tuple[int, ...]) -
         raise InputError(f"{name} of the state is a {type(array).__name__}: it must be an array")
     if array.dtype != dtype or array.shape != shape:
         found, wanted = f"{array.dtype} {array.shape}", f"{np.dtype(dtype)} {shape}"
-        raise InputError(f"{name} of the state is {found}: it must be {wanted}")
+        raise InputError(f"{name} of the state is {found}: it must be {wanted}, as in states of this scene")

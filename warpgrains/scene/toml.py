@@ -24,6 +24,20 @@ Table = dict[str, Any]
 
 _LONGEST = 2**28  # largest size of a file [bytes]
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_VALUE = 'a number such as 0.5 (no unit), true, a "text" in quotes or a [list]'
+_TOLD = {
+    "Cannot declare": "this section stands twice, so put its keys below the first one",
+    "Cannot overwrite": "this key stands twice, so remove one",
+    "Cannot mutate": "this section already stands above as a value, so write it only once",
+    "Expected '='": "it must be key = value, [section] or # comment",
+    "Expected newline": f"after = must stand {_VALUE}",
+    "Invalid value": f"after = must stand {_VALUE}",
+    "Illegal character": "a text ends on its line, with the quote with which it begins",
+    "Invalid statement": "it must be key = value, [section] or # comment",
+    "Unclosed array": "a list needs commas between its values, and a ] at the end",
+    "Unescaped": "in a text, write / or \\\\ for \\",
+}
+"""What TOML wants, by the start of a message of tomllib."""
 LISTS = {"walls": "wall", "sources": "source", "sinks": "sink"}
 """Lists of tables in scene files, such as [[walls]], and the name of what one table describes."""
 SHIPPED = {"scene": "", "sweep": "sweeps"}
@@ -49,6 +63,13 @@ def shipped_text(kind: str, name: str) -> str:
 def read_text(path: Path, kind: str) -> str:
     """Return the text of a scene or sweep from a file, or from a shipped file by its name."""
     if not _exists(path):
+        if kind == "sweep" and str(path) in shipped("scene"):
+            raise InputError(
+                f'{checks.shown(str(path))} is a scene: give a sweep file with scene = "{path}" and [axes]'
+            )
+        if os.path.isdir(path) and str(path) not in shipped(kind):
+            told = "`warpgrains batch` takes a folder of scenes, other commands take a file"
+            raise InputError(f"{kind} {checks.shown(str(path))} is a folder: {told}")
         if path.suffix == ".toml" or len(path.parts) > 1:
             nearest = get_close_matches(path.stem, shipped(kind), n=1)
             told = (
@@ -72,8 +93,20 @@ def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
         document = tomllib.loads(text)
         require_toml_numbers(document)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is not TOML: {error}") from None
+        told = "" if str(path).endswith(".toml") else ": give a file .toml"
+        raise InputError(f"{path} is not TOML{told}: {_reason(str(error), text)}") from None
     return document
+
+
+def _reason(error: str, text: str) -> str:
+    """Return a message of tomllib with the line of `text`, and with what TOML wants there."""
+    found = re.fullmatch(r"(.*) \(at (?:line (\d+), column \d+|end of document)\)", error, re.DOTALL)
+    if found is None:
+        return error
+    lines = text.split("\n")
+    number = int(found[2] or len(lines))
+    told = next((told for start, told in _TOLD.items() if error.startswith(start)), found[1])
+    return f"line {number}, {checks.shown(lines[number - 1].strip())}: {told}"
 
 
 def parameters_text(scene: Scene) -> str:
@@ -123,7 +156,7 @@ def overridden(document: Table, override: str) -> Table:
     except (ValueError, RecursionError):
         parsed = {"value": value.strip()} if value.strip().replace("-", "_").isidentifier() else {}
     if parsed.keys() != {"value"}:
-        raise InputError(f"{told}: what follows = is not a TOML value")
+        raise InputError(f"{told}: after = must stand {_VALUE}")
     try:
         return with_key(document, target.strip(), parsed["value"])
     except InputError as error:

@@ -70,14 +70,13 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
 
 def read_checkpoint(path: Path) -> Checkpoint:
     """Read a checkpoint of this version; InputError if it is missing, damaged, or another file."""
-    path = resolve_link(path)
+    path, told = resolve_link(path), "`warpgrains run SCENE --checkpoint FILE` writes one"
     if not path.is_file():
-        told = "`warpgrains run SCENE --checkpoint FILE` writes one"
         raise InputError(f"checkpoint '{path}' does not exist: {told}")
     try:
         header, arrays = _read(path)
     except Exception:  # readers of damaged files raise errors of any kind
-        raise InputError(f"'{path}' is not a checkpoint of warpgrains, or it is damaged") from None
+        raise InputError(f"'{path}' is not a checkpoint of warpgrains, or it is damaged: {told}") from None
     if header["version"] != VERSION:
         raise InputError(
             f"checkpoint '{path}' has version {header['version']}, of warpgrains {header.get('warpgrains')};"

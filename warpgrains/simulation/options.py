@@ -190,6 +190,10 @@ def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
     """Return the number of steps of a run: `steps`, or those in `duration` [s], by default the scene's."""
     if steps is not None and duration is not None:
         raise InputError("give steps or duration, not both")
+    if isinstance(steps, str):
+        raise InputError(
+            f"steps is {steps!r}: it must be a whole number; an end criterion is until={steps!r}"
+        )
     if steps is not None:
         return checks.whole_number("steps", steps, least=0)
     return scene.steps if duration is None else scene.steps_in(checks.positive("duration", duration))

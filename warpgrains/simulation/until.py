@@ -81,7 +81,7 @@ def bounds_of(until: str) -> dict[str, float]:
         try:
             bound = float(value)
         except ValueError:
-            raise InputError(f"until: {word!r} is not a number") from None
+            raise InputError(f"until: {word!r} must be a bound such as {key}=1e-3") from None
         given[key] = checks.positive(f"until: {key}", bound)
     return given
 

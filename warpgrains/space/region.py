@@ -322,7 +322,7 @@ def region_of(space: Region, given: Any, field: str = "grains.region") -> Region
 def ranges_of(field: str, given: Any) -> dict[str, tuple[float, float]]:
     """Check a table of ranges and return the ranges [m] by name; InputError if it is invalid."""
     if not isinstance(given, Mapping):
-        raise InputError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
+        raise InputError(f"{field} is {given!r}: it must be a table of ranges, {' or '.join(RANGES)}")
     for key in given:
         checks.one_of(f"key of {field}", key, RANGES)
     return {key: checks.interval(f"{field}.{key}", value) for key, value in given.items()}

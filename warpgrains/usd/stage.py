@@ -235,16 +235,21 @@ def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64])
     return box
 
 
+_WRITES = "`warpgrains run SCENE -o FILE.usdc` writes one"
+
+
 def open_recording(path: Path) -> Usd.Stage:
     """Open a recording. Raises InputError if the file is missing or cannot be read."""
+    if path.is_dir():
+        raise InputError(f"recording '{path}' is a folder: give its files, such as {path}/*.usdc")
     if not path.is_file():
-        raise InputError(f"recording '{path}' does not exist: `warpgrains run SCENE -o FILE.usdc` writes one")
+        raise InputError(f"recording '{path}' does not exist: {_WRITES}")
     try:
         _unprinted = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings would be lines beside ours
         # not the layer that USD keeps of an earlier file of this name
         return Usd.Stage.Open(Sdf.Layer.OpenAsAnonymous(str(path)))
     except Tf.ErrorException as error:
-        raise InputError(f"recording '{path}' is not a USD file that can be read") from error
+        raise InputError(f"recording '{path}' is not a USD file that can be read: {_WRITES}") from error
 
 
 @contextmanager

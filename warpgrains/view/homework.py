@@ -53,6 +53,7 @@ class Homework:
     def __init__(self, scene: Scene, start: Callable[[], tuple[Child, Child]], name: str) -> None:
         self._scene, self._start, self.name = scene, start, name
         self.painter = _Painter(scene, Look())
+        self.painter.top_speed = 0.0  # its colors show no speed
         self._children: tuple[Child, ...] = ()
         self.restart()
 

@@ -247,6 +247,8 @@ def _legend(painter: Painter, error: str | None = None) -> str:
         ends = f"<span>{scale.low:.3g}</span><span>{scale.label}</span><span>{scale.high:.3g}</span>"
         lines.append(f'<div style="{bar}"></div>')
         lines.append(f'<div style="display: flex; justify-content: space-between">{ends}</div>')
+    if painter.top_speed > 0.0:
+        lines.append(f"<div>orange grains: {painter.top_speed:.2g} m/s or more</div>")
     if (chains := painter.chain_scale) is not None:
         lines.append(f"<div>force chains: {chains.width:.2g} m wide at {chains.force:.2g} N or more</div>")
     return f'<div class="legend" style="font-size: 0.8em; margin: 0.4em 1em">{"".join(lines)}</div>'

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
-from warpgrains.base.described import checked, described, described_fields, documented, fields_of
+from warpgrains.base.described import Described, checked, described, described_fields, documented, fields_of
 from warpgrains.base.errors import InputError
 from warpgrains.space.geometry import Ends, Period
 from warpgrains.space.region import Region
@@ -40,7 +40,7 @@ OF_SIDES |= {"pressure": checks.number, "roughness": _roughness}
 
 def _side(field: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, Mapping):
-        raise InputError(f"{field} is {checks.shown(value)}: it must be a table such as {{friction = 0.3}}")
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a table of keys such as friction")
     for key in value:
         checks.one_of(f"key of {field}", key, OF_SIDES)
     given = {key: own for key, own in value.items() if own is not None}
@@ -63,7 +63,7 @@ def _side_field(meaning: str) -> Any:
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(Described):
     """A rectangle with sides along the axes, of which two opposite ones, or all, may be periodic.
 
     Grains that leave the box through a periodic side enter it through the opposite side. Positions in states

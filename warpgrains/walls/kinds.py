@@ -50,6 +50,8 @@ def _checked_wall(field: str, value: Any) -> Wall:
         kinds = " or ".join(kind.__name__ for kind in WRITTEN_KINDS.values())
         raise InputError(f"{field} is {checks.shown(value)}: it must be a {kinds}, or a table of its keys")
     own = dict(value)
+    if "kind" not in own:
+        raise InputError(f"{field}.kind is missing: give one of {', '.join(WRITTEN_KINDS)}")
     kind = WRITTEN_KINDS[checks.one_of(f"{field}.kind", own.pop("kind", None), WRITTEN_KINDS)]
     fields = fields_of(field, own, kind.one(), kind.keys())
     try:

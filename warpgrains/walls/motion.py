@@ -8,7 +8,7 @@ import numpy as np
 
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
-from warpgrains.base.described import described
+from warpgrains.base.described import Described, described
 from warpgrains.base.errors import InputError
 from warpgrains.space.geometry import left_of
 
@@ -40,7 +40,7 @@ class Pose(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Motion:
+class Motion(Described):
     """Prescribed motion: a translation, and a rotation about a pivot that moves with the wall (eq. 26).
 
     The device and the C reference take the motion as numbers, with the names of its fields.

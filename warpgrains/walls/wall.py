@@ -323,7 +323,7 @@ class Wall(Motion):
 
     def complaint(self, number: int) -> str:
         """Return the message for a grain with its center in this wall, which has this number in the scene."""
-        return f"its center is inside walls[{number}], {self}"
+        return f"its center is inside walls[{number}], {self.named(number)}"
 
     def named(self, number: int) -> str:
         """Return the name of the wall; without one, its kind and its number, such as Segment0."""
