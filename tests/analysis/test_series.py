@@ -33,7 +33,7 @@ def test_rows_are_what_is_measured_by_hand(tmp_path):
 
 def test_means_are_those_of_all_steps():
     simulation = Simulation(Scene.load("annulus"))
-    every_step, means = analysis.Series("walls,energy", 1), analysis.Series("walls,energy", 20, mean=True)
+    every_step, means = analysis.Series("pile,energy", 1), analysis.Series("pile,energy", 20, mean=True)
     simulation.run(steps=35, observer=means)
     simulation.run(steps=30, observer=means)
     Simulation(Scene.load("annulus")).run(steps=65, observer=every_step)
@@ -74,9 +74,9 @@ def test_a_resumed_run_ends_with_the_same_bytes(tmp_path, capfd, options, until)
 def test_a_sweep_with_means(tmp_path):
     sweep = tmp_path / "sweep.toml"
     sweep.write_text('scene = "annulus"\n[set]\ntime.duration = 0.5\n[axes]\nphysics.drag = [0.1, 0.2]\n')
-    options = ("--measure", "walls", "--every", 25, "--mean")
+    options = ("--measure", "pile", "--every", 25, "--mean")
     assert exit_code("batch", sweep, "-o", tmp_path / "out", *options) == 0
-    series = analysis.Series("walls", 25, mean=True)
+    series = analysis.Series("pile", 25, mean=True)
     Simulation(Scene.load("annulus", "physics.drag=0.2")).run(steps=50, observer=series)
     assert rows(tmp_path / "out" / "runs" / "00001" / "series.csv") == series.rows
 

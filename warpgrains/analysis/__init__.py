@@ -41,11 +41,11 @@ from warpgrains.analysis.network import (
 )
 from warpgrains.analysis.packing import (
     cell_areas,
-    global_packing_fraction,
     heights,
     local_packing_fractions,
     packing_fraction,
     pile_height,
+    pile_packing_fraction,
 )
 from warpgrains.analysis.profile_series import ProfileSeries
 from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
@@ -64,12 +64,12 @@ __all__ = [
     "Snapshot", "WallForce",
     "cell_areas", "clusters", "contact_directions", "contact_forces", "contact_numbers",
     "coordination_number", "energy_balance", "fabric_tensor", "find", "force_distribution",
-    "force_statistics", "global_packing_fraction", "grain_count", "grain_mass",
+    "force_statistics", "grain_count", "grain_mass",
     "grain_stresses", "grains_in", "granular_temperature", "height_profile", "heights",
     "kinetic_energy", "largest_speed", "local_packing_fractions", "mean_speed", "mean_stress",
-    "packing_fraction",
-    "partial_radial_distributions", "pile_height", "potential_energy", "pressure", "quantities",
-    "radial_distribution", "radial_profile", "radius_classes", "rattlers", "region_of", "rigidity",
+    "packing_fraction", "partial_radial_distributions", "pile_height", "pile_packing_fraction",
+    "potential_energy", "pressure", "quantities", "radial_distribution", "radial_profile",
+    "radius_classes", "rattlers", "region_of", "rigidity",
     "snapshot", "step_energy_balance", "structure_factor", "wall_forces", "wall_places",
 ]
 # fmt: on

@@ -50,7 +50,7 @@ def radial_distribution(
     region : mapping, optional
         Region of the centers, see `region_of`; ``{}`` is the whole space between the walls. The default
         excludes a mean diameter along the walls, where grains are layered, and under gravity the space above
-        the mean height of the grains, weighted by area, as for `packing_fraction`.
+        the mean height of the grains, weighted by area, as for `pile_packing_fraction`.
 
     Raises
     ------

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.snapshot import HasState, snapshot
+from warpgrains.analysis.snapshot import HasState, of_runs, snapshot
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.described import fields_in_help
@@ -18,11 +18,11 @@ from warpgrains.scene.sources import require_closed
 from warpgrains.space.geometry import left_of
 
 if TYPE_CHECKING:
-    from warpgrains.scene.scene import Scene
     from warpgrains.simulation.simulation import Simulation
 
 
-def kinetic_energy(of: Snapshot | HasState) -> float:
+@of_runs
+def kinetic_energy(of: Snapshots) -> FloatArray:
     """Return the sum of m v^2 / 2 and, with friction, m r^2 w^2 / 4 [J].
 
     In the leapfrog scheme, velocities, and so this energy, are half a step behind the other quantities.
@@ -32,15 +32,11 @@ def kinetic_energy(of: Snapshot | HasState) -> float:
     >>> f"{analysis.kinetic_energy(simulation):.3f} J"
     '0.179 J'
     """
-    return kinetic_energies(snapshot(of).grains).item()
+    return energy.kinetic_energy(of.mass, of.radius, of.velocity, of.spin)
 
 
-def kinetic_energies(grains: Snapshots) -> FloatArray:
-    """Return the kinetic energy of the grains of each of m scenes [J], shape (m,)."""
-    return energy.kinetic_energy(grains.mass, grains.radius, grains.velocity, grains.spin)
-
-
-def potential_energy(of: Snapshot | HasState) -> float:
+@of_runs
+def potential_energy(of: Snapshots) -> FloatArray:
     """Return the sum of -m g . x [J], 0 at the origin, for gravity g at the time of the snapshot.
 
     Examples
@@ -48,12 +44,7 @@ def potential_energy(of: Snapshot | HasState) -> float:
     >>> f"{analysis.potential_energy(simulation):.3f} J"
     '-24.643 J'
     """
-    return potential_energies(snapshot(of).grains).item()
-
-
-def potential_energies(grains: Snapshots) -> FloatArray:
-    """Return the potential energy of the grains of each of m scenes [J], shape (m,)."""
-    return -(grains.mass * (grains.position @ grains.gravity[..., np.newaxis])[..., 0]).sum(axis=-1)
+    return -(of.mass * (of.position @ of.gravity[..., np.newaxis])[..., 0]).sum(axis=-1)
 
 
 def granular_temperature(of: Snapshot | HasState) -> float:
@@ -124,17 +115,6 @@ class EnergyBalance(NamedTuple):
         return self.contact_loss - self.friction_loss
 
 
-def require_energy_balance(what: str, scene: Scene) -> None:
-    """Raise InputError, which names `what`, if the work of forces in the scene cannot be computed.
-
-    That is so with walls that a force or a pressure drives, and with rolling friction.
-    """
-    if scene.has_driven_walls:
-        raise InputError(f"{what} cannot be computed where a pressure or a force drives a wall")
-    if scene.has_rolling_friction:
-        raise InputError(f"{what} cannot be computed with rolling_friction")
-
-
 def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     """Return the energy balance of the last step from its forces and velocities; 0 before the first step.
 
@@ -155,7 +135,12 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     (True, True)
     """
     now = snapshot(of)
-    require_energy_balance("the energy balance of a step", now.scene)
+    for field, is_set in (
+        ("walls that a pressure or a force drives", now.scene.has_driven_walls),
+        ("rolling_friction", now.scene.has_rolling_friction),
+    ):
+        if is_set:
+            raise InputError(f"the energy balance of a step cannot be computed with {field}")
     if now.steps == 0:
         return EnergyBalance(0.0, 0.0, 0.0)
     scene = now.start_scene

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypedDict
 
 import numpy as np
 
-from warpgrains.analysis.quantities import find, names_of, quantities, takes_region
+from warpgrains.analysis.quantities import find, names_of, quantities, require_effect
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError, OutputError
@@ -128,8 +128,7 @@ class Series:
         self.names = names_of(measure)
         self._interval = checks.whole_number("every", every)
         self.region, self._is_mean = region, checks.boolean("mean", mean)
-        if region is not None and not takes_region(self.names):
-            raise InputError(f"region has no effect on {', '.join(self.names)}")
+        require_effect(region, self.names)
         self.every = 1 if mean else self._interval
         self.means: tuple[float, ...] = ()
         self._seen, self._count = resume_at, 0

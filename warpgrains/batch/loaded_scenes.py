@@ -98,11 +98,9 @@ class LoadedScenes:
         Each group comes with the indices of its scenes. `done` receives them, and returns sums over all steps
         of these scenes. This works on a CPU only, see `Engine.ends`.
         """
-        of_shape: dict[tuple[int, int, int, bool], list[int]] = {}
+        of_shape: dict[tuple[int, int], list[int]] = {}
         for k in numbers:
-            scene = self.scenes[k].scene
-            shape = self._place[k][0], scene.n, len(scene.walls), scene.bodies.two_circles
-            of_shape.setdefault(shape, []).append(k)
-        for (e, *_), alike in sorted(of_shape.items()):
+            of_shape.setdefault((self._place[k][0], self.scenes[k].scene.n), []).append(k)
+        for (e, _), alike in sorted(of_shape.items()):
             which = np.array([self._place[k][1] for k in alike])
             yield alike, self._engines[e][0].ends(which, done(alike))

@@ -56,7 +56,7 @@ def _do(arguments: Sequence[str] | None) -> int:
     if parsed.command is None:
         parser.print_help()
         return DONE
-    with written_as({"override": "--set", "quantity": "--measure", "until": "--until"}):
+    with written_as({"override": "--set", "quantity": "--measure", "until": "--until", "region": "--region"}):
         return parsed.command.do(parsed)
 
 

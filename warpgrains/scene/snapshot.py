@@ -95,15 +95,13 @@ class Snapshots:
     """[m/s], shape (m, n, 2)."""
     spin: FloatArray
     """[rad/s], shape (m, n); 0 without friction."""
-    wall_force: FloatArray
-    """Force of each of `Scene.walls` on each grain [N], shape (m, n, walls)."""
 
     @classmethod
     def of(cls, scenes: Sequence[Scene], times: Sequence[float], **arrays: FloatArray) -> Self:
         """Return the snapshots of scenes at times [s].
 
         In the scenes, walls that forces drive must be at their places at these times. `arrays` are the fields
-        position, velocity, spin and wall_force.
+        position, velocity and spin.
         """
         return cls(
             scenes=scenes,
@@ -131,11 +129,6 @@ class Snapshots:
     def circles(self) -> FloatArray:
         """Radii of the inner and the outer circle [m], shape (m, 2): 0 and NaN without them."""
         return np.array([_circles(scene) for scene in self.scenes])
-
-    @cached_property
-    def circle_walls(self) -> IndexArray:
-        """Numbers of the inner and the outer circle in `Scene.walls`, shape (m, 2); -1 without them."""
-        return np.array([scene.bodies.circle_walls for scene in self.scenes])
 
     @cached_property
     def containers(self) -> Mapping[int, Container]:
@@ -243,11 +236,10 @@ class Snapshot:
     @cached_property
     def grains(self) -> Snapshots:
         """The grains as arrays for several scenes, with one scene."""
-        wall_force = np.zeros((self.n, len(self.scene.walls)))
-        wall_force[*self.wall.T] = self.wall_force
         arrays = {"position": self.position, "velocity": self.velocity, "spin": self.spin}
-        arrays = {name: array[np.newaxis] for name, array in (arrays | {"wall_force": wall_force}).items()}
-        return Snapshots.of([self.scene], [self.time], **arrays)
+        return Snapshots.of(
+            [self.scene], [self.time], **{name: array[np.newaxis] for name, array in arrays.items()}
+        )
 
     @cached_property
     def images(self) -> tuple[FloatArray, IndexArray]:

@@ -30,7 +30,6 @@ from warpgrains.kernels.team import advance as advance_kernel
 from warpgrains.kernels.team.threads import TeamRecord, team_records
 from warpgrains.scene.snapshot import Snapshots
 from warpgrains.solver import tuning
-from warpgrains.solver.forces import force_of
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loaded_scene import LoadedScene
 from warpgrains.solver.loading import give_up_step, scene_with_walls
@@ -133,11 +132,9 @@ class Engine:
         """
         records, scenes = self.records, [scene_with_walls(self.records, k) for k in which.tolist()]
         dt = records.host["dt"][which]
-        contact_mass = records.stacked("grains.contact_mass", which)
-        force = force_of(contact_mass[..., None], records.wall_corrections(which), dt[:, None, None])
-        arrays = {"wall_force": force, "spin": np.zeros(contact_mass.shape)}
-        for name in ("position", "velocity", *(("spin",) if records.sizes.friction else ())):
-            arrays[name] = records.stacked(f"grains.{name}", which)
+        names = ("position", "velocity", *(("spin",) if records.sizes.friction else ()))
+        arrays = {name: records.stacked(f"grains.{name}", which) for name in names}
+        arrays.setdefault("spin", np.zeros(arrays["position"].shape[:2]))
         times = (records.host["start_time"][which] + records.host["steps"][which] * dt).tolist()
         grains = Snapshots.of(scenes, times, **arrays)
         return FinalStates(grains, dt, done)

@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.analysis.quantities import SWEEP_QUANTITIES, find, quantities, takes_region
-from warpgrains.base.arrays import FloatArray
+from warpgrains.analysis.quantities import find, quantities
 from warpgrains.base.errors import InputError
-from warpgrains.scene.snapshot import Snapshot, Snapshots
+from warpgrains.scene.snapshot import Snapshot
 from warpgrains.solver.statistics import FinalStates
 from warpgrains.sweep.execution import RunSettings
 
@@ -36,10 +35,14 @@ def _counted(field: str, meaning: str) -> Column:
     return Column(meaning, lambda ends: ends.done[field].astype(np.int64))
 
 
-def _at_the_end(name: str, of_runs: Callable[[Snapshots], FloatArray]) -> Column:
+def _at_the_end(name: str) -> Column:
     """Return the column of a quantity of the final state."""
     own = find(name)
-    return Column(f"{own.meaning}, at the end of the run", lambda ends: of_runs(ends.grains), own.unit)
+    return Column(f"{own.meaning}, at the end of the run", lambda ends: own.function(ends.grains), own.unit)
+
+
+AT_THE_END = "kinetic_energy", "potential_energy", "pile_height", "pile_packing_fraction"
+"""Quantities whose functions take `Snapshots`, the states of thousands of runs."""
 
 
 OF_MEAN, OF_ERROR = ":mean", ":error"
@@ -56,7 +59,7 @@ COLUMNS = {
     "iterations_max": _counted("iterations_max", "iterations of a step, maximum"),
     "unconverged": _counted("unconverged", "number of steps that stopped short of the tolerance"),
     "worst_overlap": Column("largest overlap after any step", lambda ends: ends.done["overlap"], "m"),
-    **{name: _at_the_end(name, of_runs) for name, of_runs in SWEEP_QUANTITIES.items()},
+    **{name: _at_the_end(name) for name in AT_THE_END},
     MET: _counted(MET, "with `--until`: 1 if the run was at rest, else 0"),
     "error": Column("reason of the failure, if the run failed", lambda ends: np.full(len(ends.dt), "")),
 }
@@ -96,15 +99,12 @@ def results(
     Quantities are measured in `snapshots`, one per run. `means` has, for each run, the columns of means over
     its series.
     """
-    columns, region = value_columns(settings), settings.table
-    in_region = [name for name in SWEEP_QUANTITIES if region is not None and takes_region([name])]
-    averaged = {*means[0]}
-    measured = [name for name in columns if name not in {*COLUMNS, *averaged} or name in in_region]
-    known = (name for name in columns if name not in measured and name not in averaged)
-    values = {name: COLUMNS[name].of_runs(ends).tolist() for name in known}
+    columns, averaged = value_columns(settings), [*means[0]]
+    measured = [name for name in columns if name not in {*COLUMNS, *averaged}]
+    values = {name: COLUMNS[name].of_runs(ends).tolist() for name in columns if name in COLUMNS}
     values |= {name: [one[name] for one in means] for name in averaged}
     if measured:
-        found = [quantities(state, measured, region) for state in snapshots]
+        found = [quantities(state, measured, settings.table) for state in snapshots]
         values |= {name: [float(one[name]) for one in found] for name in measured}
     seconds = (f"{wall_time:.3f}" for wall_time in ends.done[SECONDS].tolist())
     return zip(*(values[name] for name in columns), seconds, strict=True)
