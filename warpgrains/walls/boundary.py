@@ -53,7 +53,7 @@ class Boundary:
     @property
     def space(self) -> Region:
         """The space at the start, in which layouts place grains."""
-        return space_of(self.walls, self.period, self.reach)
+        return space_of(tuple(self.walls), self.period, self.reach)
 
     @property
     def reach(self) -> float:
