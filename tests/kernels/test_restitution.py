@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from moments import energy_balance
 from schemes import SCHEMES
 
 from warpgrains import Scene, Segment, Simulation
-from warpgrains.analysis import energy_balance, kinetic_energy
+from warpgrains.analysis import kinetic_energy
 from warpgrains.scene.fields import METHODS
 
 EPS = np.finfo(float).eps

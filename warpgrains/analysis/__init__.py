@@ -18,11 +18,8 @@ from warpgrains.analysis.correlations import (
 from warpgrains.analysis.energy import (
     EnergyBalance,
     contact_forces,
-    energy_balance,
     granular_temperature,
     kinetic_energy,
-    largest_speed,
-    mean_speed,
     potential_energy,
     step_energy_balance,
 )
@@ -41,7 +38,6 @@ from warpgrains.analysis.network import (
 )
 from warpgrains.analysis.packing import (
     cell_areas,
-    heights,
     local_packing_fractions,
     packing_fraction,
     pile_height,
@@ -50,7 +46,7 @@ from warpgrains.analysis.packing import (
 from warpgrains.analysis.profile_series import ProfileSeries
 from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES, find, quantities
-from warpgrains.analysis.region_table import grain_count, grain_mass, grains_in, region_of
+from warpgrains.analysis.region_table import grains_in, region_of
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.analysis.structure import structure_factor
@@ -63,13 +59,11 @@ __all__ = [
     "GROUPS", "QUANTITIES", "EnergyBalance", "Profile", "ProfileSeries", "Region", "Series",
     "Snapshot", "WallForce",
     "cell_areas", "clusters", "contact_directions", "contact_forces", "contact_numbers",
-    "coordination_number", "energy_balance", "fabric_tensor", "find", "force_distribution",
-    "force_statistics", "grain_count", "grain_mass",
-    "grain_stresses", "grains_in", "granular_temperature", "height_profile", "heights",
-    "kinetic_energy", "largest_speed", "local_packing_fractions", "mean_speed", "mean_stress",
-    "packing_fraction", "partial_radial_distributions", "pile_height", "pile_packing_fraction",
-    "potential_energy", "pressure", "quantities", "radial_distribution", "radial_profile",
-    "radius_classes", "rattlers", "region_of", "rigidity",
+    "coordination_number", "fabric_tensor", "find", "force_distribution", "force_statistics",
+    "grain_stresses", "grains_in", "granular_temperature", "height_profile", "kinetic_energy",
+    "local_packing_fractions", "mean_stress", "packing_fraction", "partial_radial_distributions",
+    "pile_height", "pile_packing_fraction", "potential_energy", "pressure", "quantities",
+    "radial_distribution", "radial_profile", "radius_classes", "rattlers", "region_of", "rigidity",
     "snapshot", "step_energy_balance", "structure_factor", "wall_forces", "wall_places",
 ]
 # fmt: on

@@ -1,24 +1,17 @@
 """Energies, the energy balance of steps, and the granular temperature."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, of_runs, snapshot
-from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.described import fields_in_help
 from warpgrains.base.errors import InputError
 from warpgrains.scene import energy
 from warpgrains.scene.scheme import kick_of, spin_kick_of
 from warpgrains.scene.snapshot import Snapshot, Snapshots
-from warpgrains.scene.sources import require_closed
 from warpgrains.space.geometry import left_of
-
-if TYPE_CHECKING:
-    from warpgrains.simulation.simulation import Simulation
 
 
 @of_runs
@@ -59,31 +52,9 @@ def granular_temperature(of: Snapshot | HasState) -> float:
     return float(0.5 * ((velocity - velocity.mean(axis=0)) ** 2).sum(axis=1).mean())
 
 
-def mean_speed(of: Snapshot | HasState) -> float:
-    """Return the mean of ``|v|`` [m/s].
-
-    Examples
-    --------
-    >>> f"{analysis.mean_speed(simulation):.3f} m/s"
-    '0.153 m/s'
-    """
-    return float(np.hypot(*snapshot(of).velocity.T).mean())
-
-
-def largest_speed(of: Snapshot | HasState) -> float:
-    """Return the largest ``|v|`` [m/s].
-
-    Examples
-    --------
-    >>> f"{analysis.largest_speed(simulation):.3f} m/s"
-    '1.881 m/s'
-    """
-    return float(np.hypot(*snapshot(of).velocity.T).max())
-
-
 @fields_in_help
 class EnergyBalance(NamedTuple):
-    """Energy [J] that grains gained and lost in one or several steps.
+    """Energy [J] that grains gained and lost in a step, or in several if balances are added.
 
     The kinetic energy, of translation and rotation, changes by gravity_work + wall_work - drag_loss -
     contact_loss, up to rounding.
@@ -183,30 +154,6 @@ def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> E
         friction_loss=friction_loss,
         wall_work=balance.wall_work + wall_work,
     )
-
-
-def energy_balance(simulation: Simulation, steps: int) -> EnergyBalance:
-    """Advance a simulation by some steps and return the energy balance of all of them [J].
-
-    Raises
-    ------
-    InputError
-        `steps` is invalid, or the scene has sources or sinks.
-
-    Examples
-    --------
-    >>> other = wg.Simulation(simulation.scene)
-    >>> balance = analysis.energy_balance(other, steps=100)
-    >>> gained = balance.gravity_work - balance.drag_loss - balance.contact_loss
-    >>> bool(np.isclose(gained, analysis.kinetic_energy(other)))
-    True
-    """
-    require_closed(simulation.scene, "energy_balance")
-    total = np.zeros(len(EnergyBalance._fields))
-    for _ in range(checks.whole_number("steps", steps, least=0)):
-        simulation.step()
-        total += step_energy_balance(simulation)
-    return EnergyBalance(*total.tolist())
 
 
 def contact_forces(of: Snapshot | HasState) -> FloatArray:

@@ -22,17 +22,6 @@ from warpgrains.space.region import Region, sides_of
 BEYOND = 10.0  # distance, in sizes of the region, of three auxiliary points that close the outermost cells
 
 
-def heights(of: Snapshot | HasState) -> FloatArray:
-    """Return the heights of the grains' centers above the origin, against gravity [m], shape (n,).
-
-    Examples
-    --------
-    >>> analysis.heights(simulation).shape
-    (15,)
-    """
-    return _heights(snapshot(of).grains)[0]
-
-
 def _heights(grains: Snapshots) -> FloatArray:
     return (grains.position @ grains.up[..., np.newaxis])[..., 0]
 

@@ -14,6 +14,7 @@ from warpgrains.analysis.region_table import Where
 from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.analysis.walls import wall_forces, wall_places
 from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError, NoAreaError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import Snapshot
@@ -32,13 +33,13 @@ class Quantity(NamedTuple):
     function: Callable[..., Any]
     """Function of a snapshot and, if it has a parameter `region`, of a region. It raises InputError if the
     scene cannot have the quantity."""
-    part: Callable[[Any], float] = float
+    part: Callable[[Any], Any] = float
     """Function that returns the quantity from the result of `function`."""
 
 
 def _stress(function: Callable[..., Any], a: int, b: int, meaning: str) -> Quantity:
     """Return the symmetric part (sigma_ab + sigma_ba) / 2 of a stress as a quantity."""
-    return Quantity("N/m", meaning, function, lambda found: float(0.5 * (found[a, b] + found[b, a])))
+    return Quantity("N/m", meaning, function, lambda found: 0.5 * (found[a, b] + found[b, a]))
 
 
 _MEAN = "component of the mean stress of contacts and kinetic, compression positive"
@@ -57,6 +58,15 @@ def _power(part: str, meaning: str) -> Quantity:
 
 def _force(part: str, meaning: str) -> Quantity:
     return Quantity("N", f"{meaning} between grains", forces.force_statistics, attrgetter(part))
+
+
+def _speeds(now: Snapshot) -> FloatArray:
+    return np.hypot(*now.velocity.T)
+
+
+def _masses(now: Snapshot, region: Where = None) -> FloatArray:
+    """Return the masses of the grains with centers in a region, or of all grains [kg]."""
+    return now.scene.mass if region is None else now.scene.mass[region_table.grains_in(now, region)]
 
 
 def _flow(table: str, column: int, unit: str, meaning: str) -> Quantity:
@@ -96,7 +106,7 @@ QUANTITIES = {
         "",
         "number of grains that their contacts do not hold",
         network.rattlers,
-        lambda found: float(np.count_nonzero(found)),
+        np.count_nonzero,
     ),
     "pressure": Quantity(
         "N/m", "half the trace of the mean stress, of contacts and kinetic", contacts.pressure
@@ -108,7 +118,7 @@ QUANTITIES = {
         "N/m",
         "antisymmetric part, (xy - yx) / 2, of the mean stress",
         contacts.mean_stress,
-        lambda found: float(0.5 * (found[0, 1] - found[1, 0])),
+        lambda found: 0.5 * (found[0, 1] - found[1, 0]),
     ),
     "kinetic_stress_xx": _stress(_kinetic, 0, 0, _KINETIC),
     "kinetic_stress_xy": _stress(_kinetic, 0, 1, _KINETIC),
@@ -116,13 +126,13 @@ QUANTITIES = {
     "mean_force": _force("mean", "mean of the forces"),
     "largest_force": _force("largest", "largest force"),
     "force_deviation": _force("deviation", "standard deviation of the forces"),
-    "grain_count": Quantity("", "number of grains in the region, or of all", region_table.grain_count),
-    "grain_mass": Quantity("kg", "mass of these grains", region_table.grain_mass),
+    "grain_count": Quantity("", "number of grains in the region, or of all", _masses, len),
+    "grain_mass": Quantity("kg", "mass of these grains", _masses, np.sum),
     "inflow_count": _flow("inflow", 1, "", "number of grains that sources have added so far"),
     "outflow_count": _flow("outflow", 0, "", "number of grains that sinks have taken so far"),
     "outflow_mass": _flow("outflow", 1, "kg", "mass of these grains"),
-    "mean_speed": Quantity("m/s", "mean speed of the grains", energy.mean_speed),
-    "largest_speed": Quantity("m/s", "speed of the fastest grain", energy.largest_speed),
+    "mean_speed": Quantity("m/s", "mean speed of the grains", _speeds, np.mean),
+    "largest_speed": Quantity("m/s", "speed of the fastest grain", _speeds, np.max),
     "granular_temperature": Quantity(
         "m2/s2", "mean square of a component of v - <v>", energy.granular_temperature
     ),
@@ -175,7 +185,7 @@ def find(name: str) -> Quantity:
     kind, _, wall = name.partition(":")
     if wall and kind in OF_WALLS:
         one = OF_WALLS[kind]
-        return one._replace(part=lambda found: float(one.part(_of_wall(found, wall))))
+        return one._replace(part=lambda found: one.part(_of_wall(found, wall)))
     known = [*GROUPS, *QUANTITIES, *(f"{kind}:WALL" for kind in OF_WALLS)]
     return QUANTITIES[checks.one_of("quantity", name, known)]
 
@@ -229,7 +239,7 @@ def _measured(now: Snapshot, names: Iterable[str], region: Where) -> Iterator[tu
             if one.function not in found:
                 where = {"region": region} if name in _TAKE_REGION else {}
                 found[one.function] = one.function(now, **where)
-            yield name, one.part(found[one.function])
+            yield name, float(one.part(found[one.function]))
         except InputError as error:
             yield name, type(error)(f"{name}: {error}")
 
