@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tests.bench.__main__ import BENCHES
 from tests.bench.plane_shear import FIGURES, error
-from warpgrains.analysis.quantities import GROUPS, OF_WALLS, QUANTITIES
+from warpgrains.analysis.quantity_table import GROUPS, OF_WALLS, QUANTITIES
 from warpgrains.cli.scenes import Key, exchange_keys, keys, wall_keys
 from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.radii import DISTRIBUTIONS, OF_MEAN

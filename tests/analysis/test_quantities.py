@@ -10,7 +10,7 @@ from walled_scenes import BOXES, boxed, cloud
 
 from warpgrains import Disc, Scene, Simulation, analysis
 from warpgrains.analysis import height_profile, quantities, snapshot
-from warpgrains.analysis.quantities import GROUPS, QUANTITIES
+from warpgrains.analysis.quantity_table import GROUPS, QUANTITIES
 from warpgrains.scene.snapshot import Snapshots
 from warpgrains.space.geometry import area_below
 from warpgrains.sweep.results import AT_THE_END

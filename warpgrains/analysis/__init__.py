@@ -43,9 +43,9 @@ from warpgrains.analysis.packing import (
     pile_height,
     pile_packing_fraction,
 )
-from warpgrains.analysis.profile_series import ProfileSeries
 from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
-from warpgrains.analysis.quantities import GROUPS, QUANTITIES, find, quantities
+from warpgrains.analysis.quantities import find, quantities
+from warpgrains.analysis.quantity_table import GROUPS, QUANTITIES
 from warpgrains.analysis.region_table import grains_in, region_of
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
@@ -56,7 +56,7 @@ from warpgrains.space.region import Region
 
 # fmt: off
 __all__ = [
-    "GROUPS", "QUANTITIES", "EnergyBalance", "Profile", "ProfileSeries", "Region", "Series",
+    "GROUPS", "QUANTITIES", "EnergyBalance", "Profile", "Region", "Series",
     "Snapshot", "WallForce",
     "cell_areas", "clusters", "contact_directions", "contact_forces", "contact_numbers",
     "coordination_number", "fabric_tensor", "find", "force_distribution", "force_statistics",
