@@ -69,7 +69,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     start, start_scene = start_of_step(scene, state)
     contacts, walls = contacts_at(start, start_scene, state)
     places = None if state.driven is None else state.driven[:, 0]
-    return Snapshot(
+    now = Snapshot(
         scene=scene.placed(places),
         steps=state.steps,
         time=scene.time_after(state.steps),
@@ -91,6 +91,8 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
         inflow=state.inflow,
         outflow=state.outflow,
     )
+    vars(now).update(normal=contacts.normal, wall_normal=walls.normal)  # found once, with the forces
+    return now
 
 
 class OfRuns(Protocol):

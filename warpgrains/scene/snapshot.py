@@ -255,20 +255,23 @@ class Snapshot:
         """The container of the grains."""
         return container_of(self.scene, self.time, self.position)
 
-    @property
+    @cached_property
     def normal(self) -> FloatArray:
         """Unit vectors from grain i to grain j of each pair, shape (m, 2)."""
-        return self.loads.normal[: len(self.pair)]
+        return self.start_scene.pair_frames(self.start, self.pair)[0]
+
+    @cached_property
+    def wall_normal(self) -> FloatArray:
+        """Unit vectors into the wall of each contact with a wall, shape (k, 2)."""
+        return self.start_scene.wall_frames(self.start, self.wall, time=self.start_time)[0]
 
     @cached_property
     def loads(self) -> Loads:
         """All contacts as forces on single grains."""
         (i, j), at_wall = self.pair.astype(np.int64).T, self.wall[:, 0].astype(np.int64)
-        normal, _ = self.start_scene.pair_frames(self.start, self.pair)
-        into_wall, _ = self.start_scene.wall_frames(self.start, self.wall, time=self.start_time)
         return Loads(
             np.concatenate([i, j, at_wall]),
-            np.concatenate([normal, -normal, into_wall]),
+            np.concatenate([self.normal, -self.normal, self.wall_normal]),
             np.concatenate([self.force, self.force, self.wall_force]),
             np.concatenate([self.tangential_force, self.tangential_force, self.wall_tangential_force]),
         )
@@ -277,7 +280,7 @@ class Snapshot:
     def wall_loads(self) -> WallLoads:
         """Contacts with walls, with forces on the walls."""
         grain, wall = self.wall.astype(np.int64).T
-        normal = self.loads.normal[2 * len(self.pair) :]
+        normal = self.wall_normal
         along, across = self.wall_force[:, np.newaxis], self.wall_tangential_force[:, np.newaxis]
         force = along * normal + across * left_of(normal)
         point = self.start[grain] + self.scene.radius[grain, np.newaxis] * normal
@@ -294,7 +297,7 @@ class Snapshot:
             names, ends, normal = ("i", "j"), self.pair, self.normal
             force, tangential = self.force, self.tangential_force
         else:
-            names, ends, normal = ("grain", "wall"), self.wall, self.loads.normal[2 * len(self.pair) :]
+            names, ends, normal = ("grain", "wall"), self.wall, self.wall_normal
             force, tangential = self.wall_force, self.wall_tangential_force
         columns = dict(zip((*names, "normal_x", "normal_y"), (*ends.T, *normal.T), strict=True))
         return {**columns, "force": force, "tangential_force": tangential}
