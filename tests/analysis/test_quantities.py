@@ -38,10 +38,12 @@ def test_many_runs_at_once(scenes):
         "velocity": rng.normal(size=(m, n, 2)),
         "spin": rng.normal(size=(m, n)),
     }
-    together = Snapshots.of(scenes, [0.1] * m, **arrays)
+    together = Snapshots(scenes=scenes, time=[0.1] * m, **arrays)
     assert m > 2
     for k, scene in enumerate(scenes):
-        one = Snapshots.of([scene], [0.1], **{name: array[k : k + 1] for name, array in arrays.items()})
+        one = Snapshots(
+            scenes=[scene], time=[0.1], **{name: array[k : k + 1] for name, array in arrays.items()}
+        )
         for name in AT_THE_END:
             of_runs = QUANTITIES[name].function
             assert np.array_equal(of_runs(one)[0], of_runs(together)[k], equal_nan=True), name

@@ -10,11 +10,7 @@ force per length.
 """
 
 from warpgrains.analysis.contacts import grain_stresses, mean_stress, pressure
-from warpgrains.analysis.correlations import (
-    partial_radial_distributions,
-    radial_distribution,
-    radius_classes,
-)
+from warpgrains.analysis.correlations import radial_distribution, radius_classes
 from warpgrains.analysis.energy import (
     EnergyBalance,
     contact_forces,
@@ -23,19 +19,8 @@ from warpgrains.analysis.energy import (
     potential_energy,
     step_energy_balance,
 )
-from warpgrains.analysis.forces import (
-    contact_directions,
-    fabric_tensor,
-    force_distribution,
-    force_statistics,
-)
-from warpgrains.analysis.network import (
-    clusters,
-    contact_numbers,
-    coordination_number,
-    rattlers,
-    rigidity,
-)
+from warpgrains.analysis.forces import contact_directions, fabric_tensor, force_distribution, force_statistics
+from warpgrains.analysis.network import clusters, contact_numbers, coordination_number, rattlers, rigidity
 from warpgrains.analysis.packing import (
     cell_areas,
     local_packing_fractions,
@@ -61,7 +46,7 @@ __all__ = [
     "cell_areas", "clusters", "contact_directions", "contact_forces", "contact_numbers",
     "coordination_number", "fabric_tensor", "find", "force_distribution", "force_statistics",
     "grain_stresses", "grains_in", "granular_temperature", "height_profile", "kinetic_energy",
-    "local_packing_fractions", "mean_stress", "packing_fraction", "partial_radial_distributions",
+    "local_packing_fractions", "mean_stress", "packing_fraction",
     "pile_height", "pile_packing_fraction", "potential_energy", "pressure", "quantities",
     "radial_distribution", "radial_profile", "radius_classes", "rattlers", "region_of", "rigidity",
     "snapshot", "step_energy_balance", "structure_factor", "wall_forces", "wall_places",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -85,10 +85,6 @@ class Snapshots:
     """The scenes, with walls that forces drive at their places at `time`."""
     time: Sequence[float]
     """Time of each scene [s]."""
-    mass: FloatArray
-    """[kg], shape (m, n)."""
-    radius: FloatArray
-    """[m], shape (m, n)."""
     position: FloatArray
     """[m], shape (m, n, 2)."""
     velocity: FloatArray
@@ -96,20 +92,15 @@ class Snapshots:
     spin: FloatArray
     """[rad/s], shape (m, n); 0 without friction."""
 
-    @classmethod
-    def of(cls, scenes: Sequence[Scene], times: Sequence[float], **arrays: FloatArray) -> Self:
-        """Return the snapshots of scenes at times [s].
+    @cached_property
+    def mass(self) -> FloatArray:
+        """Masses of the grains [kg], shape (m, n)."""
+        return np.array([scene.mass for scene in self.scenes])
 
-        In the scenes, walls that forces drive must be at their places at these times. `arrays` are the fields
-        position, velocity and spin.
-        """
-        return cls(
-            scenes=scenes,
-            time=times,
-            mass=np.array([scene.mass for scene in scenes]),
-            radius=np.array([scene.radius for scene in scenes]),
-            **arrays,
-        )
+    @cached_property
+    def radius(self) -> FloatArray:
+        """Radii of the grains [m], shape (m, n)."""
+        return np.array([scene.radius for scene in self.scenes])
 
     @property
     def _each(self) -> Iterator[tuple[Scene, float]]:
@@ -236,9 +227,12 @@ class Snapshot:
     @cached_property
     def grains(self) -> Snapshots:
         """The grains as arrays for several scenes, with one scene."""
-        arrays = {"position": self.position, "velocity": self.velocity, "spin": self.spin}
-        return Snapshots.of(
-            [self.scene], [self.time], **{name: array[np.newaxis] for name, array in arrays.items()}
+        return Snapshots(
+            scenes=[self.scene],
+            time=[self.time],
+            position=self.position[np.newaxis],
+            velocity=self.velocity[np.newaxis],
+            spin=self.spin[np.newaxis],
         )
 
     @cached_property

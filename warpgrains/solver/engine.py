@@ -136,7 +136,7 @@ class Engine:
         arrays = {name: records.stacked(f"grains.{name}", which) for name in names}
         arrays.setdefault("spin", np.zeros(arrays["position"].shape[:2]))
         times = (records.host["start_time"][which] + records.host["steps"][which] * dt).tolist()
-        grains = Snapshots.of(scenes, times, **arrays)
+        grains = Snapshots(scenes=scenes, time=times, **arrays)
         return FinalStates(grains, dt, done)
 
     def submit(self, steps: Sequence[int], most_unconverged: int = LARGEST_WHOLE_NUMBER) -> None:
