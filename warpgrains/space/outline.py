@@ -121,6 +121,8 @@ class Part(NamedTuple):
         for circle in self.circles:
             away = np.abs(np.hypot(*(center - circle[:2]).T) - circle.radius)
             near = np.flatnonzero(away < radius)
+            if not len(near):
+                continue
             part = self if self.corner.ndim == 2 else self._replace(corner=self.corner[near])
             area[near] += part._along_circle(circle, center[near], radius[near])
         return area
