@@ -1,6 +1,6 @@
 """Quantities by name: finding them, and measuring several of a state at once."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from inspect import signature
 from typing import Any
@@ -75,12 +75,14 @@ def require_effect(region: Any, names: Iterable[str]) -> None:
         raise InputError(f"region has no effect on {', '.join(names)}")
 
 
-def require_quantities(names: Iterable[str], scene: Scene, region: Mapping[str, Any] | None = None) -> None:
+def require_quantities(names: Sequence[str], scene: Scene, region: Mapping[str, Any] | None = None) -> None:
     """Raise InputError if a scene cannot have one of these quantities, or the region, at its start.
 
     For a region below the surface of a pile, which is not known yet, the surface is taken at the height
     `Scene.reach`.
     """
+    if not names:
+        return
     now = snapshot(scene, first_state(scene))
     if region is not None:
         region = {**region, "below": scene.reach} if region.get("below") == "surface" else region

@@ -75,7 +75,8 @@ class Series:
     Parameters
     ----------
     measure : str or iterable of str
-        Names of `QUANTITIES` or `GROUPS`; a single text may hold several, separated by commas.
+        Names of `QUANTITIES` or `GROUPS`, of a wall such as "force_x:top", or of the slices of a profile such
+        as "height_profile:20"; a single text may hold several, separated by commas.
     every : int
         Steps between two rows. Rows are at multiples of this number.
     path : str or Path, optional
