@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tests.bench.__main__ import BENCHES
 from tests.bench.plane_shear import FIGURES, error
-from warpgrains.analysis.quantities import GROUPS, QUANTITIES
+from warpgrains.analysis.quantity_table import GROUPS, OF_WALLS, QUANTITIES
 from warpgrains.cli.scenes import Key, exchange_keys, keys, wall_keys
 from warpgrains.scene.layouts import LAYOUTS
 from warpgrains.scene.radii import DISTRIBUTIONS, OF_MEAN
@@ -73,6 +73,8 @@ def _quantities() -> Iterable[Sequence[str]]:
         for name in names:
             found = QUANTITIES[name]
             yield f"`{group}`", f"`{name}`", found.unit or "1", found.meaning
+    for name, found in OF_WALLS.items():
+        yield "", f"`{name}:WALL`", found.unit, found.meaning
 
 
 def _columns() -> Iterable[Sequence[str]]:

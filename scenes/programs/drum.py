@@ -28,7 +28,7 @@ def measure(simulation: wg.Simulation) -> Numbers:
     force = analysis.force_statistics(simulation)
     return {
         "time to rest [s]": simulation.time,
-        "packing fraction": analysis.packing_fraction(simulation),
+        "packing fraction": analysis.pile_packing_fraction(simulation),
         "coordination": analysis.coordination_number(simulation, without_rattlers=True),
         "pressure [N/m]": float(np.trace(stress)) / 2.0,
         "stress yy / xx": float(stress[1, 1] / stress[0, 0]),

@@ -140,7 +140,7 @@ def cradle() -> Section:
         passes += moving != last
     return figure, {
         "times that a speed is handed on": passes,
-        "speed of the last one [m/s]": analysis.largest_speed(simulation),
+        "speed of the last one [m/s]": analysis.quantities(simulation, "largest_speed")["largest_speed"],
         "energy / that of the start": analysis.kinetic_energy(simulation) / (0.5 * scene.mass[0]),
     }
 

@@ -64,7 +64,7 @@ def sheared(number: float, seed: int) -> wg.Scene:
 
 def stresses(now: Snapshot) -> tuple[float, float]:
     """Return the shear stress and the pressure on the walls [N/m], means of the upper and the lower one."""
-    normal = now.loads.normal[2 * len(now.pair) :]
+    normal = now.wall_normal
     tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     force = now.wall_force[:, np.newaxis] * normal + now.wall_tangential_force[:, np.newaxis] * tangent
     outwards = np.sign(normal[:, 1])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import networkx
 import numpy as np
 import pytest
-from moments import EPS, frictional
+from moments import EPS, energy_balance, frictional
 from schemes import EULER, SCHEMES, SECOND_ORDER, contact_mass, without_contacts
 
 from warpgrains import Scene, Simulation, analysis
@@ -166,7 +166,7 @@ def test_energy_is_accounted_for(scene):
     simulation = Simulation(scene)
     for steps in (10, 60 if scene.has_friction else 100):
         before = analysis.kinetic_energy(simulation)
-        summed = analysis.energy_balance(simulation, steps)
+        summed = energy_balance(simulation, steps)
         change = summed.gravity_work + summed.wall_work - summed.drag_loss - summed.contact_loss
         # each step's sums are of some joules, and the velocities before it are had back to their rounding
         rounding = (1e5 if scene.has_friction else 1e4) * EPS * steps
@@ -183,7 +183,7 @@ def test_a_wheel_is_driven_by_the_wall():
     speed, mass = 0.6, 2.0
     fields = {"friction": 0.3, "angular_velocity_out": speed, "dt": 1e-3, "tolerance": 1e-12}
     simulation = Simulation(Scene(position=[[0.0, -0.5]], radius=0.5, mass=mass, radius_out=1.0, **fields))
-    balance = analysis.energy_balance(simulation, 1)
+    balance = energy_balance(simulation, 1)
     push = 0.3 * mass * G * 1e-3  # slides in the first step
     slip = push * 3.0 / mass
     assert balance.wall_work == pytest.approx(push * speed, rel=1e-9)

@@ -91,7 +91,7 @@ def test_where_the_container_is_unknown_a_region_must_be_bounded(fields):
     for measure in (analysis.mean_stress, analysis.pile_height, analysis.cell_areas):
         with pytest.raises(InputError, match="do not form a convex polygon"):
             measure(now)
-    found = analysis.quantities(now, ["packing_fraction", "pile_height", "pressure"])
+    found = analysis.quantities(now, ["packing", "pile", "pressure"])
     assert np.isnan([*found.values()]).all()
     around = {"x": (-0.03, 0.03), "y": (-0.02, 0.04)}
     assert analysis.packing_fraction(now, around) == pytest.approx(pi * 0.02**2 / 0.06**2, rel=1e4 * EPS)
@@ -100,7 +100,11 @@ def test_where_the_container_is_unknown_a_region_must_be_bounded(fields):
 def test_a_ring_about_the_grains_is_their_container():
     """Its area, its lowest point, and the cell of the only grain."""
     now = moment_of([(0.2, 0.1)], 0.1, walls=[Disc((0.2, 0.1), 0.3, inside=True)])
-    assert analysis.packing_fraction(now) == pytest.approx(1.0 / 9.0, rel=64 * EPS)
+    for fraction in (
+        analysis.packing_fraction,
+        analysis.pile_packing_fraction,
+    ):  # whole discs, and half discs
+        assert fraction(now) == pytest.approx(1.0 / 9.0, rel=64 * EPS)
     assert analysis.pile_height(now) == pytest.approx(0.4, rel=64 * EPS)
     assert analysis.cell_areas(now) == pytest.approx(pi * 0.09, rel=1e-9)
 
@@ -151,19 +155,19 @@ def test_what_is_measured_in_a_box_is_over_the_box(now, turn):
     # the same places, turned and rounded, of up to 60 grains
     near = {"rel": 1e4 * EPS, "abs": 1e4 * EPS}
     # arcs near the ends of the arcsine, where grains touch the mean height, lose half of their digits
-    assert analysis.packing_fraction(now) == pytest.approx(fill, rel=sqrt(EPS))
+    assert analysis.pile_packing_fraction(now) == pytest.approx(fill, rel=sqrt(EPS))
     assert analysis.local_packing_fractions(now) == pytest.approx(fill, rel=1e-9)  # slopes of a hull
     assert analysis.contact_numbers(now).tolist() == [2] * 60
     stress = turn.T @ np.diag([3.0 / 0.04, 0.0]) @ turn
     assert analysis.mean_stress(now, whole) == pytest.approx(stress, rel=1e-9, abs=1e-9)
     assert analysis.grain_stresses(now) == pytest.approx(np.tile(stress, (60, 1, 1)), rel=1e-9, abs=1e-7)
     if now.container.mouth < np.inf:
-        for measure in (analysis.mean_stress, analysis.pressure, analysis.global_packing_fraction):
+        for measure in (analysis.mean_stress, analysis.pressure, analysis.packing_fraction):
             with pytest.raises(InputError, match=r"open above a height of 0\.12 m"):
                 measure(now)
     else:
         assert analysis.mean_stress(now) == pytest.approx(stress, rel=1e-9, abs=1e-9)
-        assert analysis.global_packing_fraction(now) == pytest.approx(fill, **near)
+        assert analysis.packing_fraction(now) == pytest.approx(fill, **near)
     if now.scene.domain:
         assert analysis.grains_in(now, {"x": (-0.2, 0.0)}).sum() == 30
         half = analysis.mean_stress(now, {"x": (-0.2, 0.0)})
@@ -211,16 +215,16 @@ def test_a_sweep_of_silos(tmp_path, capfd):
         return zip(ends.values(), rows(folder), strict=True)
 
     (simulation, closed), (_, leaking) = swept(tmp_path / "out")
-    assert "1 run: the area is unknown, so give --region" in capfd.readouterr().out
-    assert float(closed["packing_fraction"]) == analysis.packing_fraction(simulation) > 0.4
+    assert "1 run: pile_packing_fraction is nan" in capfd.readouterr().out
+    assert float(closed["pile_packing_fraction"]) == analysis.pile_packing_fraction(simulation) > 0.4
     assert float(closed["pile_height"]) == analysis.pile_height(simulation)
-    assert leaking["packing_fraction"] == leaking["pile_height"] == "nan"
+    assert leaking["pile_packing_fraction"] == leaking["pile_height"] == "nan"
     region = {"x": (-0.25, 0.25), "y": (-0.35, -0.2)}
-    options = ("--region", "x = [-0.25, 0.25], y = [-0.35, -0.2]", "--measure", "stress")
+    options = ("--region", "x = [-0.25, 0.25], y = [-0.35, -0.2]", "--measure", "packing,stress")
     for folder, more in ((tmp_path / "short", ()), (tmp_path / "long", ("--folders",))):
         for simulation, row in swept(folder, *options, *more):
             assert float(row["packing_fraction"]) == analysis.packing_fraction(simulation, region) > 0.1
             assert float(row["pressure"]) == analysis.pressure(simulation, region) > 0.1
     capfd.readouterr()
-    assert exit_code("batch", silos, "-o", folder, "--resume", "--measure", "stress") == 2
+    assert exit_code("batch", silos, "-o", folder, "--resume", "--measure", "packing,stress") == 2
     require_refusal(capfd, "holds a sweep with --region x = [-0.25, 0.25], y = [-0.35, -0.2]")

@@ -10,9 +10,10 @@ from walled_scenes import BOXES, boxed, cloud
 
 from warpgrains import Disc, Scene, Simulation, analysis
 from warpgrains.analysis import height_profile, quantities, snapshot
-from warpgrains.analysis.quantities import GROUPS, QUANTITIES, SWEEP_QUANTITIES
+from warpgrains.analysis.quantity_table import GROUPS, QUANTITIES
 from warpgrains.scene.snapshot import Snapshots
 from warpgrains.space.geometry import area_below
+from warpgrains.sweep.results import AT_THE_END
 
 G = 9.81
 
@@ -32,22 +33,20 @@ SETS["boxes"] = [scene for scene in map(boxed, BOXES) if (scene.n, len(scene.wal
 def test_many_runs_at_once(scenes):
     """The same bits as of one run."""
     rng, m, n = np.random.default_rng(0), len(scenes), scenes[0].n
-    share = rng.uniform(0.0, 1.0, (m, 1, 1))
     arrays = {
         "position": np.array([scene.position for scene in scenes]),
         "velocity": rng.normal(size=(m, n, 2)),
         "spin": rng.normal(size=(m, n)),
     }
-    force = rng.uniform(size=(m, n, max(len(scene.walls) for scene in scenes)))
-    arrays["wall_force"] = force * (rng.random(force.shape) < share)
-    together = Snapshots.of(scenes, [0.1] * m, **arrays)
+    together = Snapshots(scenes=scenes, time=[0.1] * m, **arrays)
     assert m > 2
     for k, scene in enumerate(scenes):
-        one = Snapshots.of([scene], [0.1], **{name: array[k : k + 1] for name, array in arrays.items()})
-        for name, of_runs in SWEEP_QUANTITIES.items():
+        one = Snapshots(
+            scenes=[scene], time=[0.1], **{name: array[k : k + 1] for name, array in arrays.items()}
+        )
+        for name in AT_THE_END:
+            of_runs = QUANTITIES[name].function
             assert np.array_equal(of_runs(one)[0], of_runs(together)[k], equal_nan=True), name
-    circles = [SWEEP_QUANTITIES[f"{name}_wall_force"](together) for name in ("outer", "inner")]
-    assert np.isnan(circles).all() == bool(scenes[0].domain)
 
 
 def test_energies():
@@ -80,20 +79,23 @@ def test_the_middle_is_weighted_by_area():
     """Not by mass, and not by number. The inner wall fills no space."""
     fields = {"position": [[0.0, -0.5], [0.0, 0.3]], "radius": [0.1, 0.2], "radius_in": 0.05}
     light, heavy = of(**fields), of(**fields, mass=[0.2, 20.0])
-    assert light["packing_fraction"] == heavy["packing_fraction"]
+    assert light["pile_packing_fraction"] == heavy["pile_packing_fraction"]
     middle = (0.01 * -0.5 + 0.04 * 0.3) / 0.05
     level = np.array([middle + 0.5, middle - 0.3, middle, middle])
     lower, upper, space, inside = area_below(np.array([0.1, 0.2, 1.0, 0.05]), level)
-    assert light["packing_fraction"] == pytest.approx((lower + upper) / (space - inside), rel=16 * EPS)
+    assert light["pile_packing_fraction"] == pytest.approx((lower + upper) / (space - inside), rel=16 * EPS)
 
 
 def test_discs_inside_are_no_space():
     """A disc that moves up, of which half is below the mean height; rings fill none."""
     disc = Disc((0.0, -0.5), 0.2, velocity=(0.0, 5.0))
     now = moment_of([[-0.5, 0.0], [0.5, 0.0]], 0.1, walls=[disc], gravity=(0.0, 0.0))
-    assert analysis.packing_fraction(now) == pytest.approx(0.01 / (0.5 - 0.2**2))
+    assert analysis.packing_fraction(now) == pytest.approx(0.02 / (1.0 - 0.2**2))
+    assert analysis.pile_packing_fraction(now) == pytest.approx(0.01 / (0.5 - 0.2**2))
     assert height_profile(now, bins=2).packing_fraction == pytest.approx([0.01 / (0.5 - 0.04), 0.02])
-    assert analysis.packing_fraction(replace(now, time=0.1)) == pytest.approx(0.01 / (0.5 - 0.2**2 / 2.0))
+    assert analysis.pile_packing_fraction(replace(now, time=0.1)) == pytest.approx(
+        0.01 / (0.5 - 0.2**2 / 2.0)
+    )
 
 
 def test_height_is_against_gravity():
@@ -108,10 +110,9 @@ def test_height_is_against_gravity():
 
 def test_names_and_groups_in_order():
     now = snapshot(Simulation("annulus"))
-    absent = {*GROUPS["flow"], *(name for name in QUANTITIES if name.endswith(":WALL"))}
-    assert list(quantities(now)) == [name for name in QUANTITIES if name not in absent]
-    assert list(quantities(now, ["walls", "inner_wall_force"])) == ["outer_wall_force", "inner_wall_force"]
-    assert list(quantities(now, "walls, rattlers")) == ["outer_wall_force", "inner_wall_force", "rattlers"]
+    assert list(quantities(now)) == [name for name in QUANTITIES if name not in GROUPS["flow"]]
+    assert list(quantities(now, ["pile", "pile_height"])) == ["pile_packing_fraction", "pile_height"]
+    assert list(quantities(now, "pile, rattlers")) == ["pile_packing_fraction", "pile_height", "rattlers"]
 
 
 @pytest.mark.parametrize("profile", [analysis.height_profile, analysis.radial_profile])

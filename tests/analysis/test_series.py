@@ -33,7 +33,7 @@ def test_rows_are_what_is_measured_by_hand(tmp_path):
 
 def test_means_are_those_of_all_steps():
     simulation = Simulation(Scene.load("annulus"))
-    every_step, means = analysis.Series("walls,energy", 1), analysis.Series("walls,energy", 20, mean=True)
+    every_step, means = analysis.Series("pile,energy", 1), analysis.Series("pile,energy", 20, mean=True)
     simulation.run(steps=35, observer=means)
     simulation.run(steps=30, observer=means)
     Simulation(Scene.load("annulus")).run(steps=65, observer=every_step)
@@ -49,9 +49,12 @@ def test_means_are_those_of_all_steps():
 
 MEANS = ("--measure", "stress,packing", "--mean", "--region", "y = [-2.0, 1.0]")
 
+LID = boxed("rough lid", top={"pressure": 30.0, "mass": 1.0, "roughness": BUMPS}, **ROUGH)
+SLICES = ("--measure", "height_profile:7,radial_profile:2:spin:1", "--mean")
+
 
 @pytest.mark.parametrize(
-    ("options", "until"), [(("--measure", "energy,stress"), 14), (MEANS, 12), (MEANS, 15)]
+    ("options", "until"), [(("--measure", "energy,stress"), 14), (MEANS, 12), (MEANS, 15), (SLICES, 12)]
 )
 def test_a_resumed_run_ends_with_the_same_bytes(tmp_path, capfd, options, until):
     whole, parts, kept = (tmp_path / name for name in ("whole.csv", "parts.csv", "kept.npz"))
@@ -63,7 +66,7 @@ def test_a_resumed_run_ends_with_the_same_bytes(tmp_path, capfd, options, until)
     parts.write_text(parts.read_text() + f"20,{last}\n")
     assert exit_code("run", "--resume", kept, "--steps", 23) == 0
     assert parts.read_bytes() == whole.read_bytes()
-    assert [row["step"] for row in rows(whole)] == [*range(5 if options is MEANS else 0, 23, 5)]
+    assert [row["step"] for row in rows(whole)] == [*range(5 if "--mean" in options else 0, 23, 5)]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["kept.npz", "parts.csv", "whole.csv"]
     capfd.readouterr()
     parts.unlink()
@@ -74,37 +77,52 @@ def test_a_resumed_run_ends_with_the_same_bytes(tmp_path, capfd, options, until)
 def test_a_sweep_with_means(tmp_path):
     sweep = tmp_path / "sweep.toml"
     sweep.write_text('scene = "annulus"\n[set]\ntime.duration = 0.5\n[axes]\nphysics.drag = [0.1, 0.2]\n')
-    options = ("--measure", "walls", "--every", 25, "--mean")
+    options = ("--measure", "pile", "--every", 25, "--mean")
     assert exit_code("batch", sweep, "-o", tmp_path / "out", *options) == 0
-    series = analysis.Series("walls", 25, mean=True)
+    series = analysis.Series("pile", 25, mean=True)
     Simulation(Scene.load("annulus", "physics.drag=0.2")).run(steps=50, observer=series)
     assert rows(tmp_path / "out" / "runs" / "00001" / "series.csv") == series.rows
 
 
-def test_profiles_over_a_run_are_those_by_hand():
+@pytest.mark.parametrize("scene", [LID, Scene.load("annulus")], ids=["lid", "annulus"])
+def test_profiles_over_a_run_are_those_by_hand(scene):
     """Below a lid that sinks, slices move. Means of what only grains have are weighted by their area."""
-    scene = boxed("rough lid", top={"pressure": 30.0, "mass": 1.0, "roughness": BUMPS}, **ROUGH)
-    found = analysis.ProfileSeries("height", every=5, bins=6)
-    Simulation(scene).run(steps=60, observer=found)
-    by_hand, simulation = [], Simulation(scene)
-    for _ in range(12):
-        simulation.run(steps=5)
-        by_hand.append(analysis.height_profile(simulation, bins=6))
-    assert found.time[1:] == [5 * k * scene.dt for k in range(1, 13)]
-    for profile, own in zip(found.profiles[1:], by_hand, strict=True):
-        assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(profile, own, strict=True))
-    mean, error = found.average(after=5 * scene.dt, blocks=3)
-    weight = np.array([own.packing_fraction for own in by_hand])
-    assert len({own.edges[-1] for own in by_hand}) == 12
-    few = np.array([own.edges for own in by_hand]).reshape(3, 4, 7).mean(axis=1)
-    assert error.edges == pytest.approx(few.std(axis=0, ddof=1) / np.sqrt(3), rel=1e-12, abs=EPS)
-    for name in ("velocity", "spin", "temperature"):
-        values = np.nan_to_num([getattr(own, name) for own in by_hand])
-        share = weight if values.ndim == 2 else weight[..., np.newaxis]
-        expected = (share * values).sum(axis=0) / share.sum(axis=0)
-        assert getattr(mean, name) == pytest.approx(expected, rel=1e-12, abs=1e-12, nan_ok=True), name
-    stress = np.mean([own.stress for own in by_hand], axis=0)
-    assert mean.stress == pytest.approx(stress, rel=1e-12, abs=1e-12 * np.abs(stress).max())
-    dataset = found.to_xarray()
-    assert dataset["high"].values[-1, -1] == by_hand[-1].edges[-1]
-    assert dataset["stress"].dims == ("time", "slice", "component", "other")
+    series, means = (analysis.Series("height_profile:6", every, mean=every > 5) for every in (5, 60))
+    for observer in (series, means):
+        Simulation(scene).run(steps=60, observer=observer)
+    by_hand, simulation, of_steps = [], Simulation(scene), []
+    for step in range(1, 61):
+        simulation.step()
+        of_steps.append(analysis.height_profile(simulation, bins=6))
+        by_hand += of_steps[-1:] if step % 5 == 0 else []
+    assert [row["time"] for row in series.rows[1:]] == [5 * k * scene.dt for k in range(1, 13)]
+    own, error = {}, {}
+    average = series.average(after=5 * scene.dt, blocks=3)
+    for name, (mean, of_mean) in average.items():
+        own.setdefault(name.split(":")[2], []).append(mean)
+        error.setdefault(name.split(":")[2], []).append(of_mean)
+    assert len({one.edges[-1] for one in by_hand}) == (12 if scene is LID else 1)
+    few = np.array([one.edges[1:] for one in by_hand]).reshape(3, 4, 6).mean(axis=1)
+    assert error["high"] == pytest.approx(few.std(axis=0, ddof=1) / np.sqrt(3), rel=1e-12, abs=EPS)
+    of_run = {name: [means.rows[0][f"height_profile:6:{name}:{k}"] for k in range(6)] for name in own}
+    for found, profiles in ((own, by_hand), (of_run, of_steps)):
+        share = np.array([one.packing_fraction for one in profiles])
+        assert (
+            scene is LID or np.isin([True, False], share.min(axis=0) == 0.0).all()
+        )  # some are empty at times
+        for name, field, at in (
+            ("velocity_left", "velocity", (slice(None), 1)),
+            ("spin", "spin", slice(None)),
+            ("temperature", "temperature", slice(None)),
+        ):
+            values = np.nan_to_num([getattr(one, field)[at] for one in profiles])
+            expected = (share * values).sum(axis=0) / share.sum(axis=0)
+            assert found[name] == pytest.approx(expected, rel=1e-11, abs=1e-12, nan_ok=True), name
+        stress = np.mean([one.stress for one in profiles], axis=0)
+        assert found["stress_along_left"] == pytest.approx(
+            stress[:, 0, 1], rel=1e-11, abs=1e-12 * np.abs(stress).max()
+        )
+    assert (
+        analysis.quantities(simulation, "height_profile:6:high:5")["height_profile:6:high:5"]
+        == series.rows[-1]["height_profile:6:high:5"]
+    )

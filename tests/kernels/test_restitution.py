@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from moments import energy_balance
 from schemes import SCHEMES
 
 from warpgrains import Box, Scene, Segment, Simulation, random_layout
-from warpgrains.analysis import energy_balance, kinetic_energy
+from warpgrains.analysis import kinetic_energy
 from warpgrains.scene.fields import METHODS
 
 EPS = np.finfo(float).eps

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+from moments import energy_balance
 from schemes import contact_mass, without_contacts
 from swept_order import follow_reference
 from walled_scenes import ARC, BOUNCY, DISCS, INFINITE, OF_EVERY_KIND, WALLED, around, force_on
@@ -84,7 +85,7 @@ def test_momentum_and_energy_are_accounted_for(which: str) -> None:
     if scene.has_driven_walls or scene.has_rolling_friction:
         simulation.advance(30)
     else:
-        before, balance = analysis.kinetic_energy(simulation), analysis.energy_balance(simulation, steps=30)
+        before, balance = analysis.kinetic_energy(simulation), energy_balance(simulation, steps=30)
         gained = balance.gravity_work + balance.wall_work - balance.drag_loss - balance.contact_loss
         assert analysis.kinetic_energy(simulation) - before == pytest.approx(gained, abs=1e-9)
     falling = scene.replace(gravity=scene.gravity_at(simulation.time))

@@ -8,7 +8,7 @@ import pytest
 from walled_scenes import cloud
 
 from warpgrains import Scene, Simulation
-from warpgrains.analysis import Snapshot, WallForce, snapshot, wall_forces
+from warpgrains.analysis import EnergyBalance, Snapshot, WallForce, snapshot, step_energy_balance, wall_forces
 from warpgrains.scene.layouts import random_layout
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import first_state
@@ -66,3 +66,12 @@ def step_and_balance_forces(simulation: Simulation) -> dict[str, WallForce]:
     rounding = 1e3 * EPS * np.abs(gained).sum() + 1e2 * EPS * np.abs(mass * free).sum() / scene.dt
     assert total == pytest.approx(-gained.sum(axis=0), rel=0.0, abs=rounding)
     return found
+
+
+def energy_balance(simulation: Simulation, steps: int) -> EnergyBalance:
+    """Advance a simulation and return the energy balance of all these steps."""
+    each = []
+    for _ in range(steps):
+        simulation.step()
+        each.append(step_energy_balance(simulation))
+    return EnergyBalance(*np.sum(each, axis=0).tolist())

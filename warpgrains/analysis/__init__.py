@@ -10,47 +10,28 @@ force per length.
 """
 
 from warpgrains.analysis.contacts import grain_stresses, mean_stress, pressure
-from warpgrains.analysis.correlations import (
-    partial_radial_distributions,
-    radial_distribution,
-    radius_classes,
-)
+from warpgrains.analysis.correlations import radial_distribution, radius_classes
 from warpgrains.analysis.energy import (
     EnergyBalance,
     contact_forces,
-    energy_balance,
     granular_temperature,
     kinetic_energy,
-    largest_speed,
-    mean_speed,
     potential_energy,
     step_energy_balance,
 )
-from warpgrains.analysis.forces import (
-    contact_directions,
-    fabric_tensor,
-    force_distribution,
-    force_statistics,
-)
-from warpgrains.analysis.network import (
-    clusters,
-    contact_numbers,
-    coordination_number,
-    rattlers,
-    rigidity,
-)
+from warpgrains.analysis.forces import contact_directions, fabric_tensor, force_distribution, force_statistics
+from warpgrains.analysis.network import clusters, contact_numbers, coordination_number, rattlers, rigidity
 from warpgrains.analysis.packing import (
     cell_areas,
-    global_packing_fraction,
-    heights,
     local_packing_fractions,
     packing_fraction,
     pile_height,
+    pile_packing_fraction,
 )
-from warpgrains.analysis.profile_series import ProfileSeries
 from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
-from warpgrains.analysis.quantities import GROUPS, QUANTITIES, find, quantities
-from warpgrains.analysis.region_table import grain_count, grain_mass, grains_in, region_of
+from warpgrains.analysis.quantities import find, quantities
+from warpgrains.analysis.quantity_table import GROUPS, QUANTITIES
+from warpgrains.analysis.region_table import grains_in, region_of
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.analysis.structure import structure_factor
@@ -60,15 +41,13 @@ from warpgrains.space.region import Region
 
 # fmt: off
 __all__ = [
-    "GROUPS", "QUANTITIES", "EnergyBalance", "Profile", "ProfileSeries", "Region", "Series",
+    "GROUPS", "QUANTITIES", "EnergyBalance", "Profile", "Region", "Series",
     "Snapshot", "WallForce",
     "cell_areas", "clusters", "contact_directions", "contact_forces", "contact_numbers",
-    "coordination_number", "energy_balance", "fabric_tensor", "find", "force_distribution",
-    "force_statistics", "global_packing_fraction", "grain_count", "grain_mass",
-    "grain_stresses", "grains_in", "granular_temperature", "height_profile", "heights",
-    "kinetic_energy", "largest_speed", "local_packing_fractions", "mean_speed", "mean_stress",
-    "packing_fraction",
-    "partial_radial_distributions", "pile_height", "potential_energy", "pressure", "quantities",
+    "coordination_number", "fabric_tensor", "find", "force_distribution", "force_statistics",
+    "grain_stresses", "grains_in", "granular_temperature", "height_profile", "kinetic_energy",
+    "local_packing_fractions", "mean_stress", "packing_fraction",
+    "pile_height", "pile_packing_fraction", "potential_energy", "pressure", "quantities",
     "radial_distribution", "radial_profile", "radius_classes", "rattlers", "region_of", "rigidity",
     "snapshot", "step_energy_balance", "structure_factor", "wall_forces", "wall_places",
 ]

@@ -17,16 +17,17 @@ from warpgrains.space.region import Region
 
 
 class RadialDistribution(NamedTuple):
-    """Radial distribution function of grain centers."""
+    """Radial distribution function of grain centers, of all grains or between k kinds."""
 
     edges: FloatArray
     """Edges of the bins [m], shape (bins + 1,)."""
     pairs: IndexArray
-    """Number of pairs of grains i < j in each bin of distance, shape (bins,). Both centers are in the
-    region."""
+    """Number of pairs of grains i < j in each bin of distance, shape (bins,). Both centers are in the region.
+    With kinds, the number of pairs of a grain of kind a and a grain of kind b, each pair counted once, shape
+    (k, k, bins), symmetric."""
     g: FloatArray
-    """g(r), shape (bins,): `pairs` divided by its expectation for the same number of independent, uniformly
-    random points in the region."""
+    """g(r) or g_ab(r), in the shape of `pairs`: `pairs` divided by its expectation for the same numbers of
+    independent, uniformly random points in the region."""
 
 
 def radial_distribution(
@@ -34,6 +35,7 @@ def radial_distribution(
     bins: int = 100,
     reach: float | None = None,
     region: Where = None,
+    kinds: int | ArrayLike | None = None,
 ) -> RadialDistribution:
     """Return g(r) of the grains in a region; it tends to 1 if the region is filled uniformly.
 
@@ -50,75 +52,33 @@ def radial_distribution(
     region : mapping, optional
         Region of the centers, see `region_of`; ``{}`` is the whole space between the walls. The default
         excludes a mean diameter along the walls, where grains are layered, and under gravity the space above
-        the mean height of the grains, weighted by area, as for `packing_fraction`.
+        the mean height of the grains, weighted by area, as for `pile_packing_fraction`.
+    kinds : int or array_like, optional
+        For g_ab(r) between kinds a and b: a label for each grain, integers of shape (n,); or a number of
+        classes, see `radius_classes`. Kinds are ordered by their labels.
 
     Raises
     ------
     InputError
-        The region is invalid or has no space for centers, as the default in a pile of one layer; or scipy is
-        not installed, which the extra ``[report]`` installs.
+        The region is invalid or has no space for centers, as the default in a pile of one layer; labels are
+        not n integers; or scipy is not installed, which the extra ``[report]`` installs.
 
     Examples
     --------
     >>> edges, pairs, g = analysis.radial_distribution(simulation, bins=10, region={"y": (-2.0, -1.5)})
     >>> edges.shape, pairs.shape, g.shape
     ((11,), (10,), (10,))
+    >>> analysis.radial_distribution(simulation, bins=10, region={}, kinds=np.arange(15) % 3).g.shape
+    (3, 3, 10)
     """
     now = snapshot(of)
-    found = _counted(now, np.zeros(now.n, np.int64), bins, reach, region)
-    return RadialDistribution(found.edges, found.pairs[0, 0], found.g[0, 0])
-
-
-class PartialDistributions(NamedTuple):
-    """Radial distribution functions of k kinds of grains."""
-
-    edges: FloatArray
-    """Edges of the bins [m], shape (bins + 1,)."""
-    kinds: IndexArray
-    """The kinds in ascending order, shape (k,)."""
-    pairs: IndexArray
-    """Number of pairs of a grain of kind a and a grain of kind b in each bin, each pair counted once, shape
-    (k, k, bins), symmetric."""
-    g: FloatArray
-    """g_ab(r), shape (k, k, bins), symmetric: `pairs` divided by its expectation for the same numbers of
-    independent, uniformly random points in the region."""
-
-
-def partial_radial_distributions(
-    of: Snapshot | HasState,
-    kinds: int | ArrayLike = 2,
-    bins: int = 100,
-    reach: float | None = None,
-    region: Where = None,
-) -> PartialDistributions:
-    """Return g_ab(r) of the grains in a region by kinds a and b; each tends to 1 in a uniform mixture.
-
-    Summed over the pairs of kinds, each once, `pairs` and the expected numbers are those of
-    `radial_distribution`.
-
-    Parameters
-    ----------
-    kinds : int or array_like
-        A label for each grain, integers of shape (n,); or a number of classes, see `radius_classes`.
-    bins, reach, region
-        See `radial_distribution`.
-
-    Raises
-    ------
-    InputError
-        Labels are not n integers, the region is invalid, or scipy is not installed.
-
-    Examples
-    --------
-    >>> found = analysis.partial_radial_distributions(simulation, kinds=np.arange(15) % 3, bins=10, region={})
-    >>> found.kinds, found.pairs.shape, found.g.shape
-    (array([0, 1, 2]), (3, 3, 10), (3, 3, 10))
-    """
-    now = snapshot(of)
+    if kinds is None:
+        found = _of_kinds(now, np.zeros(now.n, np.int64), bins, reach, region)
+        return RadialDistribution(found.edges, found.pairs[0, 0], found.g[0, 0])
     label = np.asarray(radius_classes(now, kinds) if isinstance(kinds, int) else kinds)
     if label.shape != (now.n,) or label.dtype.kind not in "iu":
         raise InputError(f"kinds has shape {label.shape} and type {label.dtype}: it must be {now.n} integers")
-    return _counted(now, label, bins, reach, region)
+    return _of_kinds(now, label, bins, reach, region)
 
 
 def radius_classes(of: Snapshot | HasState, count: int = 2) -> IndexArray:
@@ -141,9 +101,9 @@ def radius_classes(of: Snapshot | HasState, count: int = 2) -> IndexArray:
     return np.searchsorted(limits, radius, "left").astype(np.int64)
 
 
-def _counted(
+def _of_kinds(
     now: Snapshot, label: IndexArray, bins: int, reach: float | None, region: Where
-) -> PartialDistributions:
+) -> RadialDistribution:
     """Return edges, pairs and g(r) of the grains in a region; `label` is the kind of each grain, (n,)."""
     with requiring("radial_distribution"):
         from scipy.spatial import cKDTree
@@ -174,7 +134,7 @@ def _counted(
         )
     expected = _expected(reachable, position, [kind == one for one in range(k)], edges)
     g = np.divide(pairs, expected, out=np.zeros(pairs.shape), where=expected > 0.0)
-    return PartialDistributions(edges, kinds, pairs, g)
+    return RadialDistribution(edges, pairs, g)
 
 
 def _expected(

@@ -1,28 +1,21 @@
 """Energies, the energy balance of steps, and the granular temperature."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.base import checks
+from warpgrains.analysis.snapshot import HasState, of_runs, snapshot
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.described import fields_in_help
 from warpgrains.base.errors import InputError
 from warpgrains.scene import energy
 from warpgrains.scene.scheme import kick_of, spin_kick_of
 from warpgrains.scene.snapshot import Snapshot, Snapshots
-from warpgrains.scene.sources import require_closed
 from warpgrains.space.geometry import left_of
 
-if TYPE_CHECKING:
-    from warpgrains.scene.scene import Scene
-    from warpgrains.simulation.simulation import Simulation
 
-
-def kinetic_energy(of: Snapshot | HasState) -> float:
+@of_runs
+def kinetic_energy(of: Snapshots) -> FloatArray:
     """Return the sum of m v^2 / 2 and, with friction, m r^2 w^2 / 4 [J].
 
     In the leapfrog scheme, velocities, and so this energy, are half a step behind the other quantities.
@@ -32,15 +25,11 @@ def kinetic_energy(of: Snapshot | HasState) -> float:
     >>> f"{analysis.kinetic_energy(simulation):.3f} J"
     '0.179 J'
     """
-    return kinetic_energies(snapshot(of).grains).item()
+    return energy.kinetic_energy(of.mass, of.radius, of.velocity, of.spin)
 
 
-def kinetic_energies(grains: Snapshots) -> FloatArray:
-    """Return the kinetic energy of the grains of each of m scenes [J], shape (m,)."""
-    return energy.kinetic_energy(grains.mass, grains.radius, grains.velocity, grains.spin)
-
-
-def potential_energy(of: Snapshot | HasState) -> float:
+@of_runs
+def potential_energy(of: Snapshots) -> FloatArray:
     """Return the sum of -m g . x [J], 0 at the origin, for gravity g at the time of the snapshot.
 
     Examples
@@ -48,12 +37,7 @@ def potential_energy(of: Snapshot | HasState) -> float:
     >>> f"{analysis.potential_energy(simulation):.3f} J"
     '-24.643 J'
     """
-    return potential_energies(snapshot(of).grains).item()
-
-
-def potential_energies(grains: Snapshots) -> FloatArray:
-    """Return the potential energy of the grains of each of m scenes [J], shape (m,)."""
-    return -(grains.mass * (grains.position @ grains.gravity[..., np.newaxis])[..., 0]).sum(axis=-1)
+    return -(of.mass * (of.position @ of.gravity[..., np.newaxis])[..., 0]).sum(axis=-1)
 
 
 def granular_temperature(of: Snapshot | HasState) -> float:
@@ -68,31 +52,9 @@ def granular_temperature(of: Snapshot | HasState) -> float:
     return float(0.5 * ((velocity - velocity.mean(axis=0)) ** 2).sum(axis=1).mean())
 
 
-def mean_speed(of: Snapshot | HasState) -> float:
-    """Return the mean of ``|v|`` [m/s].
-
-    Examples
-    --------
-    >>> f"{analysis.mean_speed(simulation):.3f} m/s"
-    '0.153 m/s'
-    """
-    return float(np.hypot(*snapshot(of).velocity.T).mean())
-
-
-def largest_speed(of: Snapshot | HasState) -> float:
-    """Return the largest ``|v|`` [m/s].
-
-    Examples
-    --------
-    >>> f"{analysis.largest_speed(simulation):.3f} m/s"
-    '1.881 m/s'
-    """
-    return float(np.hypot(*snapshot(of).velocity.T).max())
-
-
 @fields_in_help
 class EnergyBalance(NamedTuple):
-    """Energy [J] that grains gained and lost in one or several steps.
+    """Energy [J] that grains gained and lost in a step, or in several if balances are added.
 
     The kinetic energy, of translation and rotation, changes by gravity_work + wall_work - drag_loss -
     contact_loss, up to rounding.
@@ -124,17 +86,6 @@ class EnergyBalance(NamedTuple):
         return self.contact_loss - self.friction_loss
 
 
-def require_energy_balance(what: str, scene: Scene) -> None:
-    """Raise InputError, which names `what`, if the work of forces in the scene cannot be computed.
-
-    That is so with walls that a force or a pressure drives, and with rolling friction.
-    """
-    if scene.has_driven_walls:
-        raise InputError(f"{what} cannot be computed where a pressure or a force drives a wall")
-    if scene.has_rolling_friction:
-        raise InputError(f"{what} cannot be computed with rolling_friction")
-
-
 def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     """Return the energy balance of the last step from its forces and velocities; 0 before the first step.
 
@@ -155,7 +106,12 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     (True, True)
     """
     now = snapshot(of)
-    require_energy_balance("the energy balance of a step", now.scene)
+    for field, is_set in (
+        ("walls that a pressure or a force drives", now.scene.has_driven_walls),
+        ("rolling_friction", now.scene.has_rolling_friction),
+    ):
+        if is_set:
+            raise InputError(f"the energy balance of a step cannot be computed with {field}")
     if now.steps == 0:
         return EnergyBalance(0.0, 0.0, 0.0)
     scene = now.start_scene
@@ -198,30 +154,6 @@ def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> E
         friction_loss=friction_loss,
         wall_work=balance.wall_work + wall_work,
     )
-
-
-def energy_balance(simulation: Simulation, steps: int) -> EnergyBalance:
-    """Advance a simulation by some steps and return the energy balance of all of them [J].
-
-    Raises
-    ------
-    InputError
-        `steps` is invalid, or the scene has sources or sinks.
-
-    Examples
-    --------
-    >>> other = wg.Simulation(simulation.scene)
-    >>> balance = analysis.energy_balance(other, steps=100)
-    >>> gained = balance.gravity_work - balance.drag_loss - balance.contact_loss
-    >>> bool(np.isclose(gained, analysis.kinetic_energy(other)))
-    True
-    """
-    require_closed(simulation.scene, "energy_balance")
-    total = np.zeros(len(EnergyBalance._fields))
-    for _ in range(checks.whole_number("steps", steps, least=0)):
-        simulation.step()
-        total += step_energy_balance(simulation)
-    return EnergyBalance(*total.tolist())
 
 
 def contact_forces(of: Snapshot | HasState) -> FloatArray:

@@ -200,13 +200,12 @@ def _rigidity_matrix(now: Snapshot, least: float, counted: BoolArray) -> FloatAr
             f"{n} grains have {n * per_grain} velocity components: rigidity takes at most {MOST_FREEDOMS};"
             " choose a smaller region, or leave out rattlers"
         )
-    m = len(now.pair)
     pairs = (now.force >= least) & counted[now.pair].all(axis=1)
     walls = (now.wall_force >= least) & counted[now.wall[:, 0]]
     number = np.cumsum(counted) - 1
     i = number[np.concatenate([now.pair[pairs, 0], now.wall[walls, 0]])]
     j = number[now.pair[pairs, 1]]
-    normal = np.concatenate([now.normal[pairs], now.loads.normal[2 * m :][walls]])
+    normal = np.concatenate([now.normal[pairs], now.wall_normal[walls]])
     row, other = np.arange(len(i)), np.arange(len(j))
     blocks = []
     for direction, turn in ((normal, 0.0), (left_of(normal), 1.0))[: 1 + rough]:

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from warpgrains.analysis.region_table import Where, region_of
-from warpgrains.analysis.snapshot import HasState, snapshot
+from warpgrains.analysis.snapshot import HasState, of_runs, snapshot
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray, IndexArray
 from warpgrains.base.errors import NoAreaError, requiring
@@ -22,25 +22,16 @@ from warpgrains.space.region import Region, sides_of
 BEYOND = 10.0  # distance, in sizes of the region, of three auxiliary points that close the outermost cells
 
 
-def heights(of: Snapshot | HasState) -> FloatArray:
-    """Return the heights of the grains' centers above the origin, against gravity [m], shape (n,).
-
-    Examples
-    --------
-    >>> analysis.heights(simulation).shape
-    (15,)
-    """
-    return _heights(snapshot(of).grains)[0]
-
-
 def _heights(grains: Snapshots) -> FloatArray:
     return (grains.position @ grains.up[..., np.newaxis])[..., 0]
 
 
-def pile_height(of: Snapshot | HasState) -> float:
+@of_runs
+def pile_height(of: Snapshots) -> FloatArray:
     """Return the height of the highest point of a grain above the lowest point of the container [m].
 
-    For the container, see `region_of`.
+    For the container, see `region_of`. Of several scenes, or without a bottom, it is NaN where the container
+    is unknown.
 
     Raises
     ------
@@ -52,70 +43,67 @@ def pile_height(of: Snapshot | HasState) -> float:
     >>> f"{analysis.pile_height(simulation):.3f} m"
     '1.638 m'
     """
-    now = snapshot(of)
-    now.container.require_known(takes_region=False)
-    return pile_heights(now.grains).item()
-
-
-def pile_heights(grains: Snapshots) -> FloatArray:
-    """Return the pile height of each of m scenes [m], shape (m,), see `pile_height`.
-
-    It is NaN if the container is unknown or has no bottom.
-    """
-    lowest = -grains.circles[:, 1]
-    for k, container in grains.containers.items():
+    lowest = -of.circles[:, 1]
+    for k, container in of.containers.items():
         span = container.region.span(container.up)
         lowest[k] = span[0] if container.is_known and not container.walled.period.repeats.all() else np.nan
-    return (_heights(grains) + grains.radius).max(axis=-1) - lowest
+    return (_heights(of) + of.radius).max(axis=-1) - lowest
 
 
 def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
-    """Return the fraction of the container that grains fill, below their mean height.
+    """Return the fraction of the container, or of a region, that grains fill.
 
-    The mean height is weighted by area. A pile is dense below this height, so that neither the loose surface
-    nor the empty space above counts. Grains and space are cut exactly at this height. Walls that are discs do
-    not count as space.
+    Walls that are discs do not count as space.
 
     Parameters
     ----------
     region : mapping, optional
-        Region in which the fraction is measured instead, see `region_of`. Grains are cut exactly at its
-        border.
+        See `region_of`. Grains are cut exactly at its border.
 
     Raises
     ------
     NoAreaError
-        The container is unknown or open below the mean height, or the region has no area, see `region_of`.
+        The container is open or unknown, or the region has no area, see `region_of`.
 
     Examples
     --------
-    >>> round(analysis.packing_fraction(simulation), 3)
-    0.672
+    >>> round(analysis.packing_fraction(simulation), 4)
+    0.04
     >>> round(analysis.packing_fraction(simulation, region={"below": -1.5}), 3)
     0.48
     """
     now = snapshot(of)
-    if region is None:
-        found = packing_fractions(now.grains).item()
-        if np.isnan(found):
-            now.container.closed()  # raises NoAreaError, which says why
-        return found
-    counted = region_of(now, region)
-    return float(counted.areas(now.position, now.scene.radius).sum() / counted.area)
+    counted, radius = region_of(now, region), now.scene.radius
+    areas = np.pi * radius**2 if region is None else counted.areas(now.position, radius)
+    return float(areas.sum() / counted.area)
 
 
-def packing_fractions(grains: Snapshots) -> FloatArray:
-    """Return the packing fraction of each of m scenes, shape (m,), see `packing_fraction`.
+@of_runs
+def pile_packing_fraction(of: Snapshots) -> FloatArray:
+    """Return the fraction that grains fill of the container below their mean height.
 
-    It is NaN if the area below the mean height is unknown.
+    The mean height is weighted by area. A pile is dense below this height, so that neither the loose surface
+    nor the empty space above counts. Grains and space are cut exactly at this height, or at the mouth of the
+    container if it is lower. Walls that are discs do not count as space.
+
+    Raises
+    ------
+    NoAreaError
+        The container is unknown. Of several scenes, the result is NaN instead.
+
+    Examples
+    --------
+    >>> round(analysis.pile_packing_fraction(simulation), 3)
+    0.672
     """
-    radius, height, level = grains.radius, _heights(grains), mean_heights(grains)
-    inner, outer = (area_below(circle, level) for circle in grains.circles.T)
+    level = mean_heights(of)
+    for k, container in of.containers.items():
+        level[k] = min(level[k], container.mouth)
+    inner, outer = (area_below(circle, level) for circle in of.circles.T)
     space = outer - inner
-    for k, container in grains.containers.items():
-        is_enclosed = container.is_known and level[k] <= container.mouth
-        space[k] = container.walled.cut((container.up, level[k].item())).area if is_enclosed else np.nan
-    filled: FloatArray = area_below(radius, level[:, np.newaxis] - height).sum(axis=-1)
+    for k, container in of.containers.items():
+        space[k] = container.walled.cut((container.up, level[k])).area if container.is_known else np.nan
+    filled: FloatArray = area_below(of.radius, level[:, np.newaxis] - _heights(of)).sum(axis=-1)
     return filled / space
 
 
@@ -128,23 +116,6 @@ def mean_heights(grains: Snapshots) -> FloatArray:
     level: FloatArray = (area * _heights(grains)).sum(axis=-1) / area.sum(axis=-1)
     level[[k for k, container in grains.containers.items() if container.walled.period.repeats.all()]] = np.inf
     return level
-
-
-def global_packing_fraction(of: Snapshot | HasState) -> float:
-    """Return the fraction of the whole container that grains fill, see `region_of`.
-
-    Raises
-    ------
-    NoAreaError
-        The container is open or unknown.
-
-    Examples
-    --------
-    >>> round(analysis.global_packing_fraction(simulation), 4)
-    0.04
-    """
-    now = snapshot(of)
-    return float(np.pi * (now.scene.radius**2).sum() / now.container.closed(takes_region=False).area)
 
 
 def cell_areas(of: Snapshot | HasState) -> FloatArray:

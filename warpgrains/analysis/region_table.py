@@ -9,7 +9,7 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.base import checks
-from warpgrains.base.arrays import BoolArray, FloatArray
+from warpgrains.base.arrays import BoolArray
 from warpgrains.base.errors import InputError, NoAreaError
 from warpgrains.base.shown import number_of
 from warpgrains.scene.snapshot import Snapshot
@@ -100,33 +100,6 @@ def grains_in(of: Snapshot | HasState, region: Where) -> BoolArray:
     """
     now = snapshot(of)
     return region_of(now, region).contains(now.position)
-
-
-def grain_count(of: Snapshot | HasState, region: Where = None) -> int:
-    """Return the number of grains with centers in a region, or of all grains.
-
-    Examples
-    --------
-    >>> analysis.grain_count(simulation, {"below": -1.5})
-    14
-    """
-    return len(_masses(of, region))
-
-
-def grain_mass(of: Snapshot | HasState, region: Where = None) -> float:
-    """Return the mass of the grains with centers in a region, or of all grains [kg].
-
-    Examples
-    --------
-    >>> f"{analysis.grain_mass(simulation, {'below': -1.5}):.1f} kg"
-    '1.4 kg'
-    """
-    return float(_masses(of, region).sum())
-
-
-def _masses(of: Snapshot | HasState, region: Where) -> FloatArray:
-    now = snapshot(of)
-    return now.scene.mass if region is None else now.scene.mass[grains_in(now, region)]
 
 
 def _polygon(_: Snapshot, given: Any) -> list[list[Side]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypedDict
 
 import numpy as np
 
-from warpgrains.analysis.quantities import find, names_of, quantities, takes_region
+from warpgrains.analysis.quantities import find, names_of, quantities, require_effect
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError, OutputError
@@ -43,9 +43,14 @@ class Average(NamedTuple):
     """Standard error of the mean."""
 
 
-def block_average(
-    values: FloatArray, blocks: int, weight: FloatArray | float = 1.0
-) -> tuple[FloatArray, FloatArray]:
+def _mean(mean: float, before: float, value: float, weight: float) -> float:
+    """Return the mean of a mean, with the weight `before`, and a value. One of weight 0 may be NaN."""
+    if not weight:
+        return mean
+    return mean + (value - mean) * weight / (before + weight) if before else value
+
+
+def block_average(values: FloatArray, blocks: int, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the weighted mean over the first axis, and its standard error.
 
     The error follows from the means of blocks of successive values. Values of weight 0 may be NaN. InputError
@@ -54,7 +59,6 @@ def block_average(
     if len(values) < checks.whole_number("blocks", blocks, least=2):
         left = number_of(len(values), "measurement")
         raise InputError(f"blocks is {blocks}: only {left} from this time on")
-    weight = np.broadcast_to(weight, values.shape)
     sums = np.where(weight > 0.0, values, 0.0) * weight, weight
     with np.errstate(invalid="ignore", divide="ignore"):
         total, share = (own.sum(axis=0) for own in sums)
@@ -71,7 +75,8 @@ class Series:
     Parameters
     ----------
     measure : str or iterable of str
-        Names of `QUANTITIES` or `GROUPS`; a single text may hold several, separated by commas.
+        Names of `QUANTITIES` or `GROUPS`, of a wall such as "force_x:top", or of the slices of a profile such
+        as "height_profile:20"; a single text may hold several, separated by commas.
     every : int
         Steps between two rows. Rows are at multiples of this number.
     path : str or Path, optional
@@ -126,10 +131,10 @@ class Series:
             given = checks.shown(measure)
             raise InputError(f"measure is {given}: it must be names of quantities, such as 'kinetic_energy'")
         self.names = names_of(measure)
+        self._weights = [(name, find(name).weight) for name in self.names]
         self._interval = checks.whole_number("every", every)
         self.region, self._is_mean = region, checks.boolean("mean", mean)
-        if region is not None and not takes_region(self.names):
-            raise InputError(f"region has no effect on {', '.join(self.names)}")
+        require_effect(region, self.names)
         self.every = 1 if mean else self._interval
         self.means: tuple[float, ...] = ()
         self._seen, self._count = resume_at, 0
@@ -163,8 +168,12 @@ class Series:
         found = quantities(simulation, self.names, self.region)
         if self._is_mean:
             self._count = self._count + 1 if self.means else 1
-            pairs = zip(self.means or (0.0,) * len(found), found.values(), strict=True)
-            self.means = tuple(mean + (value - mean) / self._count for mean, value in pairs)
+            means = dict(zip(found, self.means or found.values(), strict=True))
+            of_steps = {name: (means[own], found[own]) if own else (1.0, 1.0) for name, own in self._weights}
+            self.means = tuple(
+                _mean(means[name], (self._count - 1) * before, found[name], weight)
+                for name, (before, weight) in of_steps.items()
+            )
             found = dict(zip(found, self.means, strict=True))
         if step % self._interval == 0:
             self.rows.append({"step": step, "time": simulation.time, **found})
@@ -178,6 +187,8 @@ class Series:
 
     def average(self, after: float = 0.0, blocks: int = 10) -> dict[str, Average]:
         """Return the means of the rows from a time on, with standard errors, by name of the quantity.
+
+        Velocities, spins and temperatures of slices are weighted by their packing fractions.
 
         Errors follow from the means of blocks of successive rows. They are right if a block is longer than
         the correlation time of the quantity.
@@ -195,8 +206,11 @@ class Series:
             There are fewer rows than blocks.
         """
         rows = [row for row in self.rows if row["time"] >= after]
-        values = np.array([[row[name] for name in self.names] for row in rows])
-        mean, error = (part.tolist() for part in block_average(values, blocks))
+        values, weights = (
+            np.array([[row[name] if name else 1.0 for name in names] for row in rows])
+            for names in zip(*self._weights, strict=True)
+        )
+        mean, error = (part.tolist() for part in block_average(values, blocks, weights))
         return {name: Average(*own) for name, *own in zip(self.names, mean, error, strict=True)}
 
     def to_pandas(self) -> pandas.DataFrame:

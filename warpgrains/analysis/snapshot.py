@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import wraps
 from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
 from warpgrains.base import checks
+from warpgrains.base.arrays import FloatArray
 from warpgrains.base.errors import InputError
-from warpgrains.scene.snapshot import Snapshot
+from warpgrains.scene.snapshot import Snapshot, Snapshots
 from warpgrains.solver.forces import contacts_at, start_of_step
 
 if TYPE_CHECKING:
@@ -70,7 +73,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     start, start_scene = start_of_step(scene, state)
     contacts, walls = contacts_at(start, start_scene, state)
     places = None if state.driven is None else state.driven[:, 0]
-    return Snapshot(
+    now = Snapshot(
         scene=scene.placed(places),
         steps=state.steps,
         time=scene.time_after(state.steps),
@@ -92,6 +95,36 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
         inflow=state.inflow,
         outflow=state.outflow,
     )
+    vars(now).update(normal=contacts.normal, wall_normal=walls.normal)  # found once, with the forces
+    return now
+
+
+class OfRuns(Protocol):
+    """A quantity of a simulation or snapshot, or of the m scenes of `Snapshots`, shape (m,)."""
+
+    @overload
+    def __call__(self, of: Snapshots) -> FloatArray: ...
+    @overload
+    def __call__(self, of: Snapshot | HasState) -> float: ...
+
+
+def of_runs(function: Callable[[Snapshots], FloatArray]) -> OfRuns:
+    """Let a function of `Snapshots` also take a simulation or a snapshot.
+
+    It then raises NoAreaError if the result is NaN because the container is unknown.
+    """
+
+    @wraps(function)
+    def either(of: Any) -> Any:
+        if isinstance(of, Snapshots):
+            return function(of)
+        now = snapshot(of)
+        value = function(now.grains).item()
+        if np.isnan(value):
+            now.container.require_known(takes_region=False)
+        return value
+
+    return either
 
 
 def snapshot_of(now: LoadedScene, left: float = 0.0, has_contacts: bool = True) -> Snapshot:

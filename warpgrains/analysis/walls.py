@@ -7,10 +7,7 @@ import numpy as np
 from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.base.arrays import FloatArray
 from warpgrains.base.described import fields_in_help
-from warpgrains.base.errors import InputError
-from warpgrains.scene.scene import Scene
-from warpgrains.scene.snapshot import Snapshot, Snapshots
-from warpgrains.walls.wall import Wall
+from warpgrains.scene.snapshot import Snapshot
 
 
 @fields_in_help
@@ -78,41 +75,5 @@ def wall_places(of: Snapshot | HasState) -> dict[str, FloatArray]:
     now, found = snapshot(of), dict[str, FloatArray]()
     for name, wall in zip(now.scene.wall_names, now.scene.walls, strict=True):
         if name not in found:
-            found[name] = _place(wall, now.time)
+            found[name] = np.array(wall.at(now.time).circle[:2])
     return found
-
-
-def _place(wall: Wall, time: float) -> FloatArray:
-    moved = wall.at(time)
-    return np.array(moved.circle[:2])
-
-
-def require_wall(quantity: str, scene: Scene) -> None:
-    """Raise InputError unless a scene has the wall in the name of a quantity, such as "force_x:top"."""
-    name, known = quantity.partition(":")[2], dict.fromkeys(scene.wall_names)
-    if name not in known:
-        raise InputError(f"{quantity}: the scene has no wall {name!r}; it has {', '.join(known) or 'none'}")
-
-
-def circle_forces(grains: Snapshots, which: int) -> FloatArray:
-    """Return the sum of the normal forces on a circle in each of m scenes [N], shape (m,).
-
-    `which` is 0 for the inner and 1 for the outer circle. The sum is 0 without an inner circle, and NaN
-    without an outer circle.
-    """
-    own, found = grains.circle_walls[:, which], np.zeros(len(grains.mass))
-    for wall in np.unique(own[own >= 0]).tolist():
-        of_wall = own == wall
-        found[of_wall] = _sums(grains.wall_force[of_wall, :, wall])
-    return np.where(grains.circle_walls[:, 1] >= 0, found, np.nan)
-
-
-def _sums(force: FloatArray) -> FloatArray:
-    """Return the sum of forces [N], shape (m, n), over the grains of each run, shape (m,).
-
-    The sum has the same bits as that of a single run.
-    """
-    sums, is_positive = np.zeros(len(force)), force > 0.0
-    for k in np.flatnonzero(is_positive.any(axis=-1)):
-        sums[k] = force[k][is_positive[k]].sum()
-    return sums

@@ -95,10 +95,8 @@ class LoadedScenes:
 
         Each group comes with the indices of its scenes. This works on a CPU only, see `Engine.snapshots`.
         """
-        of_shape: dict[tuple[int, int, int, bool], list[int]] = {}
+        of_shape: dict[tuple[int, int], list[int]] = {}
         for k in numbers:
-            scene = self.scenes[k].scene
-            shape = self._place[k][0], scene.n, len(scene.walls), scene.bodies.two_circles
-            of_shape.setdefault(shape, []).append(k)
-        for (e, *_), alike in sorted(of_shape.items()):
+            of_shape.setdefault((self._place[k][0], self.scenes[k].scene.n), []).append(k)
+        for (e, _), alike in sorted(of_shape.items()):
             yield alike, self._engines[e][0].snapshots(np.array([self._place[k][1] for k in alike]))

@@ -75,7 +75,6 @@ def run(arguments: Namespace) -> bool:
     without = sum(cells[AREA][k] == "nan" for k in good)
     unmet = sum(cells[MET][k] == "0" for k in good) if MET in cells else None
     done = finished.intersection(run.number for run in left)
-    advice = ", so give --region" if arguments.region is None else ""
     rows = {
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
         "failed": f"{len(failed)}{_first(failed)}",
@@ -84,7 +83,7 @@ def run(arguments: Namespace) -> bool:
         **({} if unmet is None else {"not at rest": number_of(unmet, "run")}),
         "time": f"{seconds:.2f} s, {len(done) / seconds:.2f} runs/s",
         **({"results": str(results)} if finished else {}),
-        **({"no area": f"{number_of(without, 'run')}: the area is unknown{advice}"} if without else {}),
+        **({"no area": f"{number_of(without, 'run')}: {AREA} is nan"} if without else {}),
     }
     print(in_columns(rows))
     if plot is not None:
@@ -122,8 +121,12 @@ def _settings(arguments: Namespace) -> RunSettings:
     if arguments.until is not None:
         bounds_of(arguments.until)
     if arguments.region is not None:
+        from warpgrains.analysis.quantities import require_effect
         from warpgrains.analysis.region_table import KEYS
 
+        if arguments.measure is None:
+            raise InputError("--region needs --measure")
+        require_effect(arguments.region, measured)
         for key, value in table_of("--region", arguments.region).items():
             checks.one_of("key of --region", key, KEYS)
             if key in RANGES:

@@ -70,7 +70,7 @@ def _do(arguments: Sequence[str] | None) -> int:
         is_repeated = sum(word.partition("=")[0] in flags for word in words) > 1
         if is_repeated and one["name"] != "--set":
             raise InputError(f"{flags[-1]} is given twice: give it once")
-    with written_as({"override": "--set", "quantity": "--measure", "until": "--until"}):
+    with written_as({"override": "--set", "quantity": "--measure", "until": "--until", "region": "--region"}):
         return parsed.command.do(parsed)
 
 

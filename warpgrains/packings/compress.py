@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains.analysis.network import rattlers
-from warpgrains.analysis.packing import global_packing_fraction, packing_fraction
+from warpgrains.analysis.packing import packing_fraction
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.analysis.walls import wall_forces
 from warpgrains.base import checks
@@ -222,7 +222,7 @@ def _packing(simulation: Simulation, run: Summary) -> Packing:
         at_rest=run.met,
         radius=float("nan") if outer is None else outer.radius,
         lengths=_lengths(simulation) if outer is None else None,
-        fraction=global_packing_fraction(now),
+        fraction=packing_fraction(now),
         bulk_fraction=_bulk_fraction(now),
         contacts=contacts,
         rattlers=loose,

@@ -12,7 +12,7 @@ from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import first_state
 from warpgrains.solver.advance import advance
 from warpgrains.solver.engine import Engine
-from warpgrains.solver.service import infeasible_grains
+from warpgrains.solver.failures import infeasible_grains
 from warpgrains.solver.sizes import Sizes
 from warpgrains.solver.statistics import named
 from warpgrains.solver.tuning import threads_for

@@ -42,6 +42,7 @@ from warpgrains.walls.annulus import Annulus
 from warpgrains.walls.bodies import Bodies, Joints, joints_of, leaders_of, with_images
 from warpgrains.walls.box import Box, checked_domain
 from warpgrains.walls.kinds import checked_walls
+from warpgrains.walls.line import Line
 from warpgrains.walls.rim import Rim
 from warpgrains.walls.wall import Drive, Wall
 
@@ -169,6 +170,8 @@ class Scene(SceneFields, Shown):
         `driven` holds the coordinates of all walls [m], see `State.driven`; with None, walls that forces
         drive stay. With a time [s], the scene starts at it, and walls with prescribed motion move there.
         """
+        if driven is None and time is None and not grains:
+            return self
         walls, changes = self.walls, dict[str, Any](grains)
         if driven is not None:
             walls = changes["walls"] = tuple(
@@ -389,7 +392,8 @@ class Scene(SceneFields, Shown):
 
     def space_at(self, time: float) -> Region:
         """Return the space between circles and lines as they are at a time [s]."""
-        return container.space_of(self.walls_at(time), self.period, self.reach)
+        walls = tuple(wall.at(time) for wall in self.walls if isinstance(wall, Line | Rim))
+        return container.space_of(walls, self.period, self.reach)
 
     @cached_property
     def reach(self) -> float:

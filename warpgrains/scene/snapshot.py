@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -86,33 +86,22 @@ class Snapshots:
     """The scenes, with walls that forces drive at their places at `time`."""
     time: Sequence[float]
     """Time of each scene [s]."""
-    mass: FloatArray
-    """[kg], shape (m, n)."""
-    radius: FloatArray
-    """[m], shape (m, n)."""
     position: FloatArray
     """[m], shape (m, n, 2)."""
     velocity: FloatArray
     """[m/s], shape (m, n, 2)."""
     spin: FloatArray
     """[rad/s], shape (m, n); 0 without friction."""
-    wall_force: FloatArray
-    """Force of each of `Scene.walls` on each grain [N], shape (m, n, walls)."""
 
-    @classmethod
-    def of(cls, scenes: Sequence[Scene], times: Sequence[float], **arrays: FloatArray) -> Self:
-        """Return the snapshots of scenes at times [s].
+    @cached_property
+    def mass(self) -> FloatArray:
+        """Masses of the grains [kg], shape (m, n)."""
+        return np.array([scene.mass for scene in self.scenes])
 
-        In the scenes, walls that forces drive must be at their places at these times. `arrays` are the fields
-        position, velocity, spin and wall_force.
-        """
-        return cls(
-            scenes=scenes,
-            time=times,
-            mass=np.array([scene.mass for scene in scenes]),
-            radius=np.array([scene.radius for scene in scenes]),
-            **arrays,
-        )
+    @cached_property
+    def radius(self) -> FloatArray:
+        """Radii of the grains [m], shape (m, n)."""
+        return np.array([scene.radius for scene in self.scenes])
 
     @property
     def _each(self) -> Iterator[tuple[Scene, float]]:
@@ -132,11 +121,6 @@ class Snapshots:
     def circles(self) -> FloatArray:
         """Radii of the inner and the outer circle [m], shape (m, 2): 0 and NaN without them."""
         return np.array([_circles(scene) for scene in self.scenes])
-
-    @cached_property
-    def circle_walls(self) -> IndexArray:
-        """Numbers of the inner and the outer circle in `Scene.walls`, shape (m, 2); -1 without them."""
-        return np.array([scene.bodies.circle_walls for scene in self.scenes])
 
     @cached_property
     def containers(self) -> Mapping[int, Container]:
@@ -244,11 +228,13 @@ class Snapshot:
     @cached_property
     def grains(self) -> Snapshots:
         """The grains as arrays for several scenes, with one scene."""
-        wall_force = np.zeros((self.n, len(self.scene.walls)))
-        wall_force[*self.wall.T] = self.wall_force
-        arrays = {"position": self.position, "velocity": self.velocity, "spin": self.spin}
-        arrays = {name: array[np.newaxis] for name, array in (arrays | {"wall_force": wall_force}).items()}
-        return Snapshots.of([self.scene], [self.time], **arrays)
+        return Snapshots(
+            scenes=[self.scene],
+            time=[self.time],
+            position=self.position[np.newaxis],
+            velocity=self.velocity[np.newaxis],
+            spin=self.spin[np.newaxis],
+        )
 
     @cached_property
     def images(self) -> tuple[FloatArray, IndexArray]:
@@ -264,20 +250,23 @@ class Snapshot:
         """The container of the grains."""
         return container_of(self.scene, self.time, self.position)
 
-    @property
+    @cached_property
     def normal(self) -> FloatArray:
         """Unit vectors from grain i to grain j of each pair, shape (m, 2)."""
-        return self.loads.normal[: len(self.pair)]
+        return self.start_scene.pair_frames(self.start, self.pair)[0]
+
+    @cached_property
+    def wall_normal(self) -> FloatArray:
+        """Unit vectors into the wall of each contact with a wall, shape (k, 2)."""
+        return self.start_scene.wall_frames(self.start, self.wall, time=self.start_time)[0]
 
     @cached_property
     def loads(self) -> Loads:
         """All contacts as forces on single grains."""
         (i, j), at_wall = self.pair.astype(np.int64).T, self.wall[:, 0].astype(np.int64)
-        normal, _ = self.start_scene.pair_frames(self.start, self.pair)
-        into_wall, _ = self.start_scene.wall_frames(self.start, self.wall, time=self.start_time)
         return Loads(
             np.concatenate([i, j, at_wall]),
-            np.concatenate([normal, -normal, into_wall]),
+            np.concatenate([self.normal, -self.normal, self.wall_normal]),
             np.concatenate([self.force, self.force, self.wall_force]),
             np.concatenate([self.tangential_force, self.tangential_force, self.wall_tangential_force]),
         )
@@ -286,7 +275,7 @@ class Snapshot:
     def wall_loads(self) -> WallLoads:
         """Contacts with walls, with forces on the walls."""
         grain, wall = self.wall.astype(np.int64).T
-        normal = self.loads.normal[2 * len(self.pair) :]
+        normal = self.wall_normal
         along, across = self.wall_force[:, np.newaxis], self.wall_tangential_force[:, np.newaxis]
         force = along * normal + across * left_of(normal)
         point = self.start[grain] + self.scene.radius[grain, np.newaxis] * normal
@@ -303,7 +292,7 @@ class Snapshot:
             names, ends, normal = ("i", "j"), self.pair, self.normal
             force, tangential = self.force, self.tangential_force
         else:
-            names, ends, normal = ("grain", "wall"), self.wall, self.loads.normal[2 * len(self.pair) :]
+            names, ends, normal = ("grain", "wall"), self.wall, self.wall_normal
             force, tangential = self.wall_force, self.wall_tangential_force
         columns = dict(zip((*names, "normal_x", "normal_y"), (*ends.T, *normal.T), strict=True))
         return {**columns, "force": force, "tangential_force": tangential}

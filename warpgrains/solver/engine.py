@@ -23,7 +23,6 @@ from warpgrains.scene.snapshot import Snapshots
 from warpgrains.solver import tuning
 from warpgrains.solver.exact.solver import exact_solver
 from warpgrains.solver.failures import failure
-from warpgrains.solver.forces import force_of
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.loaded_scene import LoadedScene
 from warpgrains.solver.loading import give_up_step, scene_with_walls
@@ -123,13 +122,11 @@ class Engine:
         """
         records, scenes = self.records, [scene_with_walls(self.records, k) for k in which.tolist()]
         dt = records.host["dt"][which]
-        contact_mass = records.stacked("grains.contact_mass", which)
-        force = force_of(contact_mass[..., None], records.wall_corrections(which), dt[:, None, None])
-        arrays = {"wall_force": force, "spin": np.zeros(contact_mass.shape)}
-        for name in ("position", "velocity", *(("spin",) if records.sizes.friction else ())):
-            arrays[name] = records.stacked(f"grains.{name}", which)
+        names = ("position", "velocity", *(("spin",) if records.sizes.friction else ()))
+        arrays = {name: records.stacked(f"grains.{name}", which) for name in names}
+        arrays.setdefault("spin", np.zeros(arrays["position"].shape[:2]))
         times = (records.host["start_time"][which] + records.host["steps"][which] * dt).tolist()
-        return Snapshots.of(scenes, times, **arrays)
+        return Snapshots(scenes=scenes, time=times, **arrays)
 
     def submit(self, steps: Sequence[int], most_unconverged: int = LARGEST_WHOLE_NUMBER) -> None:
         """Set the number of steps to do for each scene, and reset the statistics.

@@ -111,11 +111,6 @@ def contacts_at(start: FloatArray, scene: Scene, state: State) -> tuple[PairCont
     return pairs, wall_contacts(scene, start, state.corrections, scene.time_after(state.steps - 1))
 
 
-def force_of(mass: FloatArray, correction: FloatArray, dt: float | FloatArray) -> FloatArray:
-    """Return M dv / dt [N] for contact masses M [kg] and corrections dv [m/s]."""
-    return mass * correction / dt
-
-
 def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> PairContacts:
     """Return the pairs that carry these corrections, with forces and gaps.
 
@@ -132,8 +127,8 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
         normal=normal,
         gap=gap,
         correction=dv,
-        force=force_of(mass_c, dv, scene.dt),
-        tangential_force=force_of(mass_c, dvt, scene.dt),
+        force=mass_c * dv / scene.dt,
+        tangential_force=mass_c * dvt / scene.dt,
         slides=_slides(scene.friction, dv, dvt),
     )
 
@@ -155,8 +150,8 @@ def wall_contacts(
         normal=normal,
         gap=gap,
         correction=dv,
-        force=force_of(mass, dv, scene.dt),
-        tangential_force=force_of(mass, dvt, scene.dt),
+        force=mass * dv / scene.dt,
+        tangential_force=mass * dvt / scene.dt,
         slides=_slides(scene.at_walls["friction"][corrections.wall[:, 1]], dv, dvt),
     )
 

@@ -11,7 +11,7 @@ from warpgrains.base.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.kernels.record import Phase
 from warpgrains.scene.state import OF_POPULATION, VERLET_NUMBERS, Corrections, State, VerletList
 from warpgrains.solver import tuning
-from warpgrains.solver.exact.listed import listed_pairs, listed_walls
+from warpgrains.solver.exact.listed import listed, listed_pairs, listed_walls
 from warpgrains.walls.bodies import NONE
 
 if TYPE_CHECKING:
@@ -26,19 +26,18 @@ def corrections_of(records: SceneRecords, k: int) -> Corrections:
 
     They are those of the last good step or, before `give_up_step`, those of a step that failed.
     """
-    (pair, at_pair), (wall, at_wall), scene = (
-        listed_pairs(records, k),
-        listed_walls(records, k),
-        records.scenes[k],
-    )
-    dv, dv_wall = (records.array(k, "contacts.dv.now")[index] for index in (at_pair, at_wall))
-    active = dv != 0.0
-    wall[:, 1], carried_at_wall = scene.bodies.carried(wall[:, 1], dv_wall)
-    at_side = _in_order(wall)
-    at_side = at_side[dv_wall[at_side] != 0.0]
-    carried = pair[active], dv[active], wall[at_side], carried_at_wall[at_side]
-    rough = [records.array(k, f"contacts.{name}.now") for name in _bounded(scene)]
-    return Corrections(*carried, *(own[at] for own in rough for at in (at_pair[active], at_wall[at_side])))
+    (body, index), scene = listed(records, k), records.scenes[k]
+    dv = records.array(k, "contacts.dv.now")[index]
+    active = np.flatnonzero(dv)
+    body, index, dv = body[active], index[active], dv[active]
+    is_pair = body[:, 1] < scene.n
+    at_wall = np.flatnonzero(~is_pair)
+    wall = body[at_wall]
+    wall[:, 1], carried = scene.bodies.carried(wall[:, 1] - scene.n, dv[at_wall])
+    order = _in_order(wall)
+    rough = [records.array(k, f"contacts.{name}.now")[index] for name in _bounded(scene)]
+    both = (own[at] for own in rough for at in (is_pair, at_wall[order]))
+    return Corrections(body[is_pair], dv[is_pair], wall[order], carried[order], *both)
 
 
 def _in_order(contact: IntArray) -> IndexArray:

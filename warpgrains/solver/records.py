@@ -233,30 +233,6 @@ class SceneRecords:
         whole, n = self.together(name), self.scenes[which[0]].n
         return np.stack([self.array(int(k), name)[:n] for k in which]) if whole is None else whole[which, :n]
 
-    def wall_corrections(self, which: IndexArray) -> FloatArray:
-        """Return the corrections at each wall for m scenes `which` [m/s], shape (m, n, walls).
-
-        The scenes must have equal numbers of grains, n, and of walls.
-        """
-        contact, dv = (self.together(f"contacts.{name}") for name in ("contact", "dv.now"))
-        if contact is not None and dv is not None:
-            return self._at_walls(which, contact[which], dv[which])
-        if len(which) > 1:
-            return np.concatenate([self.wall_corrections(which[k : k + 1]) for k in range(len(which))])
-        contact, dv = (self.array(int(which[0]), f"contacts.{name}") for name in ("contact", "dv.now"))
-        return self._at_walls(which, contact[np.newaxis], dv[np.newaxis])
-
-    def _at_walls(self, which: IndexArray, contact: np.ndarray[Any, Any], dv: FloatArray) -> FloatArray:
-        scene = self.scenes[which[0]]
-        n, walls = scene.n, len(scene.walls)
-        carried, count = np.zeros((len(which), n, walls)), self.host["contacts"]["count"][which]
-        index, pairs = np.arange(contact.shape[1]), count["pairs"][:, np.newaxis]
-        row, place = np.nonzero((index >= pairs) & (index < pairs + count["walls"][:, np.newaxis]))
-        body = contact["j"][row, place].astype(np.int64) // 2 - n
-        wall, correction = scene.bodies.carried(body, dv[row, place])
-        carried[row, contact["i"][row, place] // 2, wall] = correction
-        return carried
-
     def reserve_contacts(self, k: int, contacts: int) -> None:
         """Move scene k to a memory block that holds a list of `contacts` contacts.
 

@@ -138,11 +138,10 @@ class Region:
         places, disc = self.period.images(center, radius)
         low, high = self.outer_box
         beyond = self.period.repeats & (high - low >= self.period.lengths)  # periodic sides are no border
-        cells = self.cells
-        if beyond.any() and cells == (rectangle((low[0], high[0]), (low[1], high[1])),):
+        parts = self.parts
+        if beyond.any() and self.cells == (rectangle((low[0], high[0]), (low[1], high[1])),):
             low, high = low - beyond * self.period.lengths, high + beyond * self.period.lengths
-            cells = (rectangle((low[0], high[0]), (low[1], high[1])),)
-        parts = replace(self, cells=cells).parts
+            parts = replace(self, cells=(rectangle((low[0], high[0]), (low[1], high[1])),)).parts
         apart = np.max([np.full(len(disc), -np.inf), *(part.clearance(places) for part in parts)], axis=0)
         return np.bincount(disc, apart < (1.0 - TOUCH**2) * radius[disc], len(radius)) == 0.0
 
@@ -194,8 +193,7 @@ class Region:
 
     def within(self, other: Region) -> Region:
         """Return the intersection with another region."""
-        both = self.split(sides_of(np.array(cell)) for cell in other.cells)
-        return replace(both, discs=tuple(dict.fromkeys(self.discs + other.discs)))
+        return _intersection(self, other)
 
     def without_layer(self, depth: float) -> Region:
         """Return the part at least `depth` [m] from the border, of a region that consists of one polygon."""
@@ -217,8 +215,7 @@ class Region:
 
     def span(self, direction: FloatArray) -> tuple[float, float]:
         """Return the smallest and the largest direction . x [m] in the region and the discs it excludes."""
-        found = np.concatenate([part.outermost(direction) for part in self.parts]) @ direction
-        return float(found.min()), float(found.max())
+        return _span(self, tuple(direction.tolist()))
 
 
 class _Slices(NamedTuple):
@@ -249,6 +246,19 @@ def _slices(region: Region, direction: Ends, edges: tuple[float, ...]) -> _Slice
     numbers = np.array([number for number, _ in parts], np.int64)
     area = np.array([one.area for one in slices])
     return _Slices(numbers, np.array(corner).reshape(-1, most, 2), tuple(circles), area)
+
+
+@lru_cache(64)
+def _span(region: Region, direction: Ends) -> Ends:
+    way = np.array(direction)
+    found = np.concatenate([part.outermost(way) for part in region.parts]) @ way
+    return float(found.min()), float(found.max())
+
+
+@lru_cache(64)
+def _intersection(one: Region, other: Region) -> Region:
+    both = one.split(sides_of(np.array(cell)) for cell in other.cells)
+    return replace(both, discs=tuple(dict.fromkeys(one.discs + other.discs)))
 
 
 @lru_cache(256)  # the scenes of a sweep mostly share a region
@@ -307,15 +317,22 @@ def region_of(space: Region, given: Any, field: str = "grains.region") -> Region
         raise NoAreaError(
             f"{field}.distance is ({near}, {far}) m: it must be between the walls, {space.ring} m"
         )
+    region = _in_ranges(space, near, far, tuple(ranges.items()))
+    if region.area <= 0.0:
+        raise NoAreaError(f"{field} is {given!r}: no point between the walls lies in it")
+    return region
+
+
+@lru_cache(64)
+def _in_ranges(space: Region, near: float, far: float, ranges: tuple[tuple[str, Ends], ...]) -> Region:
+    """Return the part of `space` at distances from `near` to `far`, with "x" and "y" in ranges [m]."""
     region, (least, most) = space.distances(near, far), space.box
-    for axis, (low, high) in ((np.eye(2)["xy".index(name)], own) for name, own in ranges.items()):
+    for axis, (low, high) in ((np.eye(2)["xy".index(name)], own) for name, own in ranges):
         lowest, highest = least @ axis, most @ axis  # no cut at or beyond the box, which may touch a circle
         if low > lowest:
             region = region.cut((-axis, -low))
         if high < highest:
             region = region.cut((axis, high))
-    if region.area <= 0.0:
-        raise NoAreaError(f"{field} is {given!r}: no point between the walls lies in it")
     return region
 
 

@@ -11,8 +11,7 @@ time for the steps of the run and for completing its recording. The table of all
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from warpgrains.analysis.quantities import SWEEP_QUANTITIES, find, quantities, takes_region
-from warpgrains.base.arrays import FloatArray
+from warpgrains.analysis.quantities import find, quantities
 from warpgrains.base.errors import InputError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.snapshot import Snapshot, Snapshots
@@ -34,12 +33,16 @@ def _of_each(value: Callable[[Scene, Summary], Any], meaning: str, unit: str = "
     return Column(meaning, lambda ends, done: list(map(value, ends.scenes, done)), unit)
 
 
-def _at_the_end(name: str, of_runs: Callable[[Snapshots], FloatArray]) -> Column:
+def _at_the_end(name: str) -> Column:
     """Return the column of a quantity of the final state."""
     own = find(name)
-    return Column(f"{own.meaning}, at the end of the run", lambda ends, _: of_runs(ends).tolist(), own.unit)
+    return Column(
+        f"{own.meaning}, at the end of the run", lambda ends, _: own.function(ends).tolist(), own.unit
+    )
 
 
+AT_THE_END = "kinetic_energy", "potential_energy", "pile_height", "pile_packing_fraction"
+"""Quantities whose functions take `Snapshots`, the states of thousands of runs."""
 OF_MEAN, OF_ERROR = ":mean", ":error"
 """Suffixes of the names of columns with means over a series, and with the standard errors of these."""
 MET = "met"
@@ -54,7 +57,7 @@ COLUMNS = {
         lambda _, done: done.unconverged, "number of steps that stopped short of the tolerance"
     ),
     "worst_overlap": _of_each(lambda _, done: done.overlap, "largest overlap after any step", "m"),
-    **{name: _at_the_end(name, of_runs) for name, of_runs in SWEEP_QUANTITIES.items()},
+    **{name: _at_the_end(name) for name in AT_THE_END},
     MET: _of_each(lambda _, done: int(done.met), "with `--until`: 1 if the run was at rest, else 0"),
     "error": _of_each(lambda *_: "", "reason of the failure, if the run failed"),
 }
@@ -95,15 +98,12 @@ def results(
     Quantities are measured in `snapshots`, one per run. `means` has, for each run, the columns of means over
     its series.
     """
-    columns, region = value_columns(settings), settings.table
-    in_region = [name for name in SWEEP_QUANTITIES if region is not None and takes_region([name])]
-    averaged = {*means[0]}
-    measured = [name for name in columns if name not in {*COLUMNS, *averaged} or name in in_region]
-    known = (name for name in columns if name not in measured and name not in averaged)
-    values = {name: COLUMNS[name].of_runs(ends, done) for name in known}
+    columns, averaged = value_columns(settings), [*means[0]]
+    measured = [name for name in columns if name not in {*COLUMNS, *averaged}]
+    values = {name: COLUMNS[name].of_runs(ends, done) for name in columns if name in COLUMNS}
     values |= {name: [one[name] for one in means] for name in averaged}
     if measured:
-        found = [quantities(state, measured, region) for state in snapshots]
+        found = [quantities(state, measured, settings.table) for state in snapshots]
         values |= {name: [float(one[name]) for one in found] for name in measured}
     seconds = (f"{one.seconds:.3f}" for one in done)
     return zip(*(values[name] for name in columns), seconds, strict=True)

@@ -28,7 +28,7 @@ from operator import eq
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from warpgrains.analysis.quantities import QUANTITIES
+from warpgrains.analysis.quantity_table import QUANTITIES
 from warpgrains.base import checks
 from warpgrains.base.errors import InputError, written_as
 from warpgrains.base.files import Row, read_regular

@@ -24,7 +24,7 @@ from warpgrains.sweep.shards import ResultShards, has_failed, writer
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep, have_same_runs
 
 RESULTS = "results.csv"
-COUNTED = UNCONVERGED, AREA = "unconverged", "packing_fraction"
+COUNTED = UNCONVERGED, AREA = "unconverged", "pile_packing_fraction"
 HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
 
 

@@ -15,7 +15,6 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warpgrains.analysis.quantities import takes_region
 from warpgrains.analysis.series import Series
 from warpgrains.base.errors import InputError, LockedError, MissingExtraError, SimulationError
 from warpgrains.base.files import write_atomically
@@ -163,7 +162,7 @@ def folder_options(folder: Path, steps: int, settings: RunSettings) -> RunOption
             "measure": ",".join(settings.measured),
             "measure_every": settings.every,
             "series": str(folder / SERIES),
-            "region": settings.region if takes_region(settings.measured) else None,
+            "region": settings.region,
             "mean": settings.mean,
         }
     return RunOptions(steps=steps, checkpoint=str(folder / CHECKPOINT), until=settings.until, **wanted)

@@ -79,7 +79,7 @@ class Annulus:
     @property
     def space(self) -> Region:
         """The space between the circles."""
-        return space_of(self.walls, NOWHERE, self.reach)
+        return space_of(tuple(self.walls), NOWHERE, self.reach)
 
     @property
     def reach(self) -> float:

@@ -139,7 +139,7 @@ class Box(Described):
     @property
     def space(self) -> Region:
         """The space between the sides at the start, in which layouts place grains."""
-        return space_of(self.walls, self.period, self.reach)
+        return space_of(tuple(self.walls), self.period, self.reach)
 
     @property
     def size(self) -> str:

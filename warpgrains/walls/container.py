@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,7 +72,8 @@ class Container:
         return self.region
 
 
-def space_of(walls: Iterable[Wall], period: Period, reach: float) -> Region:
+@lru_cache(64)  # walls at rest leave the same space at every step
+def space_of(walls: tuple[Wall, ...], period: Period, reach: float) -> Region:
     """Return the space between the lines and circles among walls, inside coordinates of +-2 `reach` [m]."""
     circles, sides = list[Circle](), list[Side]()
     for wall in walls:
@@ -130,7 +131,7 @@ def without_discs(space: Region, walls: Iterable[Wall]) -> Region:
             around = space.period.shifts if not border.keeps_inside else np.zeros((1, 2))
             around = around + space.period.wrapped(np.array([border[:2]]))
             discs += (border._replace(x=x, y=y) for x, y in around.tolist())
-    return replace(space, discs=space.discs + tuple(discs))
+    return replace(space, discs=space.discs + tuple(discs)) if discs else space
 
 
 def _side(ends: FloatArray, position: FloatArray) -> Side | None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def listed_pairs(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
     """Return the listed pairs in lexicographic order, shape (m, 2), and their indices, shape (m,)."""
-    body, index = _listed(records, k)
+    body, index = listed(records, k)
     is_pair = body[:, 1] < records.scenes[k].n
     return body[is_pair], index[is_pair]
 
@@ -25,12 +25,12 @@ def listed_walls(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
 
     Wall bodies are numbered as in kernels/walls/walls.py: body 0 is the annulus.
     """
-    (body, index), n = _listed(records, k), records.scenes[k].n
+    (body, index), n = listed(records, k), records.scenes[k].n
     is_wall = body[:, 1] >= n
     return body[is_wall] - np.array([0, n], np.int32), index[is_wall]
 
 
-def _listed(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
+def listed(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
     """Return (grain, second body) of all listed contacts in lexicographic order, and their indices.
 
     The second body is a grain, or n plus the number of a wall body.
