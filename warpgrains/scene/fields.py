@@ -4,7 +4,7 @@ Each field is declared with its section in scene files, check, default, unit and
 are repeated in `SceneChanges`, because type checkers derive no TypedDict from a class.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import MISSING, dataclass
 from functools import partial
 from typing import Any, TypedDict
@@ -20,6 +20,7 @@ from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
 from warpgrains.scene.scheme import SCHEMES
 from warpgrains.scene.sources import Sink, Source, checked_sinks, checked_sources
 from warpgrains.walls.annulus import KEYS as OF_ANNULUS
+from warpgrains.walls.annulus import WALLS as OUTER_WALLS
 from warpgrains.walls.annulus import Annulus
 from warpgrains.walls.box import Box, checked_domain
 from warpgrains.walls.kinds import WRITTEN_KINDS, checked_walls
@@ -57,10 +58,13 @@ class SceneFields(Described):
         " no grain rotates. Only with friction.",
         default=None,
     )
-    radius_in: float = _key("Radius of the inner wall [m]; 0 means there is none.", "domain", default=0.0)
+    radius_in: float = _key(
+        "Radius of the inner wall [m]; 0 means there is none.", "domain", checks.not_negative, default=0.0
+    )
     radius_out: float = _key(
         "Radius of the outer wall [m], unless the domain is a box.",
         "domain",
+        checks.positive,
         default=None,
         mark="required",
     )
@@ -71,6 +75,7 @@ class SceneFields(Described):
         'Outer wall in a step: "tangent", the tangent at the grain, as in the course text, on which a grain'
         ' leaves the circle by (v dt)^2 / (2 (radius_out - radius)); or "round", the circle itself.',
         "domain",
+        OUTER_WALLS,
         default="tangent",
     )
     pressure: float | None = _key(
@@ -306,41 +311,29 @@ KEY_OF = {
 """Key of each field in scene files: "time.dt" for dt."""
 
 
-def checked_fields(scene: SceneFields, names: Collection[str]) -> dict[str, Any]:
+def checked_fields(scene: SceneFields, names: Set[str]) -> dict[str, Any]:
     """Check the named fields of a scene, and return them by name, converted to their types in a scene.
 
-    The name "position" stands for all arrays of the grains.
+    If one of the arrays of the grains is named, all are checked.
     """
-    found = checked_grains(scene) if "position" in names else {}
-    if not {"domain", *OF_ANNULUS}.isdisjoint(names):
-        found |= _checked_boundary(scene)
+    found = {} if names.isdisjoint(OF_GRAINS) else checked_grains(scene)
     own = {name: FIELDS[name] for name in names if FIELDS[name].metadata["check"]}
     return found | {name: checked(name, field, getattr(scene, name)) for name, field in own.items()}
 
 
 def boundary_of(scene: SceneFields) -> Annulus | Box:
-    """Return the annulus or the box of a scene."""
-    if scene.domain is not None:
-        return scene.domain
+    """Return the annulus or the box of a scene; InputError without one, or if fields of both are given."""
     own = {name: getattr(scene, name) for name in OF_ANNULUS}
+    if scene.domain is not None:
+        for name, given in own.items():
+            if given != FIELDS[name].default:
+                raise InputError(f"{name} is {given!r}: it concerns the annulus, and domain is a box")
+        return scene.domain
+    if scene.radius_out is None:
+        raise InputError("radius_out is missing: give it, or domain")
     if scene.pressure is not None and scene.wall_mass is None:
         own["wall_mass"] = float(scene.mass.sum())
     return Annulus(**own)
-
-
-def _checked_boundary(scene: SceneFields) -> dict[str, Any]:
-    """Check radius_in, radius_out and wall; with a box, raise InputError if a field of the annulus is set."""
-    if checked_domain("domain", scene.domain) is None:
-        if scene.radius_out is None:
-            raise InputError("radius_out is missing: give it, or domain")
-        annulus = Annulus(scene.radius_in, scene.radius_out, scene.wall).checked()
-        return {name: getattr(annulus, name) for name in ("radius_in", "radius_out", "wall")}
-    if scene.radius_out is not None:
-        raise InputError(f"radius_out is {scene.radius_out}, and domain a box: give one of them")
-    for name in OF_ANNULUS:
-        if (given := getattr(scene, name)) != FIELDS[name].default:
-            raise InputError(f"{name} is {given!r}: it concerns the annulus, and domain is a box")
-    return {}
 
 
 def checked_grains(scene: SceneFields) -> dict[str, Any]:

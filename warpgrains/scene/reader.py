@@ -93,7 +93,10 @@ def document_fields(document: Table, folder: Path) -> Table:
         raise InputError('domain.radius_out is missing; or give domain.kind = "box", with x and y')
     if "grains" not in document:
         raise InputError(f"section [grains] is missing: it needs one of {', '.join(SOURCES)}")
-    boundary = boundary or Annulus(fields.get("radius_in", 0.0), fields["radius_out"]).checked()
+    boundary = boundary or Annulus(
+        checks.not_negative("radius_in", fields.get("radius_in", 0.0)),
+        checks.positive("radius_out", fields["radius_out"]),
+    )
     require_squares(boundary.size, boundary.reach)
     time = checks.number("time", fields.get("time", 0.0))
     walls = (wall.starting(time).at(time) for wall in boundary.completed(fields["walls"]))

@@ -1,7 +1,7 @@
 """`Scene`, the immutable and checked description of a simulation."""
 
 import os
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Set
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
@@ -98,12 +98,12 @@ class Scene(SceneFields, Shown):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        self._check(FIELDS)
+        self._check(FIELDS.keys())
         with np.errstate(all="ignore"):
             require_valid_positions(self)
 
     @classmethod
-    def made(cls, values: Mapping[str, Any], checked: Collection[str] = FIELDS) -> Self:
+    def made(cls, values: Mapping[str, Any], checked: Set[str] = FIELDS.keys()) -> Self:
         """Return a scene of these values of all fields, of which the named ones are checked.
 
         Positions are not checked against walls, because in a later state both may be elsewhere.
@@ -113,17 +113,17 @@ class Scene(SceneFields, Shown):
         scene._check(checked)
         return scene
 
-    def _check(self, names: Collection[str]) -> None:
+    def _check(self, names: Set[str]) -> None:
         """Check fields and store them, with the walls, sources and sinks that follow from them."""
         if not names:
             return
         with np.errstate(all="ignore"):  # the checks report values that are not finite
             vars(self).update(checked_fields(self, names))
-            if not _OF_WALLS.isdisjoint(names):
+            if not names.isdisjoint(_OF_WALLS):
                 walls = self.boundary.completed(self.written_walls)
                 walls = tuple(wall.starting(self.time) for wall in walls)
                 vars(self)["walls"] = with_images(walls, self.period, float(self.radius.max()))
-            if not {"sources", "sinks", "time"}.isdisjoint(names):
+            if not names.isdisjoint(("sources", "sinks", "time")):
                 vars(self)["sources"] = tuple(source.starting(self.time) for source in self.sources)
                 vars(self)["sinks"] = tuple(sink.starting(self.time) for sink in self.sinks)
             require_compatible_settings(self)
@@ -185,7 +185,7 @@ class Scene(SceneFields, Shown):
             changes |= {"time": time, "walls": tuple(wall.at(time) for wall in walls), "text": text}
         else:
             changes |= {name: found for name, found in vars(self).items() if name in ("joints", "leaders")}
-        return self.made(self._valid(changes) | changes, checked=())
+        return self.made(self._valid(changes) | changes, checked=set())
 
     def replace(self, **changes: Unpack[SceneChanges]) -> Self:
         """Return a copy of the scene with some fields changed and checked.
@@ -203,7 +203,7 @@ class Scene(SceneFields, Shown):
         if "position" in changes and not self.has_friction:
             given.setdefault("spin", None)  # it is 0, for any number of grains
         scene = self.changed(given, changes.get("time", self.time))
-        if not _OF_PLACES.isdisjoint(changes):
+        if "position" in changes or not _OF_WALLS.isdisjoint(changes):
             require_valid_positions(scene)
         return scene
 
@@ -221,8 +221,7 @@ class Scene(SceneFields, Shown):
             walls = box.completed(walls, was, self.walls, time) if box else walls
             changes = ({"radius_out": None} if "domain" in changes else {}) | changes
             changes["walls"] = [wall.starting(time) for wall in walls]
-        checked = {*changes, *(() if _OF_GRAINS.isdisjoint(changes) else _OF_GRAINS)}
-        return self.made(self._valid(changes) | changes, checked)
+        return self.made(self._valid(changes) | changes, changes.keys())
 
     def summary(self) -> dict[str, str]:
         """Return values that describe the scene, by name."""
@@ -558,9 +557,7 @@ class Scene(SceneFields, Shown):
         )
 
 
-_OF_GRAINS = {"position", "velocity", "radius", "mass", "spin"}
-_OF_PLACES = {"walls", "domain", "time", *OF_ANNULUS}
-_OF_WALLS = {*_OF_PLACES, "radius", "mass"}
+_OF_WALLS = {"walls", "domain", "time", "radius", "mass", *OF_ANNULUS}
 """Fields that determine the walls. Images depend on radii, and the mass of the outer circle on masses."""
 _OF_CONTACT = ("friction", "rolling_friction", "restitution")
 _OF_BODIES = {*_OF_WALLS, *_OF_CONTACT, *(f"wall_{name}" for name in _OF_CONTACT)}

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import Self
 
 from warpgrains.base import checks
 from warpgrains.base.arrays import FloatArray
@@ -40,19 +39,11 @@ class Annulus:
     angular_velocity_in: float = 0.0
     """Angular velocity of the inner wall [rad/s]."""
 
-    def checked(self) -> Self:
-        """Check radii and `wall` and return a copy; raise InputError unless 0 <= radius_in < radius_out."""
-        annulus = replace(
-            self,
-            radius_in=checks.not_negative("radius_in", self.radius_in),
-            radius_out=checks.positive("radius_out", self.radius_out),
-            wall=checks.one_of("wall", self.wall, WALLS),
-        )
-        if annulus.radius_in >= annulus.radius_out:
+    def __post_init__(self) -> None:
+        if self.radius_in >= self.radius_out:
             raise InputError(
-                f"radius_in is {annulus.radius_in} m: it must be less than radius_out, {annulus.radius_out} m"
+                f"radius_in is {self.radius_in} m: it must be less than radius_out, {self.radius_out} m"
             )
-        return annulus
 
     def __str__(self) -> str:
         return f"{f'{self.radius_in:g} to ' if self.radius_in > 0.0 else ''}{self.radius_out:g} m"
