@@ -112,8 +112,7 @@ class Settling:
 
     def _balance(self) -> bool:
         """Do steps that balance the forces; return whether the grains would rest for `TESTED` steps."""
-        half = 0.5 * float(np.ptp(self._scene.boundary.space.box, axis=0).max())
-        first, longest = FIRST * self._time, SLIDING * sqrt(half / self.gravity)
+        first, longest = FIRST * self._time, SLIDING * sqrt(0.5 * self._scene.widest / self.gravity)
         dt = first
         for _ in range(TRIED):
             self._change(dt, EXACT, "exact")

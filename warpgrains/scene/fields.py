@@ -18,7 +18,7 @@ from warpgrains.base.described import Described, checked, described, described_f
 from warpgrains.base.errors import InputError
 from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
 from warpgrains.scene.scheme import SCHEMES
-from warpgrains.scene.sources import Sink, Source, checked_sinks, checked_sources
+from warpgrains.scene.sources import Sink, Source, checked_list
 from warpgrains.walls.annulus import KEYS as OF_ANNULUS
 from warpgrains.walls.annulus import WALLS as OUTER_WALLS
 from warpgrains.walls.annulus import Annulus
@@ -112,12 +112,12 @@ class SceneFields(Described):
     )
     sources: tuple[Source, ...] = _key(
         "Regions in which grains appear, each a `Source` or a table of its keys.",
-        check=checked_sources,
+        check=partial(checked_list, kind=Source),
         default=(),
     )
     sinks: tuple[Sink, ...] = _key(
         "Regions from which grains are taken, each a `Sink` or a table of its keys.",
-        check=checked_sinks,
+        check=partial(checked_list, kind=Sink),
         default=(),
     )
     gravity: tuple[float, float] | TurningGravity = _key(

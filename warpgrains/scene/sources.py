@@ -251,17 +251,8 @@ for _kind in (Source, Sink):
     documented(described_fields(_kind).values())(_kind)
 
 
-def checked_sources(field: str, value: Any) -> tuple[Source, ...]:
-    """Return sources, each given as an object or by the keys of a `[[sources]]` table."""
-    return _checked(field, value, Source)
-
-
-def checked_sinks(field: str, value: Any) -> tuple[Sink, ...]:
-    """Return sinks, each given as an object or by the keys of a `[[sinks]]` table."""
-    return _checked(field, value, Sink)
-
-
-def _checked(field: str, value: Any, kind: type[Kind]) -> tuple[Kind, ...]:
+def checked_list(field: str, value: Any, kind: type[Kind]) -> tuple[Kind, ...]:
+    """Return sources or sinks, each given as an object or by the keys of its table in a scene file."""
     if not isinstance(value, list | tuple):
         raise InputError(f"{field} is {checks.shown(value)}: it must be a list of {kind.__name__} or tables")
     return tuple(_checked_one(f"{field}[{k}]", given, kind) for k, given in enumerate(value))

@@ -59,8 +59,12 @@ class Period:
         return np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2) * self.lengths
 
     def wrapped(self, position: FloatArray) -> FloatArray:
-        """Wrap points into the cell [m], shape (..., 2)."""
-        return wrapped(position, self.lengths, self.low)
+        """Wrap points [m], shape (..., 2), into the cell: into [low, low + length) in each direction."""
+        if not self:
+            return position
+        away = position - self.low
+        images = np.floor(np.divide(away, self.lengths, np.zeros_like(position), where=self.repeats))
+        return np.asarray(position - self.lengths * images)
 
     def from_corner(self, position: FloatArray) -> FloatArray:
         """Return points, wrapped into the cell, relative to its lower corner [m], shape (n, 2).
@@ -149,14 +153,6 @@ def directions(vectors: FloatArray) -> FloatArray:
     """Return the unit vectors of vectors, shape (m, 2); 0 for a vector of length 0."""
     length = distance(vectors)[:, np.newaxis]
     return np.divide(vectors, length, np.zeros_like(vectors), where=length != 0.0)
-
-
-def wrapped(position: FloatArray, period: FloatArray, start: FloatArray | float = 0.0) -> FloatArray:
-    """Wrap points [m], shape (..., 2), into [start, start + period) in directions with a period > 0."""
-    if not period.any():
-        return position
-    images = np.floor(np.divide(position - start, period, np.zeros_like(position), where=period > 0.0))
-    return np.asarray(position - period * images)
 
 
 def require_squares(what: str, length: float) -> None:
