@@ -79,10 +79,45 @@ def require_size(scene: Scene) -> None:
         )
 
 
+def require_valid_walls(scene: Scene) -> None:
+    """Raise InputError if a wall is too large, contradicts the period, or is a row without a second row."""
+    periods = scene.period.lengths.tolist()
+    period = min((own for own in periods if own > 0.0), default=inf)
+    smallest = scene.smallest_radius
+    for k, wall in enumerate(scene.walls):
+        if wall.image or isinstance(wall, Rim):
+            continue
+        if (largest := max(map(abs, wall.numbers))) >= MOST_RADII * smallest:
+            raise InputError(
+                f"walls[{k}] has the length or coordinate {largest} m: it must be less than {MOST_RADII:g}"
+                f" radii of {smallest} m, because float64 could not resolve gaps"
+            )
+        if isinstance(wall, Row) and not any(wall.fills_gaps_of(other) for other in scene.walls):
+            raise InputError(
+                f"walls[{k}] is a row: another row must have its discs in the middle between these"
+            )
+        which = f"walls[{k}], {wall.one()}, in a periodic box:"
+        if isinstance(wall, Line) and any(way and own for way, own in zip(wall.normal, periods, strict=True)):
+            raise InputError(
+                f"{which} its normal is {wall.normal}: it must be at a right angle to that direction"
+            )
+        if isinstance(wall, Row):
+            for own, along, across in zip(periods, wall.spacing, wall.spacing[::-1], strict=True):
+                if own and (across != 0.0 or abs(own / along - round(own / along)) > ROUNDED):
+                    told = f"the period, {own} m, must be a whole number of spacings"
+                    raise InputError(f"{which} its spacing is {wall.spacing}: {told}")
+        if wall.angular_velocity != 0.0 and period < inf:
+            raise InputError(
+                f"{which} angular_velocity is {wall.angular_velocity} rad/s: no wall can turn there"
+            )
+        for own, width in zip(periods, wall.widths, strict=True):
+            if own and own * (1.0 + ROUNDED) < width < inf:
+                raise InputError(f"{which} it is {width} m wide: it must be at most the period, {own} m")
+
+
 def require_compatible_settings(scene: Scene) -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
     for found in (
-        _of_walls,
         _of_steps,
         _of_friction,
         _of_restitution,
@@ -92,39 +127,6 @@ def require_compatible_settings(scene: Scene) -> None:
     ):
         for complaint in found(scene):
             raise InputError(complaint)
-
-
-def _of_walls(scene: Scene) -> Iterator[str]:
-    """Yield complaints about single walls.
-
-    A wall may be too large, or contradict the period of the scene. A row needs a second row.
-    """
-    periods = scene.period.lengths.tolist()
-    period = min((own for own in periods if own > 0.0), default=inf)
-    smallest = scene.smallest_radius
-    for k, wall in enumerate(scene.walls):
-        if wall.image or isinstance(wall, Rim):
-            continue
-        if (largest := max(map(abs, wall.numbers))) >= MOST_RADII * smallest:
-            yield (
-                f"walls[{k}] has the length or coordinate {largest} m: it must be less than {MOST_RADII:g}"
-                f" radii of {smallest} m, because float64 could not resolve gaps"
-            )
-        if isinstance(wall, Row) and not any(wall.fills_gaps_of(other) for other in scene.walls):
-            yield f"walls[{k}] is a row: another row must have its discs in the middle between these"
-        which = f"walls[{k}], {wall.one()}, in a periodic box:"
-        if isinstance(wall, Line) and any(way and own for way, own in zip(wall.normal, periods, strict=True)):
-            yield f"{which} its normal is {wall.normal}: it must be at a right angle to that direction"
-        if isinstance(wall, Row):
-            for own, along, across in zip(periods, wall.spacing, wall.spacing[::-1], strict=True):
-                if own and (across != 0.0 or abs(own / along - round(own / along)) > ROUNDED):
-                    told = f"the period, {own} m, must be a whole number of spacings"
-                    yield f"{which} its spacing is {wall.spacing}: {told}"
-        if wall.angular_velocity != 0.0 and period < inf:
-            yield f"{which} angular_velocity is {wall.angular_velocity} rad/s: no wall can turn there"
-        for own, width in zip(periods, wall.widths, strict=True):
-            if own and own * (1.0 + ROUNDED) < width < inf:
-                yield f"{which} it is {width} m wide: it must be at most the period, {own} m"
 
 
 def _of_steps(scene: Scene) -> Iterator[str]:

@@ -21,6 +21,7 @@ from warpgrains.scene.compatibility import (
     allowed_overlap,
     require_compatible_settings,
     require_valid_positions,
+    require_valid_walls,
 )
 from warpgrains.scene.fields import (
     FIELDS,
@@ -123,6 +124,7 @@ class Scene(SceneFields, Shown):
                 walls = self.boundary.completed(self.written_walls)
                 walls = tuple(wall.starting(self.time) for wall in walls)
                 vars(self)["walls"] = with_images(walls, self.period, float(self.radius.max()))
+                require_valid_walls(self)
             if not names.isdisjoint(("sources", "sinks", "time")):
                 vars(self)["sources"] = tuple(source.starting(self.time) for source in self.sources)
                 vars(self)["sinks"] = tuple(sink.starting(self.time) for sink in self.sinks)
