@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from math import inf, isfinite, pi
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 import numpy as np
@@ -270,12 +270,16 @@ def warn_of_start(scenes: Sequence[Scene]) -> None:
             " first step, which loses energy; a shorter dt loses less",
             stacklevel=3,
         )
-    of_start: dict[tuple[object, ...], float] = {}  # many scenes of a batch have the same start
+    of_start: dict[tuple[object, ...], float] = {}  # many scenes of a batch share their start, mostly its arrays, too
     overlap = []
     for scene in scenes:
-        key = scene.boundary, scene.time, scene.walls, scene.position.tobytes(), scene.radius.tobytes()
+        arrays = scene.boundary, scene.walls, scene.position, scene.radius
+        key = scene.time, *map(id, arrays)
         if key not in of_start:
-            of_start[key] = scene.count_overlaps().largest
+            start = scene.boundary, scene.time, scene.walls, scene.position.tobytes(), scene.radius.tobytes()
+            if start not in of_start:
+                of_start[start] = scene.count_overlaps().largest
+            of_start[key] = of_start[start]
         overlap.append(of_start[key])
     limit = [allowed_overlap(scene) for scene in scenes]
     k = int(np.argmax(np.divide(overlap, limit)))

@@ -120,7 +120,7 @@ class Snapshots:
     @cached_property
     def circles(self) -> FloatArray:
         """Radii of the inner and the outer circle [m], shape (m, 2): 0 and NaN without them."""
-        return np.array([_circles(scene) for scene in self.scenes])
+        return np.array([scene.bodies.radii for scene in self.scenes])
 
     @cached_property
     def containers(self) -> Mapping[int, Container]:
@@ -130,11 +130,6 @@ class Snapshots:
             for k, (scene, time) in enumerate(self._each)
             if scene.period or not all(isinstance(wall, Rim) for wall in scene.walls)
         }
-
-
-def _circles(scene: Scene) -> tuple[float, float]:
-    radius = {wall.inside: wall.radius for wall in scene.walls if isinstance(wall, Rim)}
-    return radius.get(False, 0.0), radius.get(True, np.nan)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -185,13 +185,15 @@ class Bodies:
     def __init__(self, scene: Scene):
         self._walls, self._period, walls = scene.walls, scene.period, scene.walls
         self._joints, self._leaders, self._at_walls = scene.joints, scene.leaders, scene.at_walls
-        rims = {wall.inside: k for k, wall in enumerate(walls) if isinstance(wall, Rim)}
-        outer, inner = rims.get(True, NONE), rims.get(False, NONE)
+        rims = {wall.inside: (k, wall.radius) for k, wall in enumerate(walls) if isinstance(wall, Rim)}
+        (inner, near), (outer, far) = rims.get(False, (NONE, 0.0)), rims.get(True, (NONE, np.nan))
         self.two_circles = (scene.has_friction or scene.has_driven_walls) and inner != NONE
         self.circle_walls = inner, outer
         """Numbers of the inner and the outer circle in `Scene.walls`; `NONE` without them."""
+        self.radii = near, far
+        """Radii of the inner and the outer circle [m]; 0 and NaN without them."""
         self._inner = NONE if self.two_circles else inner
-        others = [k for k in range(len(walls)) if k not in rims.values()]
+        others = [k for k in range(len(walls)) if k not in self.circle_walls]
         self.walls = [outer, *([inner] if self.two_circles else []), *others]
         """Number of the wall of each body. For body 0, it is the outer circle, or `NONE`."""
 
@@ -201,9 +203,8 @@ class Bodies:
     @property
     def circles(self) -> tuple[float, float]:
         """Radii of the inner and the outer circle of body 0 [m]; 0 and `NO_CIRCLE` where it has none."""
-        inner = self._walls[self._inner] if self._inner != NONE else None
-        near = inner.radius if isinstance(inner, Rim) else 0.0
-        return near, NO_CIRCLE if self.outer is None else self.outer.radius
+        near, far = self.radii
+        return 0.0 if self.two_circles else near, far if self.outer else NO_CIRCLE
 
     @property
     def outer(self) -> Rim | None:
@@ -300,11 +301,9 @@ class Bodies:
     @property
     def of_walls(self) -> IntArray:
         """Body of each wall, shape (walls,)."""
-        found = np.zeros(len(self._walls), np.int32)  # 0 remains for the inner side of body 0
-        for body, wall in enumerate(self.walls):
-            if wall != NONE:
-                found[wall] = body
-        return found
+        found = np.zeros(len(self._walls) + 1, np.int32)  # 0 remains for the inner side of body 0
+        found[self.walls] = np.arange(len(self.walls))  # NONE is the last one
+        return found[:-1]
 
     def sign(self, wall: IntArray) -> FloatArray:
         """Return the sign of the device's corrections at walls: -1 at the inner side of body 0, else 1."""
