@@ -129,7 +129,7 @@ def test_a_box_with_wide_walls_is_as_three_of_it_side_by_side(which: str, axis: 
 
 
 def moved(wall: Wall, way: float) -> Wall:
-    return wall.shifted(way, 0.0)
+    return wall.driven_to(way, (1.0, 0.0))
 
 
 def turned(wall: Wall) -> Wall:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from math import inf, isfinite, pi
 from typing import TYPE_CHECKING, Any
 from warnings import warn
@@ -84,6 +84,7 @@ def require_valid_walls(scene: Scene) -> None:
     periods = scene.period.lengths.tolist()
     period = min((own for own in periods if own > 0.0), default=inf)
     smallest = scene.smallest_radius
+    driven = [wall.name for wall in scene.walls if isinstance(wall, Line) and wall.drive is not None]
     for k, wall in enumerate(scene.walls):
         if wall.image or isinstance(wall, Rim):
             continue
@@ -95,6 +96,10 @@ def require_valid_walls(scene: Scene) -> None:
         if isinstance(wall, Row) and not any(wall.fills_gaps_of(other) for other in scene.walls):
             raise InputError(
                 f"walls[{k}] is a row: another row must have its discs in the middle between these"
+            )
+        if isinstance(wall, Row) and wall.name and driven.count(wall.name) > 1:
+            raise InputError(
+                f"walls[{k}], a row, has the name of several driven lines, {wall.name}: name these apart"
             )
         which = f"walls[{k}], {wall.one()}, in a periodic box:"
         if isinstance(wall, Line) and any(way and own for way, own in zip(wall.normal, periods, strict=True)):
@@ -117,84 +122,82 @@ def require_valid_walls(scene: Scene) -> None:
 
 def require_compatible_settings(scene: Scene) -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
-    for found in (
-        _of_steps,
-        _of_friction,
-        _of_restitution,
-        _of_driven_walls,
-        _of_methods,
-        sources.complaints,
-    ):
-        for complaint in found(scene):
-            raise InputError(complaint)
+    _require_steps(scene)
+    _require_friction(scene)
+    _require_options(scene)
+    sources.require_compatible(scene)
 
 
-def _of_steps(scene: Scene) -> Iterator[str]:
-    """Yield complaints about a dt that is too long, and about values that overflow or lose digits."""
+def _require_steps(scene: Scene) -> None:
+    """Raise InputError if dt is too long, or values overflow or lose digits."""
     dt, smallest, lightest = scene.dt, scene.smallest_radius, int(scene.mass.argmin())
     mass, heaviest = float(scene.mass[lightest]), float(scene.mass.max())
     lost = scene.drag * dt / mass  # fraction of a velocity that one step of the text's scheme removes
     if lost >= 1.0 and scene.scheme == "euler":
-        yield (
+        raise InputError(
             f"dt is {dt} s: in one step, drag {scene.drag} kg/s would reverse grain {lightest}"
             f' of mass {mass} kg; dt must be less than {mass / scene.drag} s, or scheme "leapfrog"'
         )
     if not isfinite(lost):
-        yield (
+        raise InputError(
             f"drag is {scene.drag} kg/s: drag dt / m is not finite for dt {dt} s and"
             f" grain {lightest} of mass {mass} kg"
         )
     if mass < SMALLEST or heaviest > LARGEST:
         too_extreme = (scene.mass < SMALLEST) | (scene.mass > LARGEST)
-        yield (
+        raise InputError(
             f"{checks.first_bad('mass', scene.mass, too_extreme)}: it must be between {SMALLEST:g} and"
             f" {LARGEST:g} kg, for products of masses to be finite"
         )
     if not isfinite(heaviest * scene.reach / dt / dt):
-        yield (f"dt is {dt} s: forces of {heaviest} kg that moves {scene.reach} m in a step are not finite")
+        raise InputError(
+            f"dt is {dt} s: forces of {heaviest} kg that moves {scene.reach} m in a step are not finite"
+        )
     if abs(scene.time) >= MOST_STEPS * dt:
-        yield (
+        raise InputError(
             f"time is {scene.time} s: it must be less than {MOST_STEPS:g} steps of {dt} s, because"
             " float64 times could not resolve them"
         )
     for k, wall in enumerate(scene.walls):
         path = abs(wall.angular_velocity) * wall.farthest(wall.about) * dt
         if not path < smallest:
-            yield (
+            raise InputError(
                 f"angular_velocity of walls[{k}]: the {wall.kind} turns by {path:.3g} m in a step of {dt} s;"
                 f" it must be less than the smallest radius, {smallest} m"
             )
     if not abs(scene.gravity_rate) * dt < pi:
-        yield (
+        raise InputError(
             f"gravity.angular_velocity is {scene.gravity_rate} rad/s: in a step of {dt} s gravity turns by"
             f" half a turn or more; dt must be less than {pi / abs(scene.gravity_rate)} s"
         )
 
 
-def _of_friction(scene: Scene) -> Iterator[str]:
-    """Yield complaints about fields that need friction, and about rotations that cannot be computed."""
+def _require_friction(scene: Scene) -> None:
+    """Raise InputError if a field needs friction, or a rotation cannot be computed."""
     if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
-        yield f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall"
+        raise InputError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")
     for wall, friction in zip(scene.walls, scene.at_walls["friction"], strict=True):
         if isinstance(wall, Rim) and wall.rotation != 0.0:
             name = "angular_velocity_out" if wall.inside else "angular_velocity_in"
             given = f"{name} is {wall.rotation} rad/s"
             if friction == 0.0:
-                yield f"{given}: a wall without friction moves no grain; give wall_friction"
+                raise InputError(f"{given}: a wall without friction moves no grain; give wall_friction")
             if not isfinite(wall.surface_speed):
-                yield f"{given}: the speed of the wall is not finite"
+                raise InputError(f"{given}: the speed of the wall is not finite")
     if not scene.has_friction:
         if scene.spin.any():
             grain = checks.first_bad("spin", scene.spin, scene.spin != 0.0)
-            yield f"{grain}: grains rotate only with friction; give friction"
+            raise InputError(f"{grain}: grains rotate only with friction; give friction")
         if scene.spin_drag:
-            yield f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction; give friction"
+            raise InputError(
+                f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction; give friction"
+            )
         if scene.has_rolling_friction:
-            yield f"{_rolling_friction(scene)}: grains rotate only with friction; give friction"
+            raise InputError(f"{_rolling_friction(scene)}: grains rotate only with friction; give friction")
         return
     lost = scene.spin_drag * scene.dt / scene.inertia
     if scene.scheme == "euler" and (lost >= 1.0).any():
-        yield (
+        raise InputError(
             f"spin_drag is {scene.spin_drag} kg m2/s: in a step of {scene.dt} s it would reverse the"
             f" rotation of grain {int(lost.argmax())}; dt must be less than"
             f' {float(scene.inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
@@ -202,7 +205,9 @@ def _of_friction(scene: Scene) -> Iterator[str]:
     with np.errstate(over="ignore"):
         too_fast = ~np.isfinite(scene.spin * scene.radius)
     if too_fast.any():
-        yield f"{checks.first_bad('spin', scene.spin, too_fast)}: the speed of its rim is not finite"
+        raise InputError(
+            f"{checks.first_bad('spin', scene.spin, too_fast)}: the speed of its rim is not finite"
+        )
 
 
 def _rolling_friction(scene: Scene) -> str:
@@ -212,27 +217,19 @@ def _rolling_friction(scene: Scene) -> str:
     return next(f"{name} is {value}" for name, value in given.items() if value)
 
 
-def _of_restitution(scene: Scene) -> Iterator[str]:
+def _require_options(scene: Scene) -> None:
+    """Raise InputError if options of contacts, of the outer wall or of the method contradict each other."""
     if scene.restitution_speed != 0.0 and not scene.has_restitution:
-        yield f"restitution_speed is {scene.restitution_speed} m/s: no contact bounces; give restitution"
-
-
-def _of_driven_walls(scene: Scene) -> Iterator[str]:
-    """Yield complaints about walls that a force or a pressure drives, and wall_mass without a pressure."""
+        raise InputError(
+            f"restitution_speed is {scene.restitution_speed} m/s: no contact bounces; give restitution"
+        )
     if scene.wall_mass is not None and scene.pressure is None:
-        yield f"wall_mass is {scene.wall_mass} kg: the outer wall is fixed; give pressure"
-    which = "pressure" if scene.pressure is not None else "force of a wall"
-    driven = [wall.name for wall in scene.walls if isinstance(wall, Line) and wall.drive is not None]
-    for k, wall in enumerate(scene.walls):
-        if isinstance(wall, Row) and wall.name and driven.count(wall.name) > 1:
-            yield f"walls[{k}], a row, has the name of several driven lines, {wall.name}: name these apart"
+        raise InputError(f"wall_mass is {scene.wall_mass} kg: the outer wall is fixed; give pressure")
     if scene.has_driven_walls and scene.wall == "round":
-        yield f"{which} is given and wall is 'round': use 'tangent'"
-
-
-def _of_methods(scene: Scene) -> Iterator[str]:
+        which = "pressure" if scene.pressure is not None else "force of a wall"
+        raise InputError(f"{which} is given and wall is 'round': use 'tangent'")
     if scene.method == "exact" and scene.stops_on != "residual":
-        yield f"stop is {scene.stop!r}: method 'exact' stops on the residual"
+        raise InputError(f"stop is {scene.stop!r}: method 'exact' stops on the residual")
 
 
 def allowed_overlap(scene: Scene) -> float:

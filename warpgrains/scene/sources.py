@@ -282,8 +282,8 @@ def space_of(now: Scene, region: Any, radius: float, field: str = "region") -> R
     return space
 
 
-def complaints(scene: Scene) -> Iterator[str]:
-    """Yield complaints about names and rates of sources. Raise InputError for an invalid region or sink."""
+def require_compatible(scene: Scene) -> None:
+    """Raise InputError unless names, rates and regions of sources and sinks are valid."""
     names = [source.name for source in scene.sources if source.name]
     for k, sink in enumerate(scene.sinks):
         region_of(scene.space_at(scene.time), sink.region, f"sinks[{k}].region")
@@ -296,9 +296,11 @@ def complaints(scene: Scene) -> Iterator[str]:
     fed = {sink.into for sink in scene.sinks} - {None}
     for k, source in enumerate(scene.sources):
         if names.count(source.name or "") > 1:
-            yield f"sources[{k}].name is {source.name!r}: another source has it"
+            raise InputError(f"sources[{k}].name is {source.name!r}: another source has it")
         if not (source.count or source.rate or source.name in fed):
-            yield f"sources[{k}] has no count, no rate, and no sink that feeds it: give one of them"
+            raise InputError(
+                f"sources[{k}] has no count, no rate, and no sink that feeds it: give one of them"
+            )
         with radius_named(f"sources[{k}].radius"):
             largest = drawn_radii(source.radius, np.random.default_rng(0))[1]
             space_of(scene, source.region, largest, f"sources[{k}].region")

@@ -165,10 +165,6 @@ class Wall(Motion):
         """Force and mass that drive the wall, or None if no force acts on it."""
         return None
 
-    def shifted(self, x: float, y: float) -> Self:
-        """Return the wall displaced by (x, y) [m]."""
-        return self.changed({name: (own[0] + x, own[1] + y) for name, own in self._places.items()})
-
     def changed(self, values: Mapping[str, Any]) -> Self:
         """Return the wall with some valid values replaced. Checks, which would be slow, are omitted."""
         wall = object.__new__(type(self))
@@ -177,7 +173,8 @@ class Wall(Motion):
 
     def driven_to(self, coordinate: float, direction: Vector) -> Self:
         """Return the wall displaced by a coordinate [m] along a unit vector, see `State.driven`."""
-        return self.shifted(coordinate * direction[0], coordinate * direction[1])
+        x, y = coordinate * direction[0], coordinate * direction[1]
+        return self.changed({name: (own[0] + x, own[1] + y) for name, own in self._places.items()})
 
     @property
     def coordinate(self) -> float:
