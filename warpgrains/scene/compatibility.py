@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from math import inf, isfinite, pi
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from warnings import warn
 
 import numpy as np
@@ -267,16 +267,12 @@ def warn_of_start(scenes: Sequence[Scene]) -> None:
             " first step, which loses energy; a shorter dt loses less",
             stacklevel=3,
         )
-    of_start: dict[tuple[object, ...], float] = {}  # many scenes of a batch share their start, mostly its arrays, too
+    of_start: dict[tuple[object, ...], float] = {}  # many scenes of a batch have the same start
     overlap = []
     for scene in scenes:
-        arrays = scene.boundary, scene.walls, scene.position, scene.radius
-        key = scene.time, *map(id, arrays)
+        key = scene.boundary, scene.time, scene.walls, scene.position.tobytes(), scene.radius.tobytes()
         if key not in of_start:
-            start = scene.boundary, scene.time, scene.walls, scene.position.tobytes(), scene.radius.tobytes()
-            if start not in of_start:
-                of_start[start] = scene.count_overlaps().largest
-            of_start[key] = of_start[start]
+            of_start[key] = scene.count_overlaps().largest
         overlap.append(of_start[key])
     limit = [allowed_overlap(scene) for scene in scenes]
     k = int(np.argmax(np.divide(overlap, limit)))
