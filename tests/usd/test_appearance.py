@@ -61,7 +61,7 @@ def test_colors_and_numbers_are_those_of_the_snapshots(tmp_path, color_by, draw_
         shown = encoded(np.array(primvars.GetPrimvar("displayColor").ComputeFlattened(number)))
         assert_allclose(shown, colors.of(now), atol=1e-6)  # float32, linear and back
         frame = recording.frame(number, contacts=has_forces)
-        assert np.array_equal(painter_of(recording).color(frame), colors.of(now))
+        assert np.array_equal(painter_of(recording).colors.of(frame), colors.of(now))
         numbers = {"angle": now.angle} if scene.has_friction else {}
         found = colorings_of(scene, has_forces or colors.needs_contacts).items()
         numbers |= {name: own.values(now) for name, own in found if own.changes}

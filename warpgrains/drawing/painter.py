@@ -41,7 +41,7 @@ class Painter:
         self.colors = GrainColors(scene, look.color_by, look.colors, look.range)
         is_heated = look.color_by == "palette" and look.colors is None
         self.top_speed = speed_scale(scene) if is_heated else 0.0
-        """Speed of the reddest grains [m/s]; 0 if colors do not depend on the speed."""
+        """Speed of fully orange grains [m/s]; 0 if colors do not depend on the speed."""
         self.chain_scale = ChainScale.of(scene) if look.forces else None
         self.view = _view_of(scene) if look.frame is None else frame_of("frame", look.frame)
         self.thickness = _THICKNESS * self.view.half
@@ -80,7 +80,7 @@ class Painter:
         return self.heated(self.colors.of(now), np.hypot(*now.velocity.T))
 
     def heated(self, color: FloatArray, speed: FloatArray) -> FloatArray:
-        """Return colors (sRGB), shape (n, 3), of grains at speeds [m/s]; those of the palette turn red."""
+        """Return colors (sRGB), shape (n, 3), of grains at speeds [m/s]; those of the palette turn orange."""
         if self.top_speed == 0.0:
             return color
         share = np.clip(speed / self.top_speed, 0.0, 1.0)[:, np.newaxis] ** _HEAT
