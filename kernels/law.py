@@ -120,6 +120,12 @@ def tangential_change(vt: f64, dvt: f64, bound: f64) -> f64:
 
 
 @wp.func
+def tangential_residual(vt: f64, dvt: f64, inverse_k: f64, bound: f64) -> f64:
+    """Return the natural residual of dv_t or dv_r for the speed vt or vr [m/s] (eqs. 25 and 38)."""
+    return wp.abs(tangential_change(inverse_k * vt, dvt, bound)) / inverse_k
+
+
+@wp.func
 def speed_along(v: wp.vec2d, n: wp.vec2d) -> f64:
     """Return the component of v along the tangent of a contact with normal n [m/s]."""
     return n[0] * v[1] - n[1] * v[0]

@@ -7,6 +7,7 @@ were computed alone.
 
 from functools import cache
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -69,33 +70,64 @@ KEEP = """
 
 TURN = """
     const wp::vec_t<2, double> t(-normal[1], normal[0]);
-    impulse = impulse + *(const couple *)&t * dvt.c[k];
-    const double slid_i = rim.data[i / 2] - dvt.c[k] * rim_i.c[k];
-    const double slid_j = rim.data[j / 2] - dvt.c[k] * rim_j.c[k];
+    const double dvt = change.dvt.c[k];
+    impulse = impulse + *(const couple *)&t * dvt;
+    const double slid_i = rim.data[i / 2] - dvt * shares.rim_i.c[k];
+    const double slid_j = rim.data[j / 2] - dvt * shares.rim_j.c[k];
     rim.data[i / 2] = slid_i;
     rim.data[j / 2] = slid_j;
 """
 """C++ that adds a tangential correction to the impulse and to both rim speeds."""
 ROLL = """
-    rim.data[i / 2] = slid_i - dvr.c[k] * part.c[k] * rim_i.c[k];
-    rim.data[j / 2] = slid_j + dvr.c[k] * (1.0 - part.c[k]) * rim_j.c[k];
+    const double dvr = change.dvr.c[k], part = shares.part.c[k];
+    rim.data[i / 2] = slid_i - dvr * part * shares.rim_i.c[k];
+    rim.data[j / 2] = slid_j + dvr * (1.0 - part) * shares.rim_j.c[k];
 """
 """C++ that also adds a rolling correction to both rim speeds, after TURN."""
+
+
+@cache
+def records(count: int) -> tuple[Any, Any, Any]:
+    """Return the type `vector`, with a number for each of `count` pairs, and two records of such vectors.
+
+    They are the changes of corrections, and their shares.
+    """
+    vector = wp.types.vector(length=count, dtype=f64)
+
+    @wp.struct
+    class Changes:
+        """Changes of the corrections of pairs [m/s]."""
+
+        dv: vector
+        dvt: vector
+        dvr: vector
+
+    @wp.struct
+    class Shares:
+        """Changes of velocities and rim speeds by corrections of 1 m/s (eqs. 7, 22 and 37)."""
+
+        i: vector  # of the velocity of i; unused if masses are equal
+        j: vector
+        rim_i: vector
+        rim_j: vector
+        part: vector  # c_i of eq. 37
+
+    return vector, Changes, Shares
 
 
 @cache
 def lanes(
     count: int, weighted: bool = False, friction: bool = False, rolling: bool = False, keep: bool = False
 ) -> SimpleNamespace:
-    """Return functions of the pairs c to c + count - 1, and the type `vector`, with a number for each pair.
+    """Return functions of the pairs c to c + count - 1.
 
     `push` adds changes of corrections to velocities and, with friction, to rim speeds (eqs. 7, 23 and 37).
     Grains of equal mass get one half each. Halving the normal is exact, and saves a product on the path from
     one pair to the next with the same grain. (Otherwise a plain step takes 4 to 7 % longer.) `roll` returns
     the rolling speed after a tangential correction.
     """
-    vector = wp.types.vector(length=count, dtype=f64)
-    half, of_i, of_j = ("", " * share_i.c[k]", " * share_j.c[k]") if weighted else (" * 0.5", "", "")
+    vector, pair_changes, pair_shares = records(count)
+    half, of_i, of_j = ("", " * shares.i.c[k]", " * shares.j.c[k]") if weighted else (" * 0.5", "", "")
 
     @wp.func_native(
         checked(f"""
@@ -161,16 +193,14 @@ def lanes(
         wp::vec_t<{count}, double> vr;
         for (int k = 0; k < {count}; k++) {{
             const unsigned i = pairs.data[c + k].i / 2, j = pairs.data[c + k].j / 2;
-            const double slid_i = rim.data[i] - dvt.c[k] * rim_i.c[k];
-            const double slid_j = rim.data[j] - dvt.c[k] * rim_j.c[k];
-            vr.c[k] = part.c[k] * slid_i - (1.0 - part.c[k]) * slid_j;
+            const double slid_i = rim.data[i] - dvt.c[k] * shares.rim_i.c[k];
+            const double slid_j = rim.data[j] - dvt.c[k] * shares.rim_j.c[k];
+            vr.c[k] = shares.part.c[k] * slid_i - (1.0 - shares.part.c[k]) * slid_j;
         }}
         return vr;
     """)
     )
-    def roll(
-        rim: Floats, pairs: Pairs, c: int, dvt: vector, rim_i: vector, rim_j: vector, part: vector
-    ) -> vector: ...
+    def roll(rim: Floats, pairs: Pairs, c: int, dvt: vector, shares: pair_shares) -> vector: ...
 
     @wp.func_native(
         checked(f"""{VELOCITIES}
@@ -178,7 +208,7 @@ def lanes(
             const unsigned i = pairs.data[c + k].i, j = pairs.data[c + k].j;
             const auto n = pairs.data[c + k].n;
             const couple normal = *(const couple *)&n{half};
-            couple impulse = normal * dv.c[k];
+            couple impulse = normal * change.dv.c[k];
             {TURN if friction else ""}
             {ROLL if rolling else ""}
             couple *vi = velocity_at(i), *vj = velocity_at(j);
@@ -194,20 +224,13 @@ def lanes(
         rim: Floats,
         pairs: Pairs,
         c: int,
-        dv: vector,
-        dvt: vector,
-        dvr: vector,
-        share_i: vector,
-        share_j: vector,
-        rim_i: vector,
-        rim_j: vector,
-        part: vector,
+        change: pair_changes,
+        shares: pair_shares,
         kept: Vectors,
         slot: int,
     ): ...
 
     return SimpleNamespace(
-        vector=vector,
         numbers_at=numbers_at,
         set_numbers=set_numbers,
         sum_of=sum_of,

@@ -19,7 +19,7 @@ from ..contacts import EQUAL_RIMS
 from ..record import Scene, has_weights
 from ..search.verlet import least_monitored_correction, monitor
 from ..types import ContactsByRef, Correction, Vectors
-from .lanes import FOUR, end_of_fours, lanes
+from .lanes import FOUR, end_of_fours, lanes, records
 from .momentum import ENOUGH, relaxation_factor
 
 f64 = wp.float64
@@ -55,7 +55,8 @@ def sweeping_pairs(
     of the pairs, from index `kept` on.
     """
     several = lanes(count, weighted, friction, resists_rolling, keep=not ahead)
-    vector, numbers_at, set_numbers = several.vector, several.numbers_at, several.set_numbers
+    vector, pair_changes, pair_shares = records(count)
+    numbers_at, set_numbers = several.numbers_at, several.set_numbers
     sum_of, product_of, larger_of = several.sum_of, several.product_of, several.larger_of
     approach, gap_rates, slip, push = several.approach, several.gap_rates, several.slip, several.push
     roll = several.roll
@@ -64,18 +65,20 @@ def sweeping_pairs(
     def bounded(correction: Correction, c: int, beta: f64, speed: vector, inverse_k: vector, bound: vector):
         """Correct dv_t or dv_r by speed * inverse_k, clamped to +-bound.
 
-        Returns the changes, and the steps by which momentum has moved dv_t or dv_r before.
+        Returns the changes, and their terms of both sums of momentum.py.
         """
         x = numbers_at(correction.now, c)
-        y, step, change = x, vector(), vector()
+        y, step, change, wide = x, vector(), vector(), vector()
         if wp.static(ahead):
             step = beta * (x - numbers_at(correction.last, c))
             y = x + step
             set_numbers(correction.last, c, x)
         for k in range(wp.static(count)):
             change[k] = law.tangential_change(inverse_k[k] * speed[k], y[k], bound[k])
+            if wp.static(ahead):
+                wide[k] = change[k] / inverse_k[k]
         set_numbers(correction.now, c, y + change)
-        return change, step
+        return change, product_of(wide, change), product_of(wide, step + change)
 
     @wp.func
     def sweep(s: Scene, contacts: ContactsByRef, begin: int, end: int, kept: int):
@@ -96,8 +99,10 @@ def sweeping_pairs(
         if wp.static(ahead and not friction):
             omega = relaxation_factor(s)
         large, half, one = least_monitored_correction(s), f64(0.5), f64(1.0)
-        share_i, share_j, mass = vector(half), vector(half), vector(half)  # by unit mass where all are equal
-        rim_i, rim_j, inverse_kt = vector(one), vector(one), vector(EQUAL_RIMS[0])
+        mass, inverse_kt = vector(half), vector(EQUAL_RIMS[0])  # by unit mass where all are equal
+        shares = pair_shares()
+        shares.rim_i = vector(one)
+        shares.rim_j = vector(one)
         zeta, cost, slope, bits = vector(), vector(), vector(), wp.uint64(0)
         c = int(begin)
         while c < end:
@@ -105,15 +110,15 @@ def sweeping_pairs(
             if wp.static(weighted):
                 for k in range(wp.static(count)):
                     share = at(weights, c + k)
-                    share_i[k] = share[0]
-                    share_j[k] = share[1]
+                    shares.i[k] = share[0]
+                    shares.j[k] = share[1]
                     if wp.static(ahead):
                         mass[k] = at(masses, c + k)
                     if wp.static(friction):
                         rims = at(rim_weights, c + k)
                         inverse_kt[k] = rims[0]
-                        rim_i[k] = rims[1]
-                        rim_j[k] = rims[2]
+                        shares.rim_i[k] = rims[1]
+                        shares.rim_j[k] = rims[2]
             x = numbers_at(dvs, c)
             y, step = x, vector()
             if wp.static(ahead):
@@ -121,7 +126,7 @@ def sweeping_pairs(
                 y = x + step
             gap_rate, vn = gap_rates(pairs, c), approach(velocity, pairs, c)
             excess = vn - gap_rate
-            dv, dvt, dvr, part = vector(), vector(), vector(), vector()
+            dv, dvt, dvr = vector(), vector(), vector()
             for k in range(wp.static(count)):
                 if wp.static(ahead and not friction):
                     dv[k] = law.normal_change(omega * excess[k], y[k], f64(0.0))
@@ -130,37 +135,34 @@ def sweeping_pairs(
             change = wp.abs(dv)
             if wp.static(friction):
                 vt = slip(velocity, rim, pairs, c)
-                dvt, step_t = bounded(dvts, c, beta, vt, inverse_kt, mu * (y + dv))
+                dvt, size, rise = bounded(dvts, c, beta, vt, inverse_kt, mu * (y + dv))
                 change = larger_of(change, wp.abs(dvt))
                 if wp.static(ahead):
-                    wide_dvt = vector()
-                    for k in range(wp.static(count)):
-                        wide_dvt[k] = dvt[k] / inverse_kt[k]
-                    size = sum_of(product_of(dv, dv), product_of(wide_dvt, dvt))
-                    cost = sum_of(cost, product_of(mass, size))
-                    slope = sum_of(slope, product_of(mass, product_of(wide_dvt, step_t + dvt)))
+                    cost = sum_of(cost, product_of(mass, sum_of(product_of(dv, dv), size)))
+                    slope = sum_of(slope, product_of(mass, rise))
             elif wp.static(ahead):
                 gain = product_of(dv, excess - half * dv)
                 cost = sum_of(cost, product_of(mass, product_of(gap_rate, step) - ENOUGH * gain))
             if wp.static(resists_rolling):
-                bound, step_r, inverse_kr = mu_r * (y + dv), vector(), vector()
+                bound, inverse_kr = mu_r * (y + dv), vector()
                 if (
                     wp.static(ahead) or bound[0] > f64(0.0) or at(dvrs.now, c) != f64(0.0)
                 ):  # otherwise dvr = 0
                     for k in range(wp.static(count)):
                         own = at(roll_weights, c + k)
-                        part[k] = own[0]
+                        shares.part[k] = own[0]
                         inverse_kr[k] = own[1]
-                    vr = roll(rim, pairs, c, dvt, rim_i, rim_j, part)
-                    dvr, step_r = bounded(dvrs, c, beta, vr, inverse_kr, bound)
+                    vr = roll(rim, pairs, c, dvt, shares)
+                    dvr, size_r, rise_r = bounded(dvrs, c, beta, vr, inverse_kr, bound)
                     change = larger_of(change, wp.abs(dvr))
-                if wp.static(ahead):
-                    wide_dvr = vector()
-                    for k in range(wp.static(count)):
-                        wide_dvr[k] = dvr[k] / inverse_kr[k]
-                    cost = sum_of(cost, product_of(mass, product_of(wide_dvr, dvr)))
-                    slope = sum_of(slope, product_of(mass, product_of(wide_dvr, step_r + dvr)))
-            push(velocity, rim, pairs, c, dv, dvt, dvr, share_i, share_j, rim_i, rim_j, part, kept_v, slot)
+                    if wp.static(ahead):
+                        cost = sum_of(cost, product_of(mass, size_r))
+                        slope = sum_of(slope, product_of(mass, rise_r))
+            changes = pair_changes()
+            changes.dv = dv
+            changes.dvt = dvt
+            changes.dvr = dvr
+            push(velocity, rim, pairs, c, changes, shares, kept_v, slot)
             set_numbers(dvs, c, y + dv)
             zeta = larger_of(zeta, change)
             if wp.static(ahead):

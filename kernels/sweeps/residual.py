@@ -96,8 +96,7 @@ def measuring(friction: bool, resists_rolling: bool) -> wp.Function:
             inverse_kt = rims[0]
             if at_wall and is_driven(s):
                 inverse_kt = law.inverse_kt(rims[1], tangential)
-            slip = law.tangential_change(inverse_kt * vt, dvt, mu * (dv + change)) / inverse_kt
-            worst = wp.max(worst, wp.abs(slip))
+            worst = wp.max(worst, law.tangential_residual(vt, dvt, inverse_kt, mu * (dv + change)))
         if wp.static(resists_rolling):
             worst = wp.max(worst, rolling_residual(s, contact, c, dv + change))
         return worst

@@ -55,5 +55,4 @@ def rolling_residual(s: Scene, contact: Contact, c: int, dv: f64) -> f64:
         vr, mu = law.wall_roll(at(rim, i), at(s.grains.radius, i), rolls[1]), rolls[0]
     else:
         vr = law.pair_roll(weights[0], at(rim, i), at(rim, j))
-    change = law.tangential_change(weights[1] * vr, at(s.contacts.dvr.now, c), mu * dv)
-    return wp.abs(change) / weights[1]
+    return law.tangential_residual(vr, at(s.contacts.dvr.now, c), weights[1], mu * dv)

@@ -82,12 +82,14 @@ def is_measurement_due(s: Scene) -> bool:
     It is measured after the last iteration, even if it was with another list, and if a small zeta shows that
     it may meet the tolerance. Accelerated sweeps also need the velocities that are recomputed for it.
     """
+    if s.control.may_stop != 0:
+        return True
+    if is_measured(s) or s.control.rejected != 0:
+        return False
     k = s.step.iterations
-    if s.control.may_stop != 0 or is_measured(s):
-        return s.control.may_stop != 0
     may_meet = not stops_on_zeta(s) and s.step.zeta <= NEARLY * s.stopping.tolerance
     checking = may_meet and (k == 1 or k % CHECK_EVERY == 0)
-    return s.control.rejected == 0 and (checking or (is_accelerated(s) and k % RECOMPUTE_EVERY == 0))
+    return checking or (is_accelerated(s) and k % RECOMPUTE_EVERY == 0)
 
 
 @wp.func
@@ -114,7 +116,7 @@ def is_too_slow(s: Scene) -> bool:
 
 @wp.func
 def is_recorded(s: Scene) -> bool:
-    """Return whether the history records the residual of the last iteration."""
+    """Return whether the history records zeta and residual of the last iteration."""
     return s.step.iterations <= s.zeta_history.shape[0]
 
 
@@ -152,7 +154,7 @@ def end_iteration(s: Scene, zeta: f64):
     iterations = s.step.iterations + 1
     s.step.iterations = iterations
     s.step.zeta = zeta
-    if iterations <= s.zeta_history.shape[0]:
+    if is_recorded(s):
         put(s.zeta_history, iterations - 1, zeta)
     stopping = is_last_iteration(s)
     s.control.may_stop = 1 if stopping else 0
@@ -175,7 +177,7 @@ def take_residual(s: Scene):
     """Reduce the residual over the threads, and store it as that of the last iteration."""
     s.step.residual = take_max(s.partial.residual)
     s.step.measured = s.step.iterations
-    if s.step.iterations <= s.residual_history.shape[0]:
+    if is_recorded(s):
         put(s.residual_history, s.step.iterations - 1, s.step.residual)
 
 

@@ -17,10 +17,10 @@ from ..contacts import chunks_of_set, contacts_of_chunk, gap_rates_now, is_wall_
 from ..record import Scene, has_friction, has_rolling, has_swept, has_weights, is_driven, pair_count
 from ..search.verlet import keep_peak
 from ..team.threads import Team, take_max, thread_range, update_max
-from ..types import ContactsByRef, CorrectionByRef
+from ..types import ContactsByRef, CorrectionByRef, Floats, Ints
 from ..walls.driven import closing_speed
 from .lanes import FOUR, end_of_fours, lanes
-from .stopping import stop_or_sweep, stops_on_zeta
+from .stopping import is_recorded, stop_or_sweep, stops_on_zeta
 
 f64 = wp.float64
 NEAR = wp.constant(f64(0.25))  # distance from a violation at which a contact is swept, in units of zeta
@@ -57,9 +57,25 @@ def empty(s: Scene, k: int):
 def scatter(s: Scene, chunk: int):
     """Copy the corrections of a chunk of the working set back to all contacts."""
     bounds = at(s.working.range, chunk)
+    scatter_correction(s.working.index, bounds, s.contacts.dv, s.working.contacts.dv)
+    scatter_correction(s.working.index, bounds, s.contacts.dvt, s.working.contacts.dvt)
+    scatter_correction(s.working.index, bounds, s.contacts.dvr, s.working.contacts.dvr)
+
+
+@wp.func
+def scatter_correction(index: Ints, bounds: wp.vec2i, target: CorrectionByRef, source: CorrectionByRef):
+    """Copy one kind of correction of a chunk (range `bounds`) back, if the scene has it."""
+    if source.now.shape[0] > 0:
+        scatter_numbers(index, bounds, target.now, source.now)
+        scatter_numbers(index, bounds, target.last, source.last)
+
+
+@wp.func
+def scatter_numbers(index: Ints, bounds: wp.vec2i, target: Floats, source: Floats):
+    """Copy numbers of a chunk of the working set back to the array of all contacts."""
     c = int(bounds[0])
     while c < bounds[1]:
-        copy_corrections(s.contacts, at(s.working.index, c), s.working.contacts, c)
+        put(target, at(index, c), at(source, c))
         c += 1
 
 
@@ -218,9 +234,8 @@ def end_scan(s: Scene):
     If the tolerance bounds zeta, zeta includes the violation of contacts without a correction.
     """
     violation = take_max(s.partial.zeta)
-    iterations = s.step.iterations
     if has_swept(s) and stops_on_zeta(s) and s.control.rejected == 0:
         s.step.zeta = wp.max(s.step.zeta, violation)
-        if iterations <= s.zeta_history.shape[0]:
-            put(s.zeta_history, iterations - 1, s.step.zeta)
+        if is_recorded(s):
+            put(s.zeta_history, s.step.iterations - 1, s.step.zeta)
     stop_or_sweep(s)
