@@ -110,6 +110,14 @@ def add(array: wp.array(dtype=wp.int32), i: int, amount: int) -> int:
     ...
 
 
+for dtype in (f64, wp.int32, wp.vec3d):
+
+    @wp.func_native(checked("for (int i = 0; i < array.shape[0]; i++) array.data[i] = {};"))
+    def clear(array: wp.array(dtype=dtype)):
+        """Set all elements to 0."""
+        ...
+
+
 @wp.func
 def larger(a: f64, b: f64) -> f64:
     """max(a, b), or a if either is NaN."""

@@ -7,7 +7,8 @@ from .access import at, bodies_of, contact_at, larger, put
 from .contacts import contact_count
 from .record import Scene, grain_count
 from .team.threads import Team, partial_index, take_max, thread_range, update_max
-from .walls.walls import wall_overlap, way
+from .walls.contact import wall_overlap
+from .walls.walls import way
 
 f64 = wp.float64
 

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from ..access import at, put
+from ..access import at, clear, put
 from ..types import Floats, Ints
 
 f64 = wp.float64
@@ -33,15 +33,6 @@ def add_row(dual: Dual, c: int, amount: f64, total: Floats):
         j = at(dual.column, p)
         put(total, j, at(total, j) + at(dual.entry, p) * amount)
         p += 1
-
-
-@wp.func
-def clear(x: Floats):
-    """Set all elements to 0."""
-    j = int(0)
-    while j < x.shape[0]:
-        put(x, j, f64(0.0))
-        j += 1
 
 
 @wp.func

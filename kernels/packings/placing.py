@@ -8,7 +8,8 @@ the first cells are neighbors of the last cells.
 
 import warp as wp
 
-from ..walls.walls import Walls, way, worst_overlap
+from ..walls.contact import worst_overlap
+from ..walls.walls import Walls, way
 
 f64 = wp.float64
 NOBODY = wp.constant(-1)

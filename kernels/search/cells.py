@@ -26,15 +26,6 @@ def bucket_of(cx: int, cy: int, width: int) -> int:
 
 
 @wp.func
-def clear(count: Ints):
-    """Reset counts to 0."""
-    k = int(0)
-    while k < count.shape[0]:
-        put(count, k, 0)
-        k += 1
-
-
-@wp.func
 def prefix_sum(count: Ints, end: Ints):
     """Write the inclusive prefix sum: end[k] = count[0] + ... + count[k]."""
     total = int(0)

@@ -3,7 +3,7 @@
 import warp as wp
 
 from .. import law
-from ..access import add, at, put, raise_to
+from ..access import add, at, clear, put, raise_to
 from ..contacts import value_at
 from ..record import (
     Phase,
@@ -18,7 +18,7 @@ from ..record import (
 from ..sweeps.rolling import find_roll_weights
 from ..types import Contact, CorrectionByRef, Ints
 from ..walls.walls import way
-from .cells import clear, prefix_sum
+from .cells import prefix_sum
 
 f64 = wp.float64
 ROOT_TWO = wp.constant(f64(2.0**0.5))

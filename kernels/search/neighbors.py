@@ -17,16 +17,10 @@ from ..access import at, checked, lowest_bit, put
 from ..record import Outcome, Phase, Scene, grain_count, is_driven, time_after
 from ..team.threads import Team, is_on_gpu, thread_range
 from ..types import CellGrid, Ints
+from ..walls.contact import is_near_wall, next_near
 from ..walls.driven import leader_of
-from ..walls.walls import (
-    are_mobile,
-    is_near_wall,
-    is_periodic,
-    joint_reach,
-    next_near,
-    wall_body_count,
-    wall_path,
-)
+from ..walls.joints import joint_reach
+from ..walls.walls import are_mobile, is_periodic, wall_body_count, wall_path
 from .cells import AT_ONCE, bucket_of, cell_of
 from .contact_list import is_active, pair_end
 

@@ -10,8 +10,9 @@ from ..contacts import apply, contacts_of, is_wall_set
 from ..record import Kind, Scene, grain_count, is_driven, pair_count, rotates
 from ..team.threads import Team
 from ..types import Contact, CorrectionByRef
+from ..walls.contact import surface_velocity, wall_contact
 from ..walls.driven import closing_speed
-from ..walls.walls import are_mobile, surface_velocity, wall_contact, way
+from ..walls.walls import are_mobile, way
 from .rolling import apply_rolling
 
 f64 = wp.float64

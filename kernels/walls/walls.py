@@ -1,4 +1,4 @@
-"""The walls of a scene as bodies that grains touch, with their positions and joints.
+"""The walls of a scene as bodies that grains touch, and their positions.
 
 Body 0 is the annulus (annulus.py), whose circles are the two sides of one wall. The other walls follow, each
 with a `Shape` (shapes.py). Other files treat contacts with walls and with grains alike (contacts.py). For a
@@ -10,16 +10,13 @@ of vn of its contacts.
 import warp as wp
 
 from .. import law
-from ..access import at, checked, put
-from ..types import MOST_NUMBERS, Drive, Floats, Ints, Motion, MotionOf, Pose, PoseOf, Shape, Vectors
-from . import annulus
+from ..access import at, put
+from ..types import MOST_NUMBERS, Drive, Floats, Ints, Motion, MotionOf, Pose, Shape, Vectors
 from .annulus import Annulus
-from .motion import from_frame, moving_time, pose_at, to_frame, velocity_at
-from .shapes import end_of, face_normal, hollow_radius, inwards, nearest_on, shape_gap, shape_normal
+from .motion import moving_time, pose_at, to_frame, velocity_at
 
 f64 = wp.float64
 CIRCLE_RADIUS = wp.constant(1 + MOST_NUMBERS + 2)  # index of this number of a shape
-FLUSH = wp.constant(f64(1e-9))  # sine of the angle up to which two faces at a joint count as one face
 
 
 @wp.struct
@@ -107,196 +104,9 @@ def nearest_place(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
     return place
 
 
-IS_NEAR = f"""
-    const auto is_near = [&](const auto &shape) {{
-        constexpr int c = 1 + {MOST_NUMBERS};
-        const double dx = shape[c] - x[0], dy = shape[c + 1] - x[1], near = reach + shape[c + 2];
-        return dx * dx + dy * dy <= near * near;
-    }};
-"""
-NEXT = """
-    int k = begin;
-    while (k < shapes.shape[0] && !is_near(shapes.data[k]))
-        k++;
-    return k;
-"""
-
-
-@wp.func_native(IS_NEAR + "return is_near(shape);")
-def is_near_circle(shape: Shape, x: wp.vec2d, reach: f64) -> bool:
-    """Return whether the circle around a wall is within reach [m] of x, which is a fast test."""
-    ...
-
-
-@wp.func_native(checked(IS_NEAR + NEXT))
-def next_near(shapes: wp.array(dtype=Shape), begin: int, x: wp.vec2d, reach: f64) -> int:
-    """Return the first index >= begin of a shape whose circle is within reach [m] of x, or their number."""
-    ...
-
-
-@wp.func
-def have_joints(walls: Walls) -> bool:
-    """Return whether an end of a wall lies on another wall."""
-    return walls.joint.shape[0] > 0
-
-
-@wp.func
-def joint_reach(walls: Walls, radius: f64) -> f64:
-    """Return by how much joints increase the distance at which a wall is listed [m]."""
-    return wp.where(have_joints(walls), f64(2.0) * radius, f64(0.0))
-
-
-@wp.func
-def place_at_joint(k: int, x: wp.vec2d, place: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return a point x in the frame of wall joint[k], which is joined to another wall [m].
-
-    `place` is x in the frame of that other wall. The result has the same bits as if computed for wall
-    joint[k] alone, so that both walls agree which of them is nearer.
-    """
-    if not is_periodic(walls):
-        return place
-    near = nearest_place(1 + at(walls.joint, k)[0], x, walls)
-    wanted = place - at(walls.joint_way, k)
-    for d in range(2):
-        if walls.period[d] > f64(0.0):
-            near[d] = near[d] + walls.period[d] * wp.rint((wanted[d] - near[d]) / walls.period[d])
-    return near
-
-
-@wp.func
-def contact_at_joint(
-    b: int, at_grain: wp.vec2d, x: wp.vec2d, radius: f64, n: wp.vec2d, gap: f64, walls: Walls
-):
-    """Return normal n and gap [m] of a grain at wall b, changed if a joined wall is nearer (eq. 8c).
-
-    The arguments `n` and `gap` are those of wall b alone. The grain is at `at_grain`, and at x in the frame
-    of wall b.
-    """
-    shape = at(walls.shape, b - 1)
-    end = end_of(x, shape)
-    if end < 0:
-        return n, gap
-    nearest, least, first = int(-1), f64(gap), 2 * (b - 1) + end
-    for k in range(at(walls.joint_start, first), at(walls.joint_start, first + 1)):
-        joined = at(walls.joint, k)
-        its = shape_gap(place_at_joint(k, at_grain, x, walls), radius, at(walls.shape, joined[0]))
-        if its < least or (its == least and nearest < 0 and joined[1] != 0):
-            nearest, least = k, its
-    if nearest < 0:
-        return n, gap
-    other_shape = at(walls.shape, at(walls.joint, nearest)[0])
-    moved = at(walls.joint_way, nearest)
-    y, p = place_at_joint(nearest, at_grain, x, walls), nearest_on(x, shape)
-    along = inwards(end, p, shape)
-    shorter = wp.min(shape[CIRCLE_RADIUS], other_shape[CIRCLE_RADIUS])
-    rises = wp.dot(along, face_normal(p - moved, y, other_shape)) < -FLUSH and f64(2.0) * shorter >= radius
-    if rises and end_of(y, other_shape) < 0:
-        left = law.tangent(along)
-        height = wp.dot(left, x - p)
-        return wp.where(height > f64(0.0), -left, left), wp.max(wp.abs(height) - radius, least)
-    apart = law.distance(p - moved, nearest_on(y, other_shape))
-    if rises and apart > f64(2.0) * FLUSH * wp.max(shape[CIRCLE_RADIUS], other_shape[CIRCLE_RADIUS]):
-        return n, gap
-    return n, gap + f64(2.0) * walls.annulus.radius_out
-
-
-@wp.func
-def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
-    """Return whether wall b, or an image of it, is within reach [m] of a grain at x.
-
-    This is also true if the gap is NaN. With joints, see `is_image_near`.
-    """
-    if b == 0:
-        return annulus.is_near(x, radius, walls.annulus, reach)
-    place, shape = nearest_place(b, x, walls), at(walls.shape, b - 1)
-    far = radius + reach + joint_reach(walls, radius)
-    if is_near_circle(shape, place, far) and is_image_near(b, place, radius, walls, reach):
-        return True
-    beyond = far + shape[CIRCLE_RADIUS]
-    if not (is_periodic(walls) and beyond < f64(wp.inf)):
-        return False
-    listed = bool(False)
-    away = place - wp.vec2d(shape[CIRCLE_RADIUS - 2], shape[CIRCLE_RADIUS - 1])
-    is_beyond = bool(False)
-    for d in range(2):
-        is_beyond = is_beyond or (walls.period[d] > f64(0.0) and walls.period[d] - wp.abs(away[d]) <= beyond)
-    if not is_beyond:
-        return False
-    for m in range(-1, 2):
-        for n in range(-1, 2):
-            moved = wp.vec2d(f64(m) * walls.period[0], f64(n) * walls.period[1])
-            if wp.length_sq(moved) > f64(0.0) and is_near_circle(shape, place + moved, far):
-                listed = listed or is_image_near(b, place + moved, radius, walls, reach)
-    return listed
-
-
-@wp.func
-def is_image_near(b: int, place: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
-    """Return whether the gap between wall b and a grain is at most `reach` [m], or NaN.
-
-    The grain is at `place` in the frame of the wall. At a joint, a gap of `reach` + `joint_reach` suffices if
-    a joined wall is within `reach` of the grain.
-    """
-    gap = shape_gap(place, radius, at(walls.shape, b - 1))
-    if gap > reach and gap <= reach + joint_reach(walls, radius) and have_joints(walls):
-        for k in range(at(walls.joint_start, 2 * b - 2), at(walls.joint_start, 2 * b)):
-            joined = at(walls.shape, at(walls.joint, k)[0])
-            gap = wp.min(gap, shape_gap(place - at(walls.joint_way, k), radius, joined))
-    return not (gap > reach)
-
-
-@wp.func
-def wall_contact(b: int, x: wp.vec2d, radius: f64, walls: Walls):
-    """Return (normal, gap, gap on the other side, A of eq. 18) [m] of a grain at x and wall b.
-
-    The last two numbers are inf except at the annulus: other walls have one side, and are replaced by their
-    tangents.
-    """
-    if b > 0:
-        place, shape = place_at(b, x, walls), at(walls.shape, b - 1)
-        n, gap = shape_normal(place, shape), shape_gap(place, radius, shape)
-        if have_joints(walls) and gap <= radius:
-            n, gap = contact_at_joint(b, x, place, radius, n, gap, walls)
-        if are_mobile(walls):
-            n = from_frame(at(walls.pose, b - 1), n)
-        return n, gap, f64(wp.inf), f64(wp.inf)
-    return annulus.contact(x, radius, walls.annulus)
-
-
 @wp.func
 def wall_velocity(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
     """Return the displacement of point x of wall b in the step, divided by dt [m/s]."""
     if b > 0 and are_mobile(walls):
         return velocity_at(at(walls.pose, b - 1), x)
     return wp.vec2d()
-
-
-@wp.func
-def surface_velocity(b: int, x: wp.vec2d, reach: f64, n: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return the velocity of wall b along normal and tangent of a contact [m/s] (eq. 26b).
-
-    A grain at x touches the wall at x + reach n. A wall that is curved there turns about its center.
-    """
-    if not (b > 0 and are_mobile(walls)):
-        return wp.vec2d()
-    hollow = hollow_radius(place_at(b, x, walls), at(walls.shape, b - 1))
-    u = wall_velocity(b, x + (reach - hollow) * n, walls)
-    turning = hollow * at(walls.pose, b - 1)[PoseOf.ANGULAR_VELOCITY]
-    return wp.vec2d(wp.dot(u, n), law.speed_along(u, n) + turning)
-
-
-@wp.func
-def wall_overlap(b: int, x: wp.vec2d, radius: f64, walls: Walls) -> f64:
-    """Return the overlap of a grain at x with wall b [m], which is minus the gap."""
-    if b > 0:
-        return -shape_gap(place_at(b, x, walls), radius, at(walls.shape, b - 1))
-    return annulus.overlap(x, radius, walls.annulus)
-
-
-@wp.func
-def worst_overlap(x: wp.vec2d, radius: f64, walls: Walls) -> f64:
-    """Return the largest overlap of a grain at x with any wall [m]."""
-    worst = wall_overlap(0, x, radius, walls)
-    for b in range(1, wall_body_count(walls)):
-        worst = wp.max(worst, wall_overlap(b, x, radius, walls))
-    return worst

@@ -41,7 +41,7 @@ DECIDING = {
     "residual": ("accelerated_stages", "accelerated", "driven_walls", "friction", "walls", "reference"),
     "rolling": ("friction", "reference"),
     "attempt": ("accelerated_stages", "missing_contacts", "driven_walls", "second_order", "exact"),
-    "path": ("exact_friction",),
+    "pieces": ("exact_friction",),
     "block_lu": ("exact_friction",),
 }
 """Names of test files, see `test_file`, by the file of kernels/ whose mutants they must detect.

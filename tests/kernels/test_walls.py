@@ -31,8 +31,8 @@ from warpgrains.accuracy import certify
 from warpgrains.analysis.vtk import export
 from warpgrains.drawing.shapes import drawn_walls
 from warpgrains.kernels import types
+from warpgrains.kernels.walls.contact import is_near_circle
 from warpgrains.kernels.walls.shapes import shape_gap, shape_normal
-from warpgrains.kernels.walls.walls import is_near_circle
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.fields import METHODS
 from warpgrains.usd.check import report_on_recording

@@ -31,7 +31,7 @@ NO_CIRCLE = 1e100  # m, radius of the outer circle of the device where there is 
 NONE = -1  # number of a wall that does not exist
 CLOSE = 1e-9  # largest distance of an end from the other wall at a joint, relative to the larger wall
 ACROSS = np.array([np.cos(1.0), np.sin(1.0)])  # direction in which ends are sorted, unusual for walls
-FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as in kernels/walls/walls.py
+FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as in kernels/walls/joints.py
 
 
 Shift = tuple[float, float]
