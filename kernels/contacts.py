@@ -91,7 +91,10 @@ def chunks_of_set(s: Scene, k: int):
 
 @wp.func
 def contacts_of_chunk(s: Scene, k: int, chunk: int):
-    """Return the first contact of a chunk of set k, and the index after its last contact."""
+    """Return the first contact in set k of a chunk, by its index over all sets, and the end of its contacts.
+
+    A chunk is the part of a set in one block of `CHUNK` contacts.
+    """
     begin = wp.max(at(s.contacts.set_start, k), (chunk - k) * CHUNK)
     end = wp.min(at(s.contacts.set_start, k + 1), (chunk - k + 1) * CHUNK)
     if is_wall_set(s, k):

@@ -167,9 +167,10 @@ def find_excess(step: Step, path: Path, s: f64, sigma: f64, eps: f64):
 
 @wp.func
 def correct(step: Step, path: Path, factors: Factors, s: f64, sigma: f64, eps: f64):
-    """Correct velocities and rim speeds so that they solve the equations of all contacts on their pieces.
+    """Make velocities and rim speeds solve the equations of all contacts on their pieces, `path.piece`.
 
-    The equations depend on s and sigma (`find_excess`). They are linear, so one Newton step solves them.
+    `factors` holds their factored matrix for the compliance eps; for s and sigma see `find_excess`. The
+    equations are linear, so one Newton step solves them.
     """
     find_excess(step, path, s, sigma, eps)
     for g in range(step.free.shape[0]):

@@ -122,7 +122,10 @@ def beyond(piece: int, side: int, excess: wp.vec2d) -> int:
 
 @wp.func
 def gap_now(step: Step, c: int, u: Triples) -> f64:
-    """Return gap / dt of a contact for the velocity of its first grain (eq. 18)."""
+    """Return gap / dt of contact c [m/s]; at a round wall that for the velocity of its grain (eq. 18).
+
+    u holds velocities and rim speeds. Elsewhere the result does not depend on u.
+    """
     own = at(u, at(step.first, c))
     along = law.speed_along(wp.vec2d(own[0], own[1]), at(step.normal, c))
     return law.round_gap_rate(at(step.gap_rate, c), along, at(step.circle, c))

@@ -72,10 +72,10 @@ def widen_for_start(s: Scene, i: int):
 
 @wp.func
 def renew_numbers(s: Scene):
-    """Reset path and time of the list; choose its lifetime and the skin of the frame.
+    """Reset e and x_f, and choose lifetime T and frame skin of the new list (eq. 11).
 
-    In the lifetime, no grain moves more than `Tuning.room` relative to the mean motion at its v0_i. The skin
-    of the frame allows for a free fall during the lifetime.
+    T is 1 to 64 steps: as many as take no grain farther than `Tuning.room` from the mean motion, at its v0_i,
+    but at least one. The frame skin is the base skin plus about the path of a free fall during T.
     """
     n = body_count(s)
     mean = wp.vec2d(f64(0.0), f64(0.0))

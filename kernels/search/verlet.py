@@ -70,7 +70,7 @@ def least_monitored_correction(s: Scene) -> f64:
 
 @wp.func
 def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
-    """Update the peak deviation p_i of grain i for this velocity [m/s]; return p_i^2 [m2/s2]."""
+    """Raise p_i to the deviation |velocity - v0_i - v_f| if that is larger (eq. 11); return p_i^2 [m2/s2]."""
     peak = larger(at(s.verlet.peak_square, i), wp.length_sq(deviation(s, velocity, i)))
     put(s.verlet.peak_square, i, peak)
     return peak

@@ -122,7 +122,7 @@ def short_steps(scene: wg.Scene, steps: int) -> tuple[int, list[State]]:
 
 
 def residuals(scene: wg.Scene, state: State, method: str) -> FloatArray:
-    """Return the residual of the step from a state after each number of sweeps in `BUDGETS` [m/s]."""
+    """Return the residual [m/s] of the step from `state` after each of `BUDGETS` sweeps of `Scene.method`."""
     found = []
     for sweeps in BUDGETS:
         simulation = wg.Simulation(scene.replace(method=method, tolerance=0.0, max_iterations=sweeps))

@@ -172,8 +172,9 @@ def contact_forces(of: Snapshot | HasState) -> FloatArray:
 
 
 def _sums(now: Snapshot, force: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return the sum of -force * direction over the contacts of each grain [N], shape (n, 2).
+    """Return the sum of -force * direction over the loads of each grain [N], shape (n, 2).
 
-    Forces [N], shape (c,), and directions, shape (c, 2), are in the order of `now.loads`.
+    Forces [N], shape (c,), and directions, shape (c, 2), are those of `now.loads`, where a pair has a load on
+    each of its grains, with opposite normals.
     """
     return np.stack([np.bincount(now.loads.grain, -force * along, now.n) for along in direction.T], axis=1)

@@ -118,7 +118,7 @@ def function(field: str, value: Any) -> None:
 
 
 def boolean(field: str, value: Any) -> bool:
-    """Return a Python or NumPy bool as a bool."""
+    """Return a Python or NumPy bool as a bool; InputError, which names `field`, for any other value."""
     if type(value).__name__ not in ("bool", "bool_"):  # also NumPy's, which is not imported
         raise InputError(f"{field} is {shown(value)}: it must be True or False")
     return bool(value)
@@ -147,7 +147,7 @@ def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
 
 
 def vector(field: str, value: Any) -> tuple[float, float]:
-    """Return two finite numbers as a pair."""
+    """Return two finite numbers, from any iterable, as a pair; InputError, which names `field`, otherwise."""
     try:
         components = [] if isinstance(value, str) else list(value)
     except TypeError:
@@ -158,7 +158,7 @@ def vector(field: str, value: Any) -> tuple[float, float]:
 
 
 def interval(field: str, value: Any) -> tuple[float, float]:
-    """Return two lengths [m] as a pair, the smaller one first."""
+    """Return two lengths [m] as a pair; InputError, which names `field`, unless the first is smaller."""
     low, high = vector(field, value)
     if low >= high:
         raise InputError(f"{field} is ({low}, {high}) m: the smaller one comes first")

@@ -40,7 +40,7 @@ class Difference(NamedTuple):
     expected: float
     found: float
     iteration: int | None = None
-    """Iteration within a call of femGrainsUpdate."""
+    """Iteration in which zeta differs, from 0; None for other quantities."""
     contact: Words | None = None
     """Contact that changes the quantity, such as "pair (0, 1)"."""
 

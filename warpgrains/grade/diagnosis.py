@@ -78,10 +78,10 @@ def read_mistakes() -> list[Mistake]:
 
 
 def _in_slots(terms: dict[str, str], slots: str) -> dict[tuple[str, int], str]:
-    """Return the wrong expression of each (term, slot), from those by the name of the term.
+    """Return `Mistake.terms`, the wrong expression by (term, slot), from the expressions in `terms` by term.
 
-    The digits in `slots` are the slots of all terms, except those with digits after the name: "GAP12" means
-    slots 1 and 2 of GAP.
+    A key with digits names its slots: "GAP12" is GAP in slots 1 and 2. A key without digits, such as "GAP",
+    has the slots that the digits of `slots` give.
     """
     found = ((_TERM.fullmatch(term), expression) for term, expression in terms.items())
     return {

@@ -143,7 +143,7 @@ def _draw(random: np.random.Generator, n: int) -> Call:
 
 
 def _scenes() -> Iterator[tuple[Scene, range]]:
-    """Yield each fixed scene with the numbers of those of its steps, from 1, that provide calls."""
+    """Yield each scene that is not random, with the steps, counted from 1, whose calls homeworks get."""
     ring = {"drag": 0.05, "dt": 0.02, "max_iterations": 1000}
     fall = {"radius": [0.1], "mass": [0.3], "radius_out": 1.3, "gravity": (1.5, -9.81)}
     yield _scene("one", [[0.05, 0.58]], [[-12.0, -45.0]], **fall, **ring), range(1, 41, 2)

@@ -121,7 +121,10 @@ class Verdict:
     problem: str = ""
     """Reason why the file cannot be read; empty if it can."""
     values: str = ""
-    """Hash of all answers, if some are wrong: equal for two homeworks with bit-identical answers."""
+    """Hash of the answers of each function alone that has a wrong call to show; empty if there is none.
+
+    It is equal for two homeworks with bit-identical answers.
+    """
     seed: int | None = None
     """Seed of the random calls; None if the file cannot be read."""
     seconds: float = 0.0

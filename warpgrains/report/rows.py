@@ -132,10 +132,10 @@ class FrontierRow:
     A grain is lost if far too few iterations let two centers coincide.
     """
     wall_floor: float
-    """(v dt)^2 / (2 radius_out) [m], with the largest speed v in a run of solved steps.
+    """Overlap that solved steps can leave at the outer circle [m]: (v dt)^2 / (2 radius_out).
 
-    A solved step, which moves a grain along the tangent of the outer wall, can leave this overlap. It is 0 if
-    the wall is round.
+    v is the largest speed in a run of solved steps. With `wall` = "tangent", a grain that slides leaves the
+    circle along its tangent. With `wall` = "round" (eq. 18), or without a circle, the value is 0.
     """
 
 

@@ -46,7 +46,7 @@ PROPERTIES = {
     "velocity": "Velocity of all grains at the start, or a list [m/s]. By default all rest.",
     "spin": "Angular velocity of all grains at the start, or a list [rad/s]. By default none rotates.",
 }
-"""Keys that give other properties of the grains."""
+"""Keys of `[grains]`, with their meaning, for properties other than positions and radii."""
 
 DOMAINS = {"annulus": ("kind", *SECTIONS["domain"]), "box": ("kind", *described_fields(Box))}
 """Keys of `[domain]` for each kind of domain."""

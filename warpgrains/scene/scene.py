@@ -115,7 +115,10 @@ class Scene(SceneFields, Shown):
         return scene
 
     def _check(self, names: Set[str]) -> None:
-        """Check fields and store them, with the walls, sources and sinks that follow from them."""
+        """Check the fields `names` and store them, with the walls, sources and sinks that follow from them.
+
+        The other fields hold checked values already. Without names, do nothing.
+        """
         if not names:
             return
         with np.errstate(all="ignore"):  # the checks report values that are not finite

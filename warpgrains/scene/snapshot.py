@@ -41,7 +41,7 @@ class WallLoads(NamedTuple):
     grain: IndexArray
     """Grain of each contact, shape (c,)."""
     wall: IndexArray
-    """Number in `Scene.walls`, shape (c,)."""
+    """Index in `Scene.walls` of the wall of each contact, shape (c,)."""
     point: FloatArray
     """Where the grain touches the wall, at the start of the step [m], shape (c, 2)."""
     normal: FloatArray

@@ -93,10 +93,10 @@ def results(
     means: Sequence[Mapping[str, float]],
     settings: RunSettings,
 ) -> Iterator[RunResult]:
-    """Return the result of each of m runs, without labels, from their final states and summaries.
+    """Return the values of each of m runs in all columns but the labels; `done` are their summaries.
 
-    Quantities are measured in `snapshots`, one per run. `means` has, for each run, the columns of means over
-    its series.
+    `ends` and `snapshots` both hold the final states: as arrays of all runs, for `COLUMNS`, and one by one,
+    for the quantities that `settings` measures besides. `means` maps columns of means to values, by run.
     """
     columns, averaged = value_columns(settings), [*means[0]]
     measured = [name for name in columns if name not in {*COLUMNS, *averaged}]

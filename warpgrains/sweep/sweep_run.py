@@ -169,9 +169,10 @@ def folder_options(folder: Path, steps: int, settings: RunSettings) -> RunOption
 
 
 def _kept(folder: Path, scene: Scene, wanted: RunOptions) -> Checkpoint | None:
-    """Return the checkpoint in the folder of a run; None if the run has failed and its recording is complete.
+    """Return the checkpoint from which the run in a folder continues; InputError if another run wrote it.
 
-    `wanted` are the options that the run would have as a new one.
+    None means: start again, because the run failed, so that its recording was closed before its end. `wanted`
+    are the options of a new run here, of which `steps` and `until` must be those of the checkpoint.
     """
     kept = read_checkpoint(folder / CHECKPOINT)
     options, own = kept.options, (scene.text, wanted.until, wanted.steps)

@@ -111,7 +111,10 @@ class Homework:
             yield
 
     def _ask(self, iteration: int) -> list[Answer]:
-        """Let the reference and the homework do an iteration, or for -1 a time step; return their answers."""
+        """Return the answers of reference and homework, in this order, to a call of one iteration.
+
+        Each iterates from its own state. With iteration -1, both do a time step from the reference's state.
+        """
         states = [self._call.state] * 2 if iteration < 0 else self._states
         pairs = zip(self._children, states, strict=True)
         return [child.ask(self._call._replace(iteration=iteration, state=state)) for child, state in pairs]

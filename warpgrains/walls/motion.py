@@ -183,7 +183,11 @@ class Motion(Described):
         return {"start_time": time, "phase": self.phase + 2.0 * pi * self.frequency * (time - self.starts_at)}
 
     def times(self, begin: float, end: float) -> FloatArray:
-        """Return times from begin to end [s], including the turning points of an oscillation."""
+        """Return times between begin and end [s] at which to place a wall, to find how far it moves.
+
+        They are `_TIMES` equidistant times, then the first turning points of an oscillation, clipped to begin
+        and end, and so neither sorted nor distinct.
+        """
         found = np.linspace(begin, end, _TIMES)
         if self.frequency:
             turns = (np.arange(-1.0, 4.0) + 0.5 - self.phase % (2.0 * pi) / pi) / (2.0 * self.frequency)

@@ -54,7 +54,7 @@ class Drive(NamedTuple):
     between: tuple[int, int] = (0, 0)
     """The bodies of the two lines that bound the length of the line; (0, 0) without them."""
     direction: tuple[float, float] = (0.0, 0.0)
-    """Unit vector along which the wall moves; 0 for the outer circle."""
+    """Unit vector along which the force moves the wall; (0, 0) for the outer circle, whose radius changes."""
     leader: int = 0
     """The body whose speed and coordinate the wall takes, see `leaders_of` in bodies.py."""
 

@@ -86,9 +86,11 @@ class PathSolver:
         return contacts.with_rolling(mu, surface, scene.radius)
 
     def _answer(self, listed: ListedContacts, contacts: Contacts, tolerance: float) -> Answer:
-        """Return the best answer found from the corrections of the sweeps.
+        """Return the answer found from the sweeps' corrections; `contacts` are `listed` and those of rolling.
 
-        Contacts far from closing are left out at first. They are added if an answer closes them.
+        At first only active contacts and those that nearly close (`NEAR`) are included, then also those that
+        an answer closes. The residual is inf if the tolerance is missed and grains move so fast that they
+        cannot fit.
         """
         scene, constraints = self._records.scenes[self._k], listed.constraints
         mass, walls = constraints.mass, len(constraints.body) - scene.n
