@@ -201,6 +201,7 @@ def running(tmp_path_factory):
     return {
         **{"s": s, "b": b, "state": s.state(), "one": analysis.snapshot(alone, first_state(alone))},
         "kept": kept.read_bytes(),
+        "seen": warpgrains.Recording(kept.with_suffix(".usdc")),
         "turning": Batch([s.scene, s.scene.replace(gravity={"angular_velocity": 1.0})]),
     }
 

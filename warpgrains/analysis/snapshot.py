@@ -63,7 +63,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
         raise InputError(
             f"snapshot takes a Scene and a State, not a {type(of).__name__} and a {type(state).__name__}"
         )
-    if state is None and not hasattr(of, "scene"):
+    if state is None and not (hasattr(of, "scene") and hasattr(of, "state")):
         told = "Simulation(scene), analysis.snapshot(scene, state) or Recording(path).frame(number)"
         raise InputError(f"{checks.shown(of)} is a {type(of).__name__}: give {told}")
     if state is None:

@@ -40,7 +40,7 @@ class LoadedScenes:
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
         for k, scene in enumerate(scenes):
-            require_closed(scene, f"scene {k}")
+            require_closed(scene, f"scenes[{k}]")
         kinds = [(team_size(scene, device, threads), *kind_of(scene)) for scene in scenes]
         alike = [np.array([k for k, own in enumerate(kinds) if own == kind]) for kind in sorted(set(kinds))]
         members = [[scenes[k] for k in numbers] for numbers in alike]

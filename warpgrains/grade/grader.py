@@ -135,7 +135,7 @@ class Grader:
         """
         folder = self._folder / "run"
         try:
-            library, _ = self._compiler.compile_homework(read_regular(source, LONGEST), folder)
+            library, _ = self._compiler.compile_homework(_source(source), folder)
             child = self._child(dict.fromkeys((UPDATE, CONTACT), library), self._limits)
         except CompileError as error:
             first = next((line for line in str(error).splitlines() if "error:" in line), str(error))
@@ -148,7 +148,7 @@ class Grader:
         raise InputError(f"'{source}' cannot be run: {UPDATE} or {CONTACT} is missing")
 
     def _grade(self, source: Path, folder: Path, start: float) -> Verdict:
-        text, until = read_regular(source, LONGEST), start + self._limits.total
+        text, until = _source(source), start + self._limits.total
         has_markers = any(marker[2:].encode() in text for marker in WITHOUT.values())
         libraries: dict[str, Path] = {}
         said: dict[str, str] = {}
@@ -327,6 +327,15 @@ def _counts_0(asked: Round, answered: Mapping[int, Answer]) -> bool:
     limits = [probe.call.max_iterations for probe in asked.probes]
     ended = [k for k in answered if asked.expected[k].calls > limits[k]]
     return max((answered[k].calls - limits[k] for k in ended), default=1) == 0
+
+
+def _source(path: Path) -> bytes:
+    text = read_regular(path, LONGEST)
+    if b"\0" in text:
+        raise InputError(
+            f"'{path}' is not C source, because it holds null bytes: give a file such as homework.c"
+        )
+    return text
 
 
 def _named(lines: str, source: Path) -> str:

@@ -10,6 +10,7 @@ import inspect
 import io
 import re
 from collections.abc import Callable, Iterable
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -205,7 +206,8 @@ def _set_once(grains: Table, table: Table, key: str) -> None:
 def _refuse_unknown_keys(section: str, table: Iterable[str], known: Iterable[str]) -> None:
     known = list(known)
     for key in table:
-        if key not in known and key in KEY_OF and not KEY_OF[key].startswith(f"{section}."):
+        elsewhere = key in KEY_OF and not KEY_OF[key].startswith(f"{section}.")
+        if key not in known and elsewhere and not get_close_matches(key, known):
             raise InputError(f"unknown key in [{section}] {key!r}: did you mean {KEY_OF[key]}?")
         checks.one_of(f"key in [{section}]", key, known)
 

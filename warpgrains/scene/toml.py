@@ -105,6 +105,9 @@ def _reason(error: str, text: str) -> str:
         return error
     lines = text.split("\n")
     number = int(found[2] or len(lines))
+    if error.startswith("Unclosed array"):
+        opened = (k for k in range(number, 0, -1) if lines[k - 1].count("[") > lines[k - 1].count("]"))
+        number = next(opened, number)
     told = next((told for start, told in _TOLD.items() if error.startswith(start)), found[1])
     return f"line {number}, {checks.shown(lines[number - 1].strip())}: {told}"
 

@@ -39,6 +39,8 @@ def axis_values(name: str, axis: Any) -> AxisValues:
 
 
 def _generated(name: str, axis: dict[str, Any]) -> AxisValues:
+    for key in axis:
+        checks.one_of(f"key in axes.{name}", key, (*KINDS, "count"))
     kind = checks.only_one(f"axes.{name}", axis, KINDS)
     generate, known = KINDS[kind]
     for key in axis:

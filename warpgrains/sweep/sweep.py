@@ -305,6 +305,9 @@ def _bases(
 ) -> Iterator[BaseScene]:
     for name, base, where in _base_documents(document, folder):
         sections = _with_values(base, fixed)
+        for key in ("sources", "sinks"):
+            if sections.get(key):
+                raise InputError(f"scene {name!r} has [[{key}]], which no sweep takes: `warpgrains run` does")
         toml_value(name)  # a cell of the tables: it must be text
         grains = _table("grains", sections.get("grains", {}))
         if is_file_of_radii(grains.get("radius")):
