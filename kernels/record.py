@@ -180,6 +180,7 @@ class SceneRecord:
     zeta_history: Floats  # of every iteration of the last step [m/s]; of length 0 unless requested
     residual_history: Floats  # after every iteration [m/s]
     step: StepState
+    reported: StepState  # of the last step that was done
     statistics: StepSums
     violation: Violation
     start_time: f64  # [s]

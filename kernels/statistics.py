@@ -48,6 +48,7 @@ def report(s: Scene):
         put(s.partial.active, k, 0)
     s.step.active = active
     s.step.overlap = take_max(s.partial.overlap)
+    s.reported = s.step
     done, total = s.step, s.statistics
     total.steps = total.steps + 1
     total.iterations = total.iterations + wp.int64(done.iterations)

@@ -42,6 +42,15 @@ def test_a_scene_that_fails(
     assert [batch.state(k).steps for k in others] == [STEPS + 1] * 7
 
 
+def test_the_report_after_a_failure_is_that_of_the_last_good_step() -> None:
+    scene = Scene.load("annulus").replace(max_iterations=3, on_unconverged="raise")
+    batch, alone = Batch([scene], threads=1), Simulation(scene, threads=1)
+    (failed,) = batch.run(steps=STEPS)
+    reports = [alone.step() for _ in range(failed.steps)]
+    assert failed.error is not None
+    assert batch.reports[0] == reports[-1]
+
+
 def test_an_interrupted_run_leaves_every_scene_between_two_steps(
     scenes: list[Scene], expected: list[Alone], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -87,7 +87,7 @@ class Engine:
         self._tasks: list[Callable[[], None]] = []
         self._errors: dict[int, SimulationError] = {}
         host = self.records.host
-        arrays = host["step"], host["statistics"], host["contacts"]["count"], self.left, self.seconds
+        arrays = host["reported"], host["statistics"], host["contacts"]["count"], self.left, self.seconds
         self.last_steps = LastSteps(self.records.scenes, *arrays, self._errors)
         self._sums = host["statistics"].view(np.void)  # filled ten times as fast as by fields
         self._no_steps = np.zeros((), self._sums.dtype)

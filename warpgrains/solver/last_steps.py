@@ -27,7 +27,7 @@ class LastSteps(NamedTuple):
 
     scenes: Sequence[Scene]
     step: np.ndarray[Any, Any]
-    """`StepState` of the last step of each scene (kernels/record.py)."""
+    """`StepState` of the last step that each scene has done (kernels/record.py)."""
     sums: np.ndarray[Any, Any]
     """`StepSums`: sums and maxima over the steps of each scene."""
     listed: np.ndarray[Any, Any]
