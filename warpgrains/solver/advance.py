@@ -13,16 +13,16 @@ if TYPE_CHECKING:
 
 SLIGHT = 2e4  # grains times iterations (0.2 ms) below which waking another thread costs more than it gains
 OnProgress = Callable[[int], object]
-"""Called occasionally with the number of steps done since its last call."""
+"""Called from time to time with the number of steps that all scenes have done since its last call."""
 
 
 def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | None = None) -> None:
     """Do the submitted steps of all engines; a scene that fails stops, and the other scenes continue.
 
-    If no team shares a scene, at most `threads` CPU threads run; otherwise, the threads of the team run.
-    The calling thread polls the other threads, so that an interrupt can cancel them. If the work is short, it
-    takes part instead; if the work is very short and no team shares a scene, it works alone. `on_progress` is
-    also called at the end.
+    At most `threads` CPU threads run; if a team shares each scene (`Engine.team`), all its threads run. The
+    calling thread only polls these threads, so that an interrupt can cancel them. If the work is short
+    (`Engine.is_brief`), the calling thread works, too. If the work is very short and no team shares a scene,
+    it works alone. `on_progress` is also called at the end.
     """
     left = 0 if on_progress is None else _left(engines)
 

@@ -48,7 +48,7 @@ class ArrayField(NamedTuple):
 
 @cache
 def array_fields() -> tuple[ArrayField, ...]:
-    """Return all array fields of the record."""
+    """Return the fields of all arrays in `SceneRecord` and its nested structs, in order of declaration."""
     return tuple(_fields_of(SceneRecord, ()))
 
 
@@ -88,7 +88,7 @@ def record_dtype() -> np.dtype[Any]:
 
 
 def records_in(array: wp.array) -> np.ndarray[Any, Any]:
-    """Return a NumPy array that shares (and keeps) the memory of an array of `SceneRecord` on the host."""
+    """Return an array of `SceneRecord` on the host as a NumPy array, which shares and keeps its memory."""
     of_bytes = {"data": (array.ptr, False), "shape": array.shape, "typestr": f"|V{record_dtype().itemsize}"}
     memory = SimpleNamespace(__array_interface__={**of_bytes, "version": 3}, owner=array)
     return np.asarray(memory).view(record_dtype())
@@ -100,7 +100,7 @@ def bytes_needed(size: Sizes) -> IndexArray:
 
 
 def copied_memory(length: int, dtype: Any, device: wp.Device) -> tuple[wp.array, wp.array]:
-    """Return two zeroed arrays: one on the host, pinned so that copies are fast, and one on the GPU."""
+    """Return two zeroed arrays of `length` elements: on the host, pinned for fast copies, and on the GPU."""
     return tuple(wp.zeros(length, dtype, where, pinned=where == "cpu") for where in ("cpu", device))
 
 
@@ -112,7 +112,7 @@ class Block(NamedTuple):
 
     host: NDArray[np.uint8]
     pointer: int
-    """Address on the device."""
+    """Address of the block on the device."""
     copies: tuple[wp.array, ...]
     """The allocations on the host and on the GPU that contain the block; empty on a CPU."""
 

@@ -42,7 +42,8 @@ FAILURES = (Outcome.NOT_FINITE, Outcome.TOO_FAR, Outcome.NOT_CONVERGED)
 class Engine:
     """Scenes of one kind in memory, their queue, and the launches that process it.
 
-    Raises SimulationError if the scenes do not fit in memory.
+    Scenes of one kind use the same kernels (`kind_of`). Raises SimulationError if the scenes do not fit in
+    memory.
 
     Attributes
     ----------
@@ -53,7 +54,7 @@ class Engine:
     left, seconds : ndarray
         Remaining steps, and wall time of the steps done [s], of every scene.
     last_steps : LastSteps
-        The steps since `submit`, a view that further steps change.
+        Results of the steps since `submit`, in arrays that further steps change.
     is_brief : bool
         Whether the submitted steps take too little time for a user to interrupt them.
     """
@@ -116,9 +117,9 @@ class Engine:
         return scene.method != "exact" and same_kind and self.records.sizes.fits(k, scene)
 
     def snapshots(self, which: IndexArray) -> Snapshots:
-        """Return the present states of the scenes with indices `which`, on a CPU.
+        """Return the present states of the scenes with indices `which`.
 
-        All these scenes must have the same numbers of grains and walls.
+        All these scenes must have the same numbers of grains and walls, and be in an engine on a CPU.
         """
         records, scenes = self.records, [scene_with_walls(self.records, k) for k in which.tolist()]
         dt = records.host["dt"][which]
@@ -146,9 +147,10 @@ class Engine:
         return float(self._grains * self.left @ (self.records.host["step"]["iterations"] + MOVES))
 
     def tasks(self, threads: int) -> list[Callable[[], None]]:
-        """Return one task per thread. A task advances free scenes until none is left.
+        """Return one task per CPU thread, or a single task for a GPU, which together do the submitted steps.
 
-        There are `threads` tasks if no team shares a scene, and otherwise one for each thread of the team.
+        There are `threads` tasks, each of which advances one scene of the queue after the other; but if a
+        team shares each scene, there is one task for each of its `team` threads.
         """
         if self._device.is_cuda:
             return [self._work_on_gpu]
@@ -181,7 +183,7 @@ class Engine:
             self.records.pull()
 
     def cancel(self, abandon: bool) -> None:
-        """Start no further step. Steps in progress are completed or, with `abandon`, given up on a CPU.
+        """Start no further step. With `abandon`, a CPU also gives up the steps in progress.
 
         An abandoned step has changed the list, and the numbers from which the next list is made. In color
         order, later steps may therefore differ in the last bits from those of a run that was not cancelled.
@@ -198,7 +200,7 @@ class Engine:
         return bool((self.left[self._outcome == Outcome.SOLVED] > 0).any() and not self._cancel[0])
 
     def _serve(self, solves_slow: bool = True) -> list[int]:
-        """Serve the scenes that wait, unless that is done; return the indices of those that can continue.
+        """Serve the open requests of waiting scenes; return the indices of the scenes that can continue.
 
         A scene cannot continue if there is not enough memory for its list, or if its step is slow and
         `solves_slow` is False.

@@ -31,7 +31,7 @@ def failure(
 
 
 def infeasible_grains(records: SceneRecords, k: int) -> tuple[int, ...]:
-    """Return the grains of scene k that provably cannot fit in its last step."""
+    """Return the grains of scene k that provably could not fit in its last step; () if no proof is found."""
     proof = _find_proof(records, k, ("last_position", "last_velocity", "velocity"), 1)
     return () if proof is None else proof.grains
 
@@ -123,6 +123,7 @@ def _find_proof(
     """Search for a proof that a step, which began `ago` steps before now, has no solution.
 
     `names` are the arrays of positions and velocities at its start, and of velocities after its sweeps.
+    None if no proof is found, or a force drives a wall.
     """
     scene = records.scenes[k]
     if scene.has_driven_walls:

@@ -95,7 +95,7 @@ class UnilateralConstraints(StepConstraints):
         return relative.real * self.direction.real + relative.imag * self.direction.imag
 
     def imbalance(self, weight: FloatArray) -> Complex:
-        """Return J^T y, shape (n,)."""
+        """Return J^T y for weights y of the contacts, shape (m,), as complex numbers, shape (n,)."""
         force = weight * self.direction
         force = np.concatenate([force, -force[: len(self.second)]])
         x, y = (np.bincount(self.grain_pushed, part, self.scene.n) for part in (force.real, force.imag))
@@ -104,8 +104,9 @@ class UnilateralConstraints(StepConstraints):
     def least_speed(self, weight: FloatArray, imbalance: Complex) -> float:
         """Return a lower bound [m/s] on the largest speed of a solution, from weights y >= 0, not all zero.
 
-        A sum of m products has an error below m eps times the sum of their absolute values, in any order. A
-        normal has an error of 2 eps, and a component of (J^T y)_i is a sum of at most `most` products.
+        `imbalance` is J^T y. A sum of m products has an error below m eps times the sum of their absolute
+        values, in any order. A normal has an error of 2 eps, and a component of (J^T y)_i is a sum of at most
+        `most` products.
         """
         total = weight.sum()
         rounding = self.scene.rounding / self.scene.dt  # of an entry of b
@@ -170,7 +171,7 @@ def _least_along(excess: FloatArray, change: FloatArray) -> FloatArray:
 
 
 def _smallest(contacts: UnilateralConstraints, weight: FloatArray, too_fast: float) -> InfeasibilityProof:
-    """Return a proof with fewer grains.
+    """Return a proof from weights that prove it, with few grains.
 
     Contacts of small weight are dropped, as long as the bound on the speed exceeds `too_fast` [m/s].
     """

@@ -41,13 +41,15 @@ class SceneRecords:
     Attributes
     ----------
     device : array of SceneRecord
+        The records of all scenes in memory of the device.
     host : ndarray
         The same records in host memory.
     scenes : list of Scene
     loaded_steps : ndarray
         Number of steps at which the last state was loaded, shape (scenes,).
     last_scenes : list
-        The scene of the step before this state if its parameters were different; otherwise None.
+        `State.last_scene` of every scene since it was loaded or changed: the scene of the last step before
+        that, if its parameters differed; otherwise None.
     populations : list of dict
         Numbers of birth, and of exchanged grains, of every scene: fields `OF_POPULATION` of its state.
     """
@@ -101,7 +103,7 @@ class SceneRecords:
         return records + np.uint64(self.device.ptr + offset)
 
     def violation(self, k: int) -> str | None:
-        """Return the array index of scene k that was out of bounds, in checked mode (access.py), or None."""
+        """Return a message on an index of scene k outside its array, or None if checked mode found none."""
         found = self.host["violation"][k]
         if not found["found"]:
             return None
@@ -215,7 +217,10 @@ class SceneRecords:
         return np.ndarray(shape, field.dtype, self._blocks[k].host, self._offset[number, k].item())
 
     def together(self, name: str) -> np.ndarray[Any, Any] | None:
-        """Return an array of all scenes as a view of shape (scenes, ...), or None if layouts differ."""
+        """Return the array `name` of all scenes as one view, shape (scenes, ...), or None if impossible.
+
+        It is possible on a CPU if all scenes have equal layouts and no scene has moved to a larger block.
+        """
         number = self._number[name]
         field, length = array_fields()[number], self._length[number]
         start, memory = field.of(self.host)["data"].astype(np.int64), self._memory
@@ -229,12 +234,15 @@ class SceneRecords:
         return np.ndarray(shape, field.dtype, memory, first, strides)
 
     def stacked(self, name: str, which: IndexArray) -> np.ndarray[Any, Any]:
-        """Return a copy of an array by grain for m scenes `which` with n grains each, shape (m, n, ...)."""
+        """Return a copy of the array `name`, by grain, of scenes with n grains each, shape (m, n, ...).
+
+        `which` holds the indices of these m scenes.
+        """
         whole, n = self.together(name), self.scenes[which[0]].n
         return np.stack([self.array(int(k), name)[:n] for k in which]) if whole is None else whole[which, :n]
 
     def reserve_contacts(self, k: int, contacts: int) -> None:
-        """Move scene k to a memory block that holds a list of `contacts` contacts.
+        """Move scene k to a memory block for a list of `contacts` contacts, unless its block suffices.
 
         Raises SimulationError if there is not so much memory, or the search has found too many contacts.
         """

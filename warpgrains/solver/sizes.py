@@ -127,7 +127,10 @@ def lengths(size: Sizes) -> dict[str, Any]:
     chunks = contacts + contacts // CHUNK + 2
 
     def of_contacts(swept: int, listed: int) -> dict[str, Any]:
-        """Return lengths of `Contacts`; `listed` is 0 for the working set, `swept` 0 if there is none."""
+        """Return the lengths of the arrays of a `Contacts`.
+
+        The arguments are 1, 1 for the list, and `ahead`, 0 for the working set.
+        """
 
         def correction(has: int) -> dict[str, IndexArray]:
             kept = dict.fromkeys(("start", "saved"), listed * has * contacts)

@@ -20,7 +20,7 @@ NAMED = 10
 
 
 def named(grains: tuple[int, ...]) -> str:
-    """Return a list of grains for messages, with only the first few if there are many."""
+    """Return text for messages, such as "grains 1, 2", with only the first few if there are many."""
     rest = len(grains) - NAMED
     return f"grains {', '.join(map(str, grains[:NAMED]))}{f' and {rest} more' if rest > 0 else ''}"
 
@@ -100,7 +100,10 @@ class StepReport(Tabular):
 
 
 def _added(reduce: Callable[[Any, Any], Any], default: float = 0, shown: bool = True) -> Any:
-    """Return a dataclass field that `Summary.add` combines by a function, such as a sum or a maximum."""
+    """Return a field of `Summary` that `Summary.add` combines by `reduce`, such as a sum or a maximum.
+
+    Without `shown`, `Summary.results` omits the field.
+    """
     return field(default=default, metadata={"reduce": reduce, "shown": shown})
 
 

@@ -33,7 +33,7 @@ MANY = 200  # number of grains from which a scene has many
 
 
 def first_skin(scene: Scene) -> float:
-    """Return the initial base skin [m]. If a grain deviates by about this length, the list is rebuilt."""
+    """Return the initial base skin [m]: about the displacement s_i (eq. 11) at which a list is rebuilt."""
     return BASE_SKIN * scene.smallest_radius
 
 
@@ -54,7 +54,7 @@ def rounding(scene: Scene) -> float:
 
 
 def monitor_threshold(scene: Scene) -> float:
-    """Return the largest change of a velocity that needs no monitoring, divided by the base skin [1/s]."""
+    """Return the change of velocity from which a grain is monitored (after eq. 11), per base skin [1/s]."""
     return MONITOR_THRESHOLD / scene.dt
 
 

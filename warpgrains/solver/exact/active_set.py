@@ -31,12 +31,12 @@ NEGLIGIBLE = 1e-12  # [m/s]: contacts with smaller corrections leave W
 
 
 def most_solutions(grains: int) -> int:
-    """Return the number of solutions of the equations that take as long as the interior point method."""
+    """Return how often the equations can be solved in the time that the interior point method takes."""
     return 20 + round(5.0 * sqrt(grains))
 
 
 class _Dual:
-    """The dual at a point q, which moves in place.
+    """The dual problem (head of this module) at a point q, which `move` and `descend` change in place.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class _Dual:
         self.slack[:] = b - rows @ (free - self.across @ q)
 
     def descend(self, z: FloatArray, a: float) -> None:
-        """Move q towards z, clipped at 0, by the step a. The step is doubled as long as the dual falls."""
+        """Set q to max(0, q + a (z - q)), with a doubled as long as the dual falls and a < 1/2."""
         self._target[:] = z
         self._arrays = self._arrays or self._shared()
         launch(kernels.descend, [self._arrays, a])
@@ -125,10 +125,10 @@ class _Equations:
 
 
 def solve(problem: Projection, matrix: BorderedMatrix, q: FloatArray, tolerance: float) -> Solution:
-    """Solve a step, from the corrections q of some sweeps, to a natural residual of `tolerance` [m/s].
+    """Solve a step, from the scaled corrections q of some sweeps, to a natural residual of `tolerance` [m/s].
 
-    If the method needs too many solutions of the equations, or the step has no solution, it returns the last
-    q.
+    For the scaling, see projection.py. If the method must solve the equations too often, or the step has no
+    solution, it returns the last q, whose residual may be larger.
     """
     unit, carrying = problem.unit, q > 0.0
     dual = _Dual(problem, q)

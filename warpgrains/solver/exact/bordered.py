@@ -52,7 +52,7 @@ class BorderedMatrix:
         share(self._borders, arrays)
 
     def fits(self, rows: sparse.csr_array) -> bool:
-        """Return True if the factors belong to this matrix A."""
+        """Return True if `rows` is the very matrix A that was last given to `factor`."""
         return self._rows is rows
 
     def factor(self, rows: sparse.csr_array, base: BoolArray) -> None:

@@ -41,13 +41,15 @@ class StepConstraints:
     time : float
         Time of the start of the step [s].
     mass : ndarray
-        M of the n grains, followed by M of the s walls that a force drives [kg], shape (n + s,).
+        Contact masses (eq. 17b) of the n grains, then masses of the s walls that a force drives [kg], shape
+        (n + s,).
     body : ndarray
         Indices of these grains and walls in the device's arrays by body, shape (n + s,).
     driver : ndarray
         Index into `mass` of the driven wall that is, or moves, the wall of a contact; or -1; shape (m - k,).
     lever : ndarray
-        Velocity of this wall along normal and tangent at unit speed, shape (m - k, 2) (eq. 28).
+        Velocity of the wall of a contact along normal and tangent if `driver` has speed 1 (eq. 28), shape
+        (m - k, 2); 0 where `driver` is -1.
     """
 
     scene: Scene
@@ -105,7 +107,10 @@ class StepConstraints:
         return replace(every, gap_rate=every.gap_rate - rebound, rebound=rebound)
 
     def _rebound(self, velocity: FloatArray) -> FloatArray:
-        """Return the reduction of gap / dt by restitution, for velocities before the step [m/s] (eq. 35)."""
+        """Return `rebound`, the reduction of gap / dt by restitution (eq. 35) [m/s], shape (m,).
+
+        `velocity` holds velocities before the step, in the order of `normal_speed`.
+        """
         scene, pairs = self.scene, len(self.second)
         surface = np.append(np.zeros(pairs), self.wall_speed[:, 0])
         vn, rate = self.normal_speed(velocity), self.sliding(scene.dt * velocity).gap_rate
@@ -134,7 +139,7 @@ class StepConstraints:
         return found
 
     def sliding(self, move: FloatArray) -> Self:
-        """Return the constraints with the gaps at a round wall that a motion along the wall leaves (eq. 18).
+        """Return the constraints with the gaps at a round wall for grains that slide along it (eq. 18).
 
         `move` holds the displacements of the grains in the step [m], shape (n, 2).
         """

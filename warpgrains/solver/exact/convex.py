@@ -36,10 +36,11 @@ class Matrices(NamedTuple):
 
 
 def solve(problem: Projection, matrices: Matrices, q: FloatArray, tolerance: float) -> Solution:
-    """Solve a step, from the corrections q of some sweeps, by the active-set method.
+    """Solve a step, from the scaled corrections q of some sweeps (projection.py), by the active-set method.
 
     If it fails, the interior point method approaches the solution. If rounding stops that method too, as with
-    very different masses, the active-set method continues from its result.
+    very different masses, the active-set method continues from its result. Return the best result, which
+    misses `tolerance` [m/s] if all of them do.
     """
     first = active_set.solve(problem, matrices.active, q, tolerance)
     if first.residual <= tolerance or problem.is_infeasible(first.q):
@@ -62,7 +63,7 @@ class ConvexSolver:
         self._matrices = Matrices(BorderedMatrix(), NormalMatrix())
 
     def solve(self) -> None:
-        """Replace the corrections of the step if better ones are found, and let the kernels continue.
+        """Replace the corrections of the waiting step if better ones are found, and let the kernels continue.
 
         The gaps of a round wall depend on the velocities (MODEL.md, eq. 18). Each problem takes the gaps of
         the last answer, until an answer satisfies the gaps for its own velocities.

@@ -42,7 +42,10 @@ class PathSolver:
         return ["dvt"] + ["dvr"] * self._records.scenes[self._k].has_rolling_friction
 
     def solve(self) -> None:
-        """Replace the corrections of the step if better ones are found, and let the kernels continue."""
+        """Replace the corrections of the step if better ones are found, and let the kernels continue.
+
+        If the contacts are those of an earlier call in this step, its answer is used again.
+        """
         scene, record = self._records.scenes[self._k], self._records.host[self._k]
         listed, state = ListedContacts(self._records, self._k), record["step"]
         contacts, tolerance = Contacts.of(listed.constraints), ASKED * scene.tolerance
@@ -68,9 +71,9 @@ class PathSolver:
         record["control"]["phase"], record["control"]["resuming"] = Phase.ANSWERED, not is_better
 
     def _with_rolling(self, contacts: Contacts, wall: Indices) -> Contacts:
-        """Return the contacts; with rolling friction, they are followed by an entry for rolling of each.
+        """Return the contacts; with rolling friction, they are followed by an entry for the rolling of each.
 
-        `wall` holds grain and wall of the contacts with walls, which are the last ones, shape (m - k, 2).
+        `wall` holds grain and wall of the contacts with walls, which follow the k pairs, shape (m - k, 2).
         """
         scene = self._records.scenes[self._k]
         if not scene.has_rolling_friction:

@@ -54,12 +54,12 @@ class _Iterate(NamedTuple):
         return _Iterate(self.u, np.where(t > 0.0, large, small), np.where(t > 0.0, small, large))
 
     def gap(self) -> float:
-        """Return the mean of q s."""
+        """Return the mean of q_c s_c over all contacts."""
         return float((self.q * self.s).sum()) / len(self.q)
 
 
 def _begin(problem: Projection, q: FloatArray) -> tuple[_Iterate, float]:
-    """Return the start of the iteration, centered from corrections q, and its mu.
+    """Return the start of the iteration, which is centered from scaled corrections q, and its mu.
 
     mu grows with the residual of q.
     """
@@ -93,10 +93,11 @@ def _direction(problem: Projection, matrix: NormalMatrix, at: _Iterate) -> _Iter
 def solve(
     problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: float, near: float = 0.0
 ) -> Solution:
-    """Solve a step, from the corrections q of some sweeps, to a natural residual of `tolerance` [m/s].
+    """Solve a step, from the scaled corrections q of some sweeps, to a natural residual of `tolerance` [m/s].
 
-    If this residual is not reached, the best corrections are returned, which may be the given ones. If the
-    residual is below `near` [m/s], a short step ends the iteration. It also ends if all q s are 0.
+    For the scaling, see projection.py. If this residual is not reached, the best corrections are returned,
+    which may be the given ones. Once the residual is at most `near` [m/s], a step shorter than `SHORT` ends
+    the iteration. It also ends if all q_c s_c are 0.
     """
     unit = problem.unit
     matrix.take(problem.rows)

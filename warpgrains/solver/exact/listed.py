@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 
 def listed_pairs(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
-    """Return the listed pairs in lexicographic order, shape (m, 2), and their indices, shape (m,)."""
+    """Return the listed pairs i < j in lexicographic order, shape (m, 2), and their indices, shape (m,).
+
+    The indices are those in arrays by contact, such as "contacts.dv.now", which are in the order of sweeps.
+    """
     body, index = listed(records, k)
     is_pair = body[:, 1] < records.scenes[k].n
     return body[is_pair], index[is_pair]
@@ -23,7 +26,8 @@ def listed_pairs(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
 def listed_walls(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
     """Return (grain, wall body) of the listed wall contacts, shape (m, 2), and their indices, shape (m,).
 
-    Wall bodies are numbered as in kernels/walls/walls.py: body 0 is the annulus.
+    Order and indices are as in `listed_pairs`. Wall bodies are numbered as in kernels/walls/walls.py: body 0
+    is the annulus.
     """
     (body, index), n = listed(records, k), records.scenes[k].n
     is_wall = body[:, 1] >= n
@@ -31,9 +35,10 @@ def listed_walls(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
 
 
 def listed(records: SceneRecords, k: int) -> tuple[IntArray, IntArray]:
-    """Return (grain, second body) of all listed contacts in lexicographic order, and their indices.
+    """Return (grain, second body) of all listed contacts in lexicographic order, shape (m, 2), and indices.
 
-    The second body is a grain, or n plus the number of a wall body.
+    The indices, shape (m,), are as in `listed_pairs`. The second body is a grain, or n plus the number of a
+    wall body.
     """
     rows = np.diff(records.array(k, "neighbors.start"))
     first = np.repeat(np.arange(len(rows), dtype=np.int32), rows)
@@ -47,7 +52,7 @@ class ListedContacts:
     Attributes
     ----------
     constraints : StepConstraints
-        With the gaps at the start of the step.
+        Constraints of these contacts, in this order, with the gaps at the start of the step.
     """
 
     def __init__(self, records: SceneRecords, k: int):
@@ -66,7 +71,7 @@ class ListedContacts:
         self.constraints = StepConstraints.at(scene, start, pair, wall, time)
 
     def read(self, name: str) -> FloatArray:
-        """Return the corrections `name` [m/s], shape (m,).
+        """Return the corrections `name`, "dv", "dvt" or "dvr" [m/s], shape (m,).
 
         Both circles of the annulus share one correction. It is < 0 for the circle that does not carry it.
         """
@@ -74,10 +79,10 @@ class ListedContacts:
         return np.concatenate([own[self._at_pair], self._sign * own[self._at_wall]])
 
     def write(self, name: str, correction: FloatArray) -> None:
-        """Write the corrections `name` [m/s], shape (m,).
+        """Write the corrections `name`, "dv", "dvt" or "dvr" [m/s], shape (m,).
 
-        Both circles of the annulus share one correction: that of the outer circle minus that of the inner
-        one.
+        Both circles of the annulus share one stored correction: that of the outer circle minus that of the
+        inner one.
         """
         own = self._records.array(self._k, f"contacts.{name}.now")
         pairs, walls = np.split(correction, [len(self._at_pair)])

@@ -36,14 +36,14 @@ class Contacts(NamedTuple):
     """Second grain, or number of grains + index of a driven wall, or -1 at other walls."""
     normal: FloatArray
     gap_rate: FloatArray
-    """gap / dt [m/s]."""
+    """gap / dt, with restitution and the motion of walls, as in `StepConstraints` [m/s]."""
     circle: FloatArray
     """A / dt at a round wall, with A = radius of the wall - radius of the grain (eq. 18), or inf [m/s]."""
     friction: FloatArray
     surface: FloatArray
-    """Speed of the surface along the tangent [m/s]."""
+    """Speed of the wall along the tangent [m/s]; 0 for pairs. In an entry for rolling, r_i Omega (eq. 37)."""
     lever: FloatArray
-    """Velocity of a driven wall along normal and tangent, for a speed of 1 m/s; otherwise 0 (eq. 28)."""
+    """Velocity along normal and tangent of a driven wall at speed 1 (eq. 28); 0 at other walls, for pairs."""
     parts: FloatArray
     """Factors of the centers' tangential velocity and of the rim speeds of both grains, shape (m, 3).
 
@@ -52,7 +52,7 @@ class Contacts(NamedTuple):
 
     @classmethod
     def of(cls, constraints: StepConstraints) -> Contacts:
-        """Return the contacts of constraints."""
+        """Return the contacts of `constraints`, in the same order, without entries for rolling."""
         second = np.append(constraints.second, constraints.driver)
         lever = np.append(np.zeros((len(constraints.second), 2)), constraints.lever, axis=0)
         own = constraints.normal, constraints.gap_rate, constraints.circle, constraints.friction
@@ -63,8 +63,8 @@ class Contacts(NamedTuple):
     def with_rolling(self, mu: FloatArray, surface: FloatArray, radius: FloatArray) -> Contacts:
         """Return the contacts, followed by an entry for the rolling of each contact.
 
-        `mu` and `surface` hold coefficient of rolling friction and surface speed [m/s] of each entry, shape
-        (m,). `radius` holds the radii of all grains [m].
+        `mu` and `surface` hold the `friction` (mu_r) and `surface` of each new entry, shape (m,). `radius`
+        holds the radii of all grains [m].
         """
         is_pair = (self.second >= 0) & (self.second < len(radius))
         r_i, r_j = radius[self.first], radius[np.where(is_pair, self.second, 0)]
@@ -85,12 +85,12 @@ class Answer(NamedTuple):
 
     dv: FloatArray
     dvt: FloatArray
-    """Tangential corrections, followed by rolling corrections if there are any."""
+    """Tangential corrections [m/s], followed by rolling corrections if there are any."""
     residual: float
-    """[m/s]."""
+    """Residual eta (eqs. 25 and 38) [m/s]."""
     factorizations: int = 0
     work: int = 0
-    """Cost, in visits of a contact by a sweep."""
+    """Cost of finding them, in the time that a sweep takes to visit a contact."""
 
 
 class FrictionStep:
@@ -103,9 +103,10 @@ class FrictionStep:
     ----------
     contacts : Contacts
     inertia : ndarray
-        M, M and J / 2 of every grain, M, 1 and 1 of every driven wall [kg], shape (n + walls, 3).
+        Inertia [kg], shape (n + walls, 3), of two velocity components and rim speed: M, M and J / 2 (eqs.
+        17b, 22) of every grain; M, 1 and 1 of every driven wall, whose speed is the first component.
     free : ndarray
-        Free velocities and rim speeds [m/s], shape (n + walls, 3).
+        Velocities and rim speeds without contacts [m/s], shape (n + walls, 3).
     walls : int
         Number of driven walls.
     """
@@ -180,13 +181,13 @@ class FrictionStep:
         return record
 
     def residual(self, dv: FloatArray, dvt: FloatArray) -> float:
-        """Return the residual of corrections [m/s] (MODEL.md, eq. 25)."""
+        """Return the residual of corrections, as in `Answer` [m/s] (MODEL.md, eqs. 25 and 38)."""
         self._host["dv"][:], self._host["dvt"][:] = dv, dvt
         launch(kernels.measure, self._records[:2])
         return self._host["residual"].item()
 
     def velocity(self, answer: Answer) -> FloatArray:
-        """Return the velocities of an answer [m/s], shape (n + walls, 2)."""
+        """Return the velocities of grains and driven walls by an answer [m/s], shape (n + walls, 2)."""
         self.residual(answer.dv, answer.dvt)
         found = np.empty((len(self._order), 2))
         found[self._order] = self._host["velocity"][:, :2]
@@ -195,8 +196,8 @@ class FrictionStep:
     def solve(self, dv: FloatArray, dvt: FloatArray, tolerance: float, budget: float = np.inf) -> Answer:
         """Solve the step from the corrections of some sweeps, to a residual of `tolerance` [m/s].
 
-        It stops earlier if the work would exceed the budget, or if the residual does not halve soon enough.
-        It returns the best corrections found, which may be the given ones.
+        It stops earlier if `Answer.work` would exceed the budget, or if the residual does not halve soon
+        enough. It returns the best corrections found, which may be the given ones.
         """
         eps, first = FIRST, self.residual(dv, dvt)
         best, last, work, factorizations = Answer(dv, dvt, first), first, 0, 0

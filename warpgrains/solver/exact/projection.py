@@ -42,7 +42,7 @@ class Projection(NamedTuple):
         return q - self.bound + self.rows @ (self.free - self.rows.T @ q)
 
     def residual(self, q: FloatArray) -> float:
-        """Return the natural residual (MODEL.md, eq. 12) [m/s]."""
+        """Return the natural residual of scaled corrections q (MODEL.md, eq. 12) [m/s]."""
         return float((np.abs(np.maximum(self.target(q), 0.0) - q) / self.unit).max(initial=0.0))
 
     def is_infeasible(self, q: FloatArray) -> bool:
@@ -92,14 +92,14 @@ class Solution(NamedTuple):
     """Corrections and their natural residual."""
 
     q: FloatArray
-    """Shape (m,)."""
+    """Scaled corrections (head of this module), shape (m,)."""
     residual: float
-    """[m/s]."""
+    """Natural residual of q (eq. 12) [m/s]."""
     factorizations: int
 
 
 class NormalMatrix:
-    """I + A^T diag(d) A in blocks of two rows and columns, one for each grain, and its factors.
+    """I + A^T diag(d) A and its factors. A grain has two rows and columns, so the matrix has 2 x 2 blocks.
 
     Attributes
     ----------
