@@ -101,7 +101,7 @@ def _run_bundles(
 def finish_bundle(
     folder: SweepFolder, runs: list[Run], execution: ExecutionOptions
 ) -> tuple[dict[int, str], float]:
-    """Finish those runs that have no result, on a worker.
+    """On a worker, finish those of `runs` that have no result.
 
     Return why runs remain unfinished, by number of the run, and the time that the bundle took [s].
     """
@@ -120,7 +120,7 @@ def finish_bundle(
 
 @contextmanager
 def connected(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]:
-    """Yield a client of a dask scheduler, such as "tcp://host:8786", or of Slurm jobs that are started.
+    """Yield a client of a dask scheduler, such as "tcp://host:8786", or of `slurm_jobs` new Slurm jobs.
 
     InputError if dask is not installed, or the cluster cannot be reached.
     """

@@ -51,9 +51,10 @@ class ExecutionOptions:
 
 
 def next_size(size: int, seconds: float, wanted: float, most: float, least: int = 1) -> int:
-    """Return the size of a group that would take `wanted` s, if a group of this size took `seconds`.
+    """Return the size of a group that would take `wanted` seconds, if one of `size` runs took `seconds`.
 
-    It is between `least` and `most`; if these contradict each other, `most` counts.
+    It is between `least` and `most`, or `most` if this is less than `least`, and at most `GROWTH` times
+    `size` unless `least` is larger.
     """
     paced = size * min(GROWTH, wanted / max(seconds, 1e-3))
     return max(1, int(min(max(least, paced), most)))

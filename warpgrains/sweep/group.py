@@ -26,7 +26,7 @@ WRITERS = 16
 class Group:
     """Runs that are advanced together, after `load` has loaded them into memory.
 
-    `ended` has the labels and the result of each run that has ended or failed, by number of the run.
+    `ended` maps the number of each run that has ended or failed to the labels and the result of the run.
     """
 
     def __init__(self, members: list[SweepRun]):
@@ -83,9 +83,9 @@ class Group:
                 list(writers.map(SweepRun.save_state, (self.members[k] for k in chosen)))
 
     def finish(self, settings: RunSettings) -> dict[int, str]:
-        """Complete outputs and results of ended runs. Results are stored in `ended`.
+        """Complete the outputs of ended runs, and store the results in `ended`.
 
-        Return why outputs are incomplete, by number of the run.
+        Return why outputs cannot be completed, by number of the run; these runs get no result.
         """
         members = self.members
         ended = [k for k, one in enumerate(members) if one.has_ended]

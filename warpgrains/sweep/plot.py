@@ -32,7 +32,7 @@ class SweepPlot:
 
     x: str
     y: str
-    """Columns of the results on the axes."""
+    """Columns of the results on the axes x and y."""
     color: str | None = None
     """Column that determines the color. Each value in it has its own line."""
 

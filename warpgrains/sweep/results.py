@@ -20,7 +20,7 @@ from warpgrains.sweep.execution import RunSettings
 
 
 class Column(NamedTuple):
-    """A column of the results of every sweep. Only the column `met` needs an end criterion to exist."""
+    """A column that the results of every sweep have; but only sweeps with an end criterion have `met`."""
 
     meaning: str
     of_runs: Callable[[Snapshots, Sequence[Summary]], Sequence[Any]]
@@ -29,12 +29,12 @@ class Column(NamedTuple):
 
 
 def _of_each(value: Callable[[Scene, Summary], Any], meaning: str, unit: str = "") -> Column:
-    """Return a column that depends on the scene and the summary of each run."""
+    """Return a column with the cell value(scene, summary) for each run."""
     return Column(meaning, lambda ends, done: list(map(value, ends.scenes, done)), unit)
 
 
 def _at_the_end(name: str) -> Column:
-    """Return the column of a quantity of the final state."""
+    """Return the column of the quantity `name`, measured in the final states."""
     own = find(name)
     return Column(
         f"{own.meaning}, at the end of the run", lambda ends, _: own.function(ends).tolist(), own.unit
@@ -42,7 +42,7 @@ def _at_the_end(name: str) -> Column:
 
 
 AT_THE_END = "kinetic_energy", "potential_energy", "pile_height", "pile_packing_fraction"
-"""Quantities whose functions take `Snapshots`, the states of thousands of runs."""
+"""Quantities that every sweep measures in the final states. Their functions take many states: `Snapshots`."""
 OF_MEAN, OF_ERROR = ":mean", ":error"
 """Suffixes of the names of columns with means over a series, and with the standard errors of these."""
 MET = "met"
@@ -65,7 +65,7 @@ COLUMNS = {
 
 
 def unit_of(column: str) -> str | None:
-    """Return the unit of a column in `COLUMNS` or of a measured quantity; None for a label."""
+    """Return the unit of a column, "" without a unit; None for a label."""
     if column in COLUMNS:
         return COLUMNS[column].unit
     try:

@@ -43,10 +43,10 @@ CACHED_SCENES = 256  # scenes kept to derive scenes with the same grains and wal
 def finish_runs(
     folder: SweepFolder, runs: Iterable[Run], execution: ExecutionOptions, on_progress: OnFraction
 ) -> dict[int, str]:
-    """Execute unfinished runs, from checkpoints if any; return why runs remain unfinished, by number.
+    """Execute runs, from checkpoints if any; return why runs remain unfinished, by number of the run.
 
-    If a run fails, this is its result. Runs that another process holds, or whose files cannot be used, remain
-    unfinished.
+    A run that fails is finished: the failure is its result. Runs that another process holds, or whose files
+    cannot be used, remain unfinished.
     """
     runner = Runner(folder, runs, execution, on_progress)
     with runner.held, ThreadPoolExecutor(1) as ahead:
@@ -74,7 +74,8 @@ def finish_runs(
 class Runner:
     """Queues of runs, from which groups are chosen, loaded and advanced.
 
-    `held` has the locks and open outputs of runs. `reasons` says why runs remain unfinished, by number.
+    `held` is a stack that releases the locks and completes the outputs of runs. `reasons` says why runs
+    remain unfinished, by number of the run.
     """
 
     def __init__(
@@ -212,7 +213,7 @@ class Runner:
         on_progress(len(members) - len(left) + sum(members[k].progress for k in left) - reported)
 
     def _has_folder(self, one: SweepRun) -> bool:
-        """Open a folder for a run that has none; if that fails, store the reason and return False."""
+        """Return True if a run has a folder, or one could be opened for it; otherwise store the reason."""
         try:
             if one.folder is None:
                 self._open_folder(one)

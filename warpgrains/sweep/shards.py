@@ -42,7 +42,7 @@ class ResultShards:
         self._read: dict[str, int] = {}
 
     def write(self, results: Mapping[int, tuple[Row, RunResult]]) -> None:
-        """Write a shard of results, given by number of the run as labels and values."""
+        """Write a shard. `results` maps numbers of runs to their labels and results; {} writes no shard."""
         if results:
             rows = (results[number] for number in sorted(results))
             content = self._head + b"".join(csv_line([*labels.values(), *values]) for labels, values in rows)
@@ -67,7 +67,10 @@ class ResultShards:
         return set().union(*(self._take(*shard) for shard in sorted(new)))
 
     def _take(self, written: int, path: Path) -> set[int]:
-        """Read a shard, written at time `written`, unless it is damaged; return the runs with new results."""
+        """Read a shard, last written at `written` [ns]; return the numbers of runs with new results.
+
+        A damaged shard has none; OutputError if the shard is of another sweep.
+        """
         content = b""
         with suppress(FileNotFoundError):
             content = path.read_bytes() if path.is_file() else b""

@@ -91,9 +91,9 @@ class BaseScene:
         return "".join(notes) + toml_text(self.with_values({}, f"../{GRAINS}"))
 
     def with_values(self, values: KeyValues, copies: str) -> Table:
-        """Return the sections of the scene file with other `values`, by key.
+        """Return the sections of the scene file after setting `values`, which are given by key.
 
-        A file of grains is replaced by its copy in folder `copies`.
+        The name of a file of grains is replaced by that of its copy in folder `copies`.
         """
         sections = _with_values(self.sections, values)
         grains = self.grain_files.get(sections.get("grains", {}).get("file"))
@@ -117,7 +117,7 @@ class Run:
         return {"run": str(self.number), "scene": self.base.name, **cells}
 
     def changes(self) -> KeyValues:
-        """Return the values by which the run differs from its base scene, by key."""
+        """Return the values that the run sets in its base scene, by key: on its axes, and from formulas."""
         inserted = {key: _inserted(value, self.values) for key, value in self.base.formulas.items()}
         return {key: value for key, value in self.values.items() if "." in key} | inserted
 
@@ -200,9 +200,9 @@ def have_same_runs(plan: Table, other: Table) -> bool:
 
 
 def _by_key(document: Table, name: str) -> KeyValues:
-    """Return the entries of section `name`, [set] or [axes], by key such as "physics.drag", after a check.
+    """Return the entries of section `name`, [set] or [axes], by key such as "physics.drag".
 
-    The key of an axis with a name is that name.
+    The key of an axis with a name is that name. InputError for keys that scene files do not have.
     """
     found: KeyValues = {}
     for section, table in _table(name, document.get(name, {})).items():
@@ -232,7 +232,10 @@ def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _is_named(name: str, axis: Any) -> bool:
-    """Return whether an entry of [axes] is an axis with its own name, not a section of keys."""
+    """Return whether the entry `name` of [axes] is an axis with this name, not a section of keys.
+
+    InputError if results have a column of this name.
+    """
     is_axis = isinstance(axis, list) or (isinstance(axis, dict) and not axis.keys().isdisjoint(AXIS_KINDS))
     if not (is_axis and re.fullmatch(r"\w+", name)):
         return False

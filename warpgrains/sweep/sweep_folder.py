@@ -70,7 +70,8 @@ class SweepFolder:
     def create_or_check(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
         """Create the folder, or check that the runs `share` may be done in it; rename damaged shards.
 
-        Unless `resume`, none of these runs may have a result or outputs.
+        OutputError if the folder is of another sweep. InputError if one of these runs has a result or
+        outputs, unless `resume`.
         """
         make_folder(self.path)
         self._require_common_files(sweep)
@@ -159,7 +160,7 @@ class SweepFolder:
             return set()
 
     def write_tables(self, sweep: Sweep) -> dict[str, list[str]]:
-        """Write both tables of all finished runs; return columns of the results for a summary, by name.
+        """Write both tables of all finished runs; return the columns that a summary needs, as cells by name.
 
         The tables are written again if other processes have finished runs meanwhile, so that the last process
         writes complete tables.
@@ -181,7 +182,7 @@ class SweepFolder:
 
 
 def _option(name: str, value: Any) -> str:
-    """Return the option that a sweep was begun with, for a message, such as "without --until"."""
+    """Return text for messages on an option of a sweep, such as "with --until rest" or "without --until"."""
     text = ",".join(map(str, value)) if isinstance(value, list) else value
     return f"with --{name} {text}" if text else f"without --{name}"
 

@@ -70,7 +70,7 @@ class SweepRun(SceneRun):
     def open(self, folder: Path, text: str, settings: RunSettings, held: ExitStack) -> None:
         """Open a folder for the run, with a scene file of this text; continue from a checkpoint in it.
 
-        The run is open until `close`.
+        The run is open until `close`, or until `held` is closed.
 
         Raises
         ------
@@ -113,7 +113,10 @@ class SweepRun(SceneRun):
             self.error = str(error)
 
     def means(self, after: float | None) -> dict[str, float]:
-        """Return means over the series from time `after` [s] on, and their standard errors, by column."""
+        """Return means over the series from time `after` [s] on, and their standard errors, by column.
+
+        {} if `after` is None. InputError if the run was too short.
+        """
         if after is None:
             return {}
         assert isinstance(self.observer, Series)
@@ -153,7 +156,7 @@ def _options(steps: int, until: str | None) -> RunOptions:
 
 
 def folder_options(folder: Path, steps: int, settings: RunSettings) -> RunOptions:
-    """Return the options of a new run in a folder."""
+    """Return the options of a new run whose checkpoint and outputs are files in `folder`."""
     wanted: dict[str, Any] = {}
     if settings.fps is not None:
         wanted = {"record": str(folder / RECORDING), "fps": settings.fps}
