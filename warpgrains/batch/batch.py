@@ -228,7 +228,7 @@ class Batch(Shown):
         return Results(len(self), lambda k: runs[k].statistics)
 
     def _steps_of_each(self, steps: int | Sequence[int] | None, duration: float | None) -> list[int]:
-        """Return the number of steps of each scene."""
+        """Return the number of steps of each scene; InputError for invalid arguments of `run`."""
         if isinstance(steps, str) or (steps is not None and not isinstance(steps, Sequence)):
             return [steps_of(self.scenes[0], steps, duration)] * len(self)
         each = [None] * len(self) if steps is None else steps
@@ -238,14 +238,17 @@ class Batch(Shown):
         return [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
 
     def _advance(self, steps: list[int], on_progress: OnProgress | None = None) -> LastSteps:
-        """Advance scene k by `steps[k]` steps; return the last steps of all scenes."""
+        """Advance scene k by `steps[k]` steps; return the results of these steps."""
         last = self._loaded.advance(steps, on_progress)
         self._stepped |= dict.fromkeys(np.flatnonzero(last.sums["steps"]).tolist(), last)
         return last
 
     @contextmanager
     def _with_gravity(self, gravity: ArrayLike | None) -> Iterator[None]:
-        """Hold the batch for steps, in which `gravity` replaces that of the scenes [m/s2]."""
+        """Return a context in which only the caller can advance the batch, with `gravity` if it is given.
+
+        `gravity` [m/s2] replaces that of the scenes. InputError if it is invalid.
+        """
         given = None if gravity is None else self._checked_gravity(gravity)
         with self._use.held(allowed=NOTHING):
             if given is None:

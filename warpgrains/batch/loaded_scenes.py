@@ -30,8 +30,8 @@ def team_size(scene: Scene, device: wp.Device, threads: int) -> int:
 class LoadedScenes:
     """Scenes in device memory that are advanced together.
 
-    Scenes of one kind that are advanced by the same number of threads are in one engine. OutOfMemoryError if
-    the scenes do not fit.
+    Scenes that need the same kernels (`kind_of`) and number of threads (`team_size`) are in one `Engine`.
+    OutOfMemoryError if the scenes do not fit.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class LoadedScenes:
             engine.records.set_gravity(gravity[numbers])
 
     def advance(self, steps: Sequence[int], on_progress: OnProgress | None = None) -> LastSteps:
-        """Advance scene k by `steps[k]` steps, unless `cancel` is called; return the last step of each scene.
+        """Advance scene k by `steps[k]` steps, unless `cancel` is called; return the results of these steps.
 
         Small scenes, which one thread advances, are done first, then large scenes one after the other.
         """
