@@ -27,12 +27,14 @@ class Change(NamedTuple):
 
     scene: Scene
     staying: dict[int, int]
-    """Number in the changed scene of each wall that stays in place, by its number before. Contacts of other
-    walls are dropped."""
+    """Index in the changed `Scene.walls` of each wall that stays in place, by its index before the change.
+
+    Contacts of other walls are dropped.
+    """
     keeps_list: bool
     """True if the Verlet list of contacts stays valid, because all walls keep their places and motions."""
     driven: FloatArray | None
-    """Coordinates and speeds of the walls, see `State.driven`."""
+    """Coordinates and speeds of the walls, as in `State.driven`; None if no force drives a wall."""
     is_local: bool
     """True if all walls keep their places and numbers, and no field of `OF_LISTS` changes."""
 
@@ -87,7 +89,10 @@ def change_of(
 
 
 def _changed(before: Scene, fields: SceneChanges, steps: int) -> Scene:
-    """Return the scene with changed fields. Time continues; walls without `start_time` begin to move now."""
+    """Return the scene with `fields` changed after `steps` steps; InputError if one describes the start.
+
+    Time continues; walls without `start_time` begin to move now.
+    """
     for name in fields:
         checks.one_of("field of a scene", name, FIELDS)
         if name in OF_START:
@@ -108,7 +113,7 @@ def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -
     """Return coordinates and speeds of the walls after a change, see `State.driven`.
 
     A wall keeps its row of `driven` if its shape does not change. Other walls have the values of a start.
-    `is_resized` is True if the outer circle was given a new radius.
+    None if no force drives a wall. `is_resized` is True if the outer circle was given a new radius.
     """
     places = first_state(scene).driven
     if places is None:
@@ -123,9 +128,9 @@ def _driven(scene: Scene, before: Scene, driven: FloatArray, is_resized: bool) -
 
 
 def _staying(was: Scene, put: Scene, now: float) -> dict[int, int]:
-    """Return which walls have equal shape and place in both scenes at time `now` [s].
+    """Return the walls with equal shape and place in both scenes at time `now` [s].
 
-    They are given by their number in `was`, with their number in `put` as the value.
+    The result maps the index of a wall in `was.walls` to its index in `put.walls`.
     """
     if was.walls is put.walls:
         return {number: number for number in range(len(was.walls))}

@@ -54,7 +54,7 @@ def exchanged(present: Population) -> Population:
 
 
 def _poured(present: Population, source: Source, count: int) -> Population:
-    """Return the population with up to `count` grains of a source added, as far as there is room for them."""
+    """Return the population with `count` grains of a source added, or as many as find a place."""
     if count == 0:
         return present
     own = source.radius, source.density, source.region, source.velocity, source.seed

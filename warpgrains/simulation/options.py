@@ -151,9 +151,10 @@ class RunOptions(Look):
         return FrameTimes.of(scene.dt, rate, first_step, scene.time, slow)
 
     def _slow_enough(self, duration: float, dt: float) -> float:
-        """Return how many times slower than the run its film plays: more than 1 only for a brief run.
+        """Return the factor by which the film of a run plays slower than the run, if `slow` is not given.
 
-        `duration` is that of the run [s]. The film has at most one frame per step.
+        It is more than 1 only for a brief `duration` of the run [s] and the default of `fps`, and so small
+        that the film has at most one frame per step.
         """
         if not 0.0 < duration < _BRIEF or self.fps != type(self).fps:
             return 1.0
@@ -213,10 +214,10 @@ def require_needed(given: Collection[str], named: Callable[[str], str] = str) ->
 def spacing(
     every: int | None, checkpoint: Any, series: Any, named: Callable[[str], str] = str
 ) -> dict[str, int]:
-    """Return `every` [steps] as the value of options: the interval of checkpoints, or of rows of a series.
+    """Return `every` [steps] by option: "every", between checkpoints; "measure_every", between rows.
 
-    Each of these is set if its file, `checkpoint` or `series`, is not None. `named` returns the name of an
-    option for messages.
+    An option is included if its file, `checkpoint` or `series`, is not None. The result is {} if `every` is
+    None; InputError if it has no effect. `named` returns the name of an option for messages.
     """
     if every is None:
         return {}
@@ -229,7 +230,7 @@ def spacing(
 
 
 def _path_relative_to(checkpoint: Path, field: str, stored: Any) -> str | None:
-    """Return the path of a file that is stored relative to a checkpoint; None if none is stored."""
+    """Return the path of the file `stored`, a name relative to the folder of a checkpoint; None for None."""
     if stored is None:
         return None
     name = _file_name(field, stored)

@@ -75,10 +75,10 @@ class Population:
         return self._of(np.flatnonzero(~np.isin(self.id, gone)), NOBODY)
 
     def with_more(self, is_separated: bool, **grains: Any) -> Self:
-        """Return the population with `grains` appended: arrays by field of a scene.
+        """Return the population with new grains appended: `grains` are fields of a scene, such as `position`.
 
-        If they overlap grains or walls, all grains are moved apart if `is_separated`; else InputError.
-        InputError also if they are beyond a wall.
+        If the new grains overlap grains or walls, all grains are moved apart if `is_separated`; else
+        InputError. InputError also if a new grain is beyond a wall.
         """
         more = checked_grains(SceneFields(**grains))
         if more["spin"].any() and not self.scene.has_friction:
@@ -149,7 +149,8 @@ class Population:
     def _overlap(self, first: int) -> str | None:
         """Return a message if a grain from index `first` on overlaps too deeply, else None.
 
-        The message is about the deepest overlap. InputError if one of these grains is beyond a wall.
+        The message is about the deepest overlap of more than `allowed_overlap`. InputError if one of these
+        grains is beyond a wall.
         """
         scene = self.now
         grains = {name: getattr(scene, name)[first:] for name in ("position", "radius")}
@@ -193,7 +194,7 @@ def _with_grains(scene: Scene, grains: dict[str, FloatArray]) -> Scene:
 
 
 def _of_grains(corrections: Corrections, kept: IndexArray, n: int) -> Corrections:
-    """Return the corrections after all but the `kept` of n grains are removed.
+    """Return the corrections after all of n grains are removed but those with the ascending indices `kept`.
 
     Grains have their new indices. The contacts of removed grains are dropped.
     """

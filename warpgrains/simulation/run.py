@@ -98,9 +98,10 @@ class SceneRun:
         statistics: Summary | None = None,
         first_scene: Scene | None = None,
     ) -> None:
-        """Begin the run or, if `statistics` are given, continue it from `state`.
+        """Begin a new run or, if `statistics` are given, continue a run of which `statistics.steps` are done.
 
-        `statistics.steps` steps are then done.
+        It starts from `state`, or from the start of the scene if `state` is None. `first_scene` is the scene
+        at the start of the run, by default `scene`. InputError if the frames of these steps are incomplete.
         """
         self.scene, self.options, self.first_step, self.state = scene, options, first_step, state
         self.statistics, self._is_resumed = statistics or Summary(), statistics is not None
@@ -200,9 +201,9 @@ class SceneRun:
         return self._begun_at is not None and self.options.checkpoint is not None
 
     def count(self, done: Summary, now: LoadedScene) -> None:
-        """Add the steps `done` to the statistics; end the run if its end criterion is met.
+        """Add the summary `done` of new steps to the statistics; end the run if its end criterion is met.
 
-        There are at most `steps_due` of them. `now` is the scene after these steps.
+        These are at most `steps_due` steps. `now` is the scene after them.
         """
         statistics = self.statistics
         statistics.add(done)
@@ -279,9 +280,10 @@ class SceneRun:
 class ResumedRun(SceneRun):
     """A run that continues from a checkpoint to a total of `steps` or `duration` [s], or as far as planned.
 
-    If a run wrote the checkpoint, the run keeps its options, except checkpoint and intervals in `given`. If
-    `Simulation.save` wrote it, a new run with the options `given` begins. `named` returns the name of an
-    option for messages. `opened` locks the checkpoint of a run, then reads it again.
+    If a run wrote the checkpoint `path`, the run keeps its options, of which `given` may only replace the
+    next file ("checkpoint") and the intervals ("every"). If `Simulation.save` wrote it, a new run with the
+    options `given` begins. `named` returns the name of an option for messages. `opened` locks the checkpoint
+    of a run, then reads it again.
     """
 
     def __init__(
@@ -352,7 +354,8 @@ def advance_runs(
 def _search_for_wedged_grains(simulation: Simulation) -> None:
     """Warn if a search proves that the last step has no solution, because grains cannot fit.
 
-    Set the number of steps that must fail before the next search, so that searches take little time.
+    Set `Simulation.failures_to_search`, the number of unconverged steps before the next search, so that
+    searches take little time.
     """
     begun_at, scene = perf_counter(), simulation.scene
     if grains := simulation.infeasible_grains():

@@ -32,9 +32,9 @@ class EndCriterion:
     """End criterion of a run."""
 
     condition: Question
-    """Condition that is tested every `TEST_INTERVAL` steps."""
+    """Function that returns True if a simulation meets the criterion; called every `TEST_INTERVAL` steps."""
     steps: int = 0
-    """Number of steps for which the condition must hold."""
+    """Number of steps for which the condition must hold to end the run; 0: the first test may end it."""
     name: str = "the end criterion"
 
 
@@ -70,7 +70,10 @@ def criterion(until: str | Question | EndCriterion | None, scene: Scene) -> EndC
 
 
 def bounds_of(until: str) -> dict[str, float]:
-    """Return the bounds in the text of an end criterion, such as "rest,speed=1e-3,time=0.5", by key."""
+    """Return the bounds in the text of an end criterion, by key; InputError if the text is invalid.
+
+    For "rest,speed=1e-3,time=0.5", they are {"speed": 1e-3, "time": 0.5}.
+    """
     name, *rest = (word.strip() for word in until.split(","))
     checks.one_of("until", name, ("rest",))
     given: dict[str, float] = {}
