@@ -234,7 +234,7 @@ def _packing(simulation: Simulation, run: Summary) -> Packing:
 
 
 def carrying_contacts(now: Snapshot) -> tuple[float, int]:
-    """Return the contacts per grain, see `Packing.contacts`, and the number of rattlers.
+    """Return (contacts per grain as in `Packing.contacts`, number of rattlers).
 
     Contacts with less than 1e-4 of the mean force do not count.
     """
@@ -250,7 +250,7 @@ def carrying_contacts(now: Snapshot) -> tuple[float, int]:
 def _bulk_fraction(now: Snapshot) -> float:
     """Return the packing fraction at least WALL_LAYER mean diameters from circles and sides.
 
-    It is NaN if little space is left.
+    It is NaN if the space that is left is narrower than this distance.
     """
     layer = WALL_LAYER * 2.0 * float(now.scene.radius.mean())
     bulk = now.container.region.without_layer(layer)

@@ -178,13 +178,13 @@ def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: i
 
 
 class _Test(NamedTuple):
-    """Result of a test of rest: some steps of a packing with the settings of its scene."""
+    """Result of a test of rest: `TESTED` steps from the state `start`, with the settings of the scene."""
 
     start: State
     simulation: Simulation
     """The simulation after the steps."""
     energy: float
-    """Mean kinetic energy of a grain, in m g d; the largest value after a step."""
+    """Mean kinetic energy of a grain, in m g d with the mean diameter d; the largest value after a step."""
     overlap: float
     """Largest overlap [m]."""
     iterations: int

@@ -149,7 +149,7 @@ class Settling:
         )
 
     def _depth(self) -> float:
-        """Return the depth of the center of mass along gravity [m].
+        """Return the coordinate of the center of mass along gravity [m], which grows as grains sink.
 
         Its bits do not depend on the order of the grains.
         """
