@@ -37,7 +37,7 @@ def shown(value: Any) -> str:
 
 
 def number(field: str, value: Any) -> float:
-    """Return a finite real number as a float."""
+    """Return a finite real number as a float; InputError, which names `field`, otherwise."""
     if isinstance(value, bool) or not isinstance(value, float | Real):  # the first of these is faster
         raise InputError(f"{field} is {shown(value)}: it must be a number")
     try:
@@ -50,7 +50,7 @@ def number(field: str, value: Any) -> float:
 
 
 def positive(field: str, value: Any) -> float:
-    """Return a number greater than 0."""
+    """Return a finite number greater than 0 as a float; InputError, which names `field`, otherwise."""
     converted = number(field, value)
     if converted <= 0.0:
         raise InputError(f"{field} is {converted}: it must be greater than 0")
@@ -58,7 +58,7 @@ def positive(field: str, value: Any) -> float:
 
 
 def not_negative(field: str, value: Any) -> float:
-    """Return a number that is 0 or more."""
+    """Return a finite number that is 0 or more as a float; InputError, which names `field`, otherwise."""
     converted = number(field, value)
     if converted < 0.0:
         raise InputError(f"{field} is {converted}: it must be 0 or more")
@@ -66,7 +66,7 @@ def not_negative(field: str, value: Any) -> float:
 
 
 def fraction(field: str, value: Any) -> float:
-    """Return a number between 0 and 1."""
+    """Return a number from 0 to 1, both included, as a float; InputError, which names `field`, otherwise."""
     converted = number(field, value)
     if not 0.0 <= converted <= 1.0:
         raise InputError(f"{field} is {converted}: it must be between 0 and 1")
@@ -74,7 +74,7 @@ def fraction(field: str, value: Any) -> float:
 
 
 def whole_number(field: str, value: Any, least: int = 1, most: int = LARGEST_WHOLE_NUMBER) -> int:
-    """Return an integer between `least` and `most`."""
+    """Return an integer from `least` to `most` as an int; InputError, which names `field`, otherwise."""
     if isinstance(value, bool) or not isinstance(value, Integral):
         raise InputError(f"{field} is {shown(value)}: it must be a whole number")
     converted = int(value)
@@ -85,19 +85,19 @@ def whole_number(field: str, value: Any, least: int = 1, most: int = LARGEST_WHO
 
 
 def thread_count(field: str, value: Any) -> int:
-    """Return a number of threads between 1 and `MOST_THREADS`."""
+    """Return a number of threads from 1 to `MOST_THREADS`; InputError, which names `field`, otherwise."""
     return whole_number(field, value, most=MOST_THREADS)
 
 
 def text(field: str, value: Any) -> str:
-    """Return `value` if it is a str."""
+    """Return `value` if it is a str; InputError, which names `field`, otherwise."""
     if not isinstance(value, str):
         raise InputError(f"{field} is {shown(value)}: it must be a string")
     return value
 
 
 def unicode_text(field: str, value: Any) -> str:
-    """Return `value` if it is a str that any file can hold."""
+    """Return `value` if it is a str that any file can hold; InputError, which names `field`, otherwise."""
     encoded = text(field, value).encode(errors="replace")
     if b"\0" in encoded or encoded.decode() != value:
         raise InputError(f"{field} is {shown(value)}: it must be Unicode text without NUL")
@@ -105,14 +105,14 @@ def unicode_text(field: str, value: Any) -> str:
 
 
 def path(field: str, value: Any) -> str:
-    """Return the name of a file, given as a str or a path."""
+    """Return the name of a file, from a str or a path; InputError, which names `field`, otherwise."""
     if not isinstance(value, str | os.PathLike) or isinstance(name := os.fspath(value), bytes):
         raise InputError(f"{field} is {shown(value)}: it must be the name of a file")
     return name
 
 
 def function(field: str, value: Any) -> None:
-    """Raise InputError unless `value` is callable."""
+    """Raise InputError, which names `field`, unless `value` is callable."""
     if not callable(value):
         raise InputError(f"{field} is {shown(value)}: it must be a function")
 
@@ -125,7 +125,10 @@ def boolean(field: str, value: Any) -> bool:
 
 
 def one_of(field: str, value: Any, known: Iterable[str]) -> str:
-    """Return `value` if it is one of the known names; the error proposes the most similar name."""
+    """Return `value` if it is one of the names `known`.
+
+    Otherwise raise InputError, which calls the value `field` and proposes the most similar name.
+    """
     known = list(known)
     if isinstance(value, str) and value in known:
         return str(value)
@@ -166,7 +169,10 @@ def interval(field: str, value: Any) -> tuple[float, float]:
 
 
 def vectors(field: str, value: Any, of: str = "grain") -> FloatArray:
-    """Return a read-only copy of finite vectors, shape (n, 2), n >= 1. Messages call each row `of`."""
+    """Return a read-only copy of finite vectors, shape (n, 2), n >= 1; InputError otherwise.
+
+    Messages name `field`, and call each row `of`.
+    """
     array = _floats(field, value, of, 2)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
         raise InputError(
@@ -177,7 +183,10 @@ def vectors(field: str, value: Any, of: str = "grain") -> FloatArray:
 
 
 def require_finite(field: str, array: FloatArray, of: str = "grain") -> None:
-    """Raise InputError unless all numbers are finite, shape (n,) or (n, 2). Messages call each row `of`."""
+    """Raise InputError unless `array`, shape (n,) or (n, 2), is finite.
+
+    The message names `field` and the first bad row, which it calls `of`.
+    """
     import numpy as np
 
     if not np.isfinite(array).all():
@@ -186,7 +195,10 @@ def require_finite(field: str, array: FloatArray, of: str = "grain") -> None:
 
 
 def per_grain(field: str, value: Any, n: int, of: str = "grain") -> FloatArray:
-    """Return a read-only array of finite numbers, shape (n,), from n numbers or from one for all grains."""
+    """Return finite numbers, from n numbers or one for all, as a read-only array, shape (n,).
+
+    Raises InputError for other values. Messages name `field`, and call each entry `of`.
+    """
     import numpy as np
 
     array = _floats(field, value, of)
@@ -200,7 +212,10 @@ def per_grain(field: str, value: Any, n: int, of: str = "grain") -> FloatArray:
 
 
 def positive_per_grain(field: str, value: Any, n: int, of: str = "grain") -> FloatArray:
-    """Return a read-only array of positive numbers, shape (n,), from n numbers or from one for all grains."""
+    """Return numbers > 0, from n numbers or one for all, as a read-only array, shape (n,).
+
+    Raises InputError for other values. Messages name `field`, and call each entry `of`.
+    """
     array = _floats(field, value, of)
     if array.ndim == 0:
         positive(field, array[()])
@@ -221,9 +236,9 @@ def first_bad(field: str, array: FloatArray, bad: BoolArray, of: str = "grain") 
 
 
 def _floats(field: str, value: Any, of: str, width: int = 1) -> FloatArray:
-    """Return a copy of `value` as float64.
+    """Return a copy of real numbers, an array or nested lists, as float64; InputError otherwise.
 
-    Messages say that each row, which is called `of`, needs `width` numbers.
+    Messages name `field`, and say that each row, which is called `of`, needs `width` numbers.
     """
     import numpy as np
 

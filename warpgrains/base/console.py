@@ -92,7 +92,11 @@ class ProgressLines:
 def progress_bar(
     total: int, initial: float = 0, shown: bool = True, unit: str = "step", **options: Any
 ) -> Iterator[Progress]:
-    """Yield a progress bar in a terminal or a notebook; elsewhere it prints a line every 30 s."""
+    """Yield a progress bar in a terminal or a notebook, and elsewhere one that prints a line every 30 s.
+
+    `total` and `initial` are counts of `unit`. If not `shown`, nothing is printed. `options` are those of
+    tqdm.
+    """
     if not checks.boolean("progress", shown) or not (sys.stderr.isatty() or "ipykernel" in sys.modules):
         yield ProgressLines(total, initial, unit, BETWEEN_LINES if shown else inf)
         return
@@ -125,7 +129,10 @@ def exit_on_interrupt() -> Iterator[None]:
 
 @contextmanager
 def stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Call `stop` on Ctrl-C, SIGTERM or SIGHUP. The block runs to its end; then the process ends."""
+    """Call `stop` on Ctrl-C, SIGTERM or SIGHUP. After such a signal, the process ends after the block.
+
+    In other threads than the main one, do nothing.
+    """
     received: list[int] = []
 
     def on_signal(number: int, _frame: object) -> None:
@@ -160,7 +167,10 @@ def stdout_to_stderr() -> AbstractContextManager[None]:
 
 @contextmanager
 def redirected(stream: int, target: int) -> Iterator[None]:
-    """Redirect a standard stream to another file in a block, also for C libraries. Both are descriptors."""
+    """Redirect the descriptor `stream`, a standard stream, to the file of `target` in a block.
+
+    `target` is a descriptor, too. Output of C libraries is also redirected.
+    """
     _flush()
     kept = os.dup(stream)
     os.dup2(target, stream)

@@ -50,9 +50,9 @@ def described_fields(record: type) -> dict[str, Field[Any]]:
 
 
 def checked(field: str, own: Field[Any], value: Any) -> Any:
-    """Return a value after applying the check of its described field, `own`; `field` names it in messages.
+    """Return the result of the check of the described field `own` for `value`; messages name `field`.
 
-    None needs no check if it is the default of the field.
+    None needs no check if it is the default of `own`.
     """
     return None if value is None and own.default is None else own.metadata["check"](field, value)
 
@@ -60,9 +60,10 @@ def checked(field: str, own: Field[Any], value: Any) -> Any:
 def fields_of(
     field: str, table: Mapping[str, Any], one: str, keys: Mapping[str, Field[Any]]
 ) -> dict[str, Any]:
-    """Return the values in a table by name of field, given described fields by their keys in tables.
+    """Return the values of `table` by name of field; `keys` gives the described field of each key.
 
-    Messages name `field`, and call the described object `one`. InputError if a key is unknown or missing.
+    Raises InputError if a key is unknown, or missing and without a default. Messages name the table `field`,
+    and call the object that it describes `one`.
     """
     for key in table:
         one_of(f"key of {field}", key, keys)

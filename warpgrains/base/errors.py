@@ -73,8 +73,8 @@ class SimulationError(RuntimeError):
 def written_as(names: Mapping[str, str], where: str = "") -> Iterator[None]:
     """Change messages of InputErrors in a block, so that they name fields as the user has written them.
 
-    If a message begins with a field in `names`, such as drag, the field is replaced by its name there, such
-    as physics.drag. `where`, such as the name of a file, is put before the message.
+    `names` holds the user's names by field, such as "physics.drag" for "drag". A field at the start of a
+    message is replaced by its name there. `where`, such as the name of a file, is put before the message.
     """
     try:
         yield
@@ -87,7 +87,10 @@ def written_as(names: Mapping[str, str], where: str = "") -> Iterator[None]:
 
 @contextmanager
 def requiring(what: str, extra: str = "report") -> Iterator[None]:
-    """Raise MissingExtraError if the block imports a library of `extra` that is not installed."""
+    """Raise MissingExtraError if the block imports a library of `extra` that is not installed.
+
+    `what` names the object that needs the library, such as a file, in the message.
+    """
     try:
         yield
     except ModuleNotFoundError as error:
@@ -95,7 +98,11 @@ def requiring(what: str, extra: str = "report") -> Iterator[None]:
 
 
 def _installing(extra: str) -> str:
-    """Return the command that installs an extra by its libraries, because this package is in no index."""
+    """Return the command that installs the libraries of an extra, for messages.
+
+    It lists the libraries, because pip finds this package, and so the extra, in no index. For a checkout
+    without metadata, the text names the extra instead.
+    """
     from importlib.metadata import PackageNotFoundError, requires  # slow to import
 
     try:

@@ -51,7 +51,10 @@ def make_folder(folder: Path) -> None:
 
 
 def require_writable_path(kind: str, path: Path, *suffixes: str) -> None:
-    """Raise InputError unless a file can be created at `path`, with one of the suffixes if any are given."""
+    """Raise InputError unless a file can be created at `path`; messages call it `kind`.
+
+    If `suffixes` are given, its name must end in one of them.
+    """
     path = resolve_link(path)
     if suffixes and suffix_of(path) not in suffixes:
         raise InputError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
@@ -99,7 +102,10 @@ def read_regular(path: Path, most: int = _LARGEST) -> bytes:
 
 @contextmanager
 def naming(target: Path, draft: Path | None = None) -> Iterator[None]:
-    """Make each OSError in a block name the target, if it names no file, as for a full disk, or the draft."""
+    """Make an OSError in a block name `target` if it names no file, or only `draft`.
+
+    An error of a full disk names no file.
+    """
     try:
         yield
     except OSError as error:
@@ -143,7 +149,10 @@ def _link(draft: Path, target: Path) -> bool:
 
 
 def draft_path(target: Path, writer: str = "") -> Path:
-    """Return the path of a draft, a hidden file next to `target`, which becomes `target` when complete."""
+    """Return the path of the draft of `target`: a hidden file next to it, which is renamed when complete.
+
+    Drafts of processes that may write at the same time differ by the text `writer`.
+    """
     return target.with_name(f".draft{writer}.{target.name}")
 
 
@@ -163,7 +172,7 @@ def draft_folder(target: Path) -> Iterator[Path]:
 def draft_of(target: Path, writer: str = "", replace: bool = True) -> Iterator[Path]:
     """Yield the path of a draft, to which a block writes. After the block, the draft becomes `target`.
 
-    Different texts `writer` have different drafts. Without `replace`, an existing target stays.
+    For `writer`, see `draft_path`. Without `replace`, an existing target stays.
     """
     target = resolve_link(target)
     draft = draft_path(target, writer)
@@ -176,7 +185,10 @@ def draft_of(target: Path, writer: str = "", replace: bool = True) -> Iterator[P
 
 
 def write_atomically(path: Path, content: bytes | memoryview, writer: str = "", replace: bool = True) -> None:
-    """Write a file atomically, see `draft_of`. An existing file stays until the new file is on the disk."""
+    """Write `content` to a file atomically; for `writer` and `replace`, see `draft_of`.
+
+    An existing file stays until the new file is on the disk.
+    """
     with draft_of(path, writer, replace) as draft:
         draft.write_bytes(content)
 
@@ -201,7 +213,10 @@ def read_table(path: Path) -> list[Row]:
 
 
 def read_columns(path: Path, wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
-    """Read some columns of a CSV file, see `columns_of`. Raises InputError if the file is no table."""
+    """Return the columns of a CSV file that `wanted` selects, by name, see `columns_of`.
+
+    Raises InputError if the file is no table.
+    """
     with _opened(path) as lines:
         return columns_of(lines, wanted)
 
@@ -209,7 +224,8 @@ def read_columns(path: Path, wanted: Callable[[list[str]], Iterable[str]]) -> di
 def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
     """Return the columns that `wanted` selects, by name, from lines of CSV.
 
-    `wanted` receives the names of all columns. csv.Error if the lines are no table.
+    `wanted` receives the names of all columns and returns those to keep. Raises csv.Error if the lines are no
+    table.
     """
     rows = csv.reader(lines, strict=True)
     head = next(rows, [])

@@ -69,10 +69,10 @@ class FrameLog:
             )
 
     def reopen(self, frames: int, identity: Callable[[str], str]) -> None:
-        """Continue a log after its first `frames` frames; drop the others.
+        """Continue a log after its first `frames` frames; drop all later ones.
 
-        InputError if it has fewer frames, or if `identity` returns different texts for the constants of the
-        log and for those of this recording.
+        `identity` returns the part of a log's constants that must not change. Raises InputError if that of
+        the log differs from that of this recording, or if the log has fewer frames.
         """
         reader = LogReader(self.path)
         if identity(reader.constants) != identity(self._constants):

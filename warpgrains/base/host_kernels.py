@@ -18,7 +18,10 @@ def shared(array: Array, dtype: Any = None) -> Any:
 
 
 def share(record: Any, arrays: dict[str, Array]) -> None:
-    """Set fields of a Warp struct to Warp arrays on the memory of NumPy arrays, which are given by field."""
+    """Set fields of the Warp struct `record` to Warp arrays on the memory of NumPy arrays.
+
+    `arrays` holds the NumPy arrays by name of field.
+    """
     for name, array in arrays.items():
         setattr(record, name, shared(array))
 

@@ -122,7 +122,10 @@ os.register_at_fork(after_in_child=_forget_all)
 
 
 def _acquire(file: Path, path: Path) -> int:
-    """Return a locked descriptor of `file`. Try again if another process has deleted the file meanwhile."""
+    """Return a descriptor of the lock file `file`, locked; LockedError if another process writes `path`.
+
+    If another process deletes the lock file before it is locked, try again.
+    """
     while True:
         descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
         with ExitStack() as closing:
@@ -138,7 +141,10 @@ def _acquire(file: Path, path: Path) -> int:
 
 
 def _is_locked(lock: Callable[[], None], path: Path) -> bool:
-    """Call `lock`; return True if this process holds the lock, or if the file system has no locks."""
+    """Acquire a lock by calling `lock`; return False if another process holds it, else True.
+
+    If the file system has no locks, return True with a warning that names `path`.
+    """
     try:
         lock()
     except (BlockingIOError, PermissionError):

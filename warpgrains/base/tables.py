@@ -16,17 +16,23 @@ if TYPE_CHECKING:
     import xarray
 
 COMPONENTS = {"pair": ("i", "j"), "wall": ("grain", "wall")}
-"""Columns of fields with two numbers per row; those of other vector fields end in _x and _y."""
+"""Names of the two columns of a field, by its name; those of other vector fields end in _x and _y."""
 
 
 def library(name: str, what: str) -> Any:
-    """Import a library of the extra ``[data]``. Raises InputError if it is not installed."""
+    """Import and return the library `name` of the extra ``[data]``.
+
+    If it is not installed, raises MissingExtraError, which says that `what` needs it.
+    """
     with requiring(what, "data"):
         return import_module(name)
 
 
 def dataset(frame: pandas.DataFrame, units: Mapping[str, str]) -> xarray.Dataset:
-    """Return a DataFrame as a dataset over its index, with units of columns. InputError without xarray."""
+    """Return a DataFrame as a dataset over its index. InputError without xarray.
+
+    `units` holds the units of columns by name; columns without one have no attribute "units".
+    """
     library("xarray", "to_xarray")
     found = frame.to_xarray()
     for name in units.keys() & found.variables.keys():

@@ -32,8 +32,8 @@ class ExclusiveUse:
     def held(self, use: int = CHANGE, allowed: int = CHANGE) -> Iterator[None]:
         """Exclude other threads while this thread uses the object: `use` is `READ` or `CHANGE`.
 
-        Callbacks of this use may use the object themselves, for `allowed` at most. SimulationError instead of
-        waiting.
+        Callbacks within the block may use the object for `allowed` at most. If another thread uses the
+        object, or a callback needs more, raise SimulationError at once rather than wait.
         """
         if not self._lock.acquire(blocking=False):
             raise self._refusal()

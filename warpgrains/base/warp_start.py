@@ -43,7 +43,10 @@ def _start_warp() -> None:
 
 
 def unwritable_cache(error: OSError, folder: str = "") -> OSError:
-    """Return an error for users: the cache of compiled kernels, in `folder` if given, cannot be written."""
+    """Return an error for users, which says that the cache of compiled kernels cannot be written.
+
+    Its message quotes the reason, `error`, and the folder of the cache, if given.
+    """
     return OSError(
         f"the cache of compiled kernels{folder and f' in {folder!r}'} cannot be written ({error}):"
         " set WARP_CACHE_PATH to a writable folder"
