@@ -29,7 +29,10 @@ _BAR = "{percentage:3.0f}%|{bar}| {n:.1f}/{total} runs [{elapsed}, {remaining} l
 
 
 def run(arguments: Namespace) -> bool:
-    """Execute the unfinished runs of a sweep; return whether some run has failed or is unfinished."""
+    """Execute the unfinished runs of a sweep; return whether some run has failed or is unfinished.
+
+    Without a sweep, draw existing results with `--plot`.
+    """
     path, plot = Path(arguments.output), _plot(arguments)
     results = path / RESULTS
     if arguments.sweep is None:
@@ -157,9 +160,10 @@ def _finish(
     on_progress: OnFraction,
     arguments: Namespace,
 ) -> dict[int, str]:
-    """Finish the runs `left`, in this process or on a cluster; return why runs remain unfinished, by number.
+    """Finish the runs `left`, in this process or on a cluster.
 
-    Common files are written only after the device or the cluster has been found.
+    Returns the reasons why runs remain unfinished, by the number of the run. Common files are written only
+    after the device or the cluster has been found.
     """
     if not left:
         folder.write_common_files(sweep)

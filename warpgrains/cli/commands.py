@@ -73,7 +73,10 @@ def _outputs(names: Collection[str], shown: str | None = None) -> Iterator[Optio
 
 
 def _parser_of(convert: Callable[[str], Any], told: str) -> Callable[[str], Any]:
-    """Return a `type` of argparse that calls `convert`; messages say what the value must be, `told`."""
+    """Return a `type` of argparse: a function that calls `convert` for the text of an option.
+
+    If that raises ValueError, the error says that the text is not `told`, such as "a number".
+    """
 
     def converted(text: str) -> Any:
         try:

@@ -35,7 +35,7 @@ from warpgrains.reference.reference import SOURCE
 
 RESULTS = {"right": 0, "wrong": 1}
 NOT_GRADED = 2
-"""Exit codes, by the status of a homework. Of several homeworks, the largest code is returned."""
+"""Exit code for any status of a homework that `RESULTS` lacks; the largest code of all is returned."""
 INDEX = "index.html"
 
 _BAR = "{percentage:3.0f}%|{bar}| {n}/{total} homeworks [{elapsed}, {remaining} left]"

@@ -202,7 +202,10 @@ def summary_lines(results: dict[str, Any]) -> str:
 
 
 def _of_sources(sources: list[dict[str, int]], sinks: list[dict[str, float]]) -> dict[str, str]:
-    """Return lines of the summary, by name, about sources and sinks. Without these there are none."""
+    """Return the lines "sources" and "sinks" of the summary, by name; none without these.
+
+    `sources` and `sinks` hold the counts of each source and of each sink.
+    """
     rows = {}
     if sources:
         entered, missed, waiting = (

@@ -65,9 +65,9 @@ def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[s
 
 
 def _pressed(steps: int, spacing: float) -> Iterator[None]:
-    """Yield once for every step that is due, at most `steps` times.
+    """Yield once for every step that is due, at most `steps` times; Q ends this.
 
-    A step is due when N is pressed and, after R, every `spacing` seconds.
+    A step is due when N is pressed. After R, until S or N, one is also due every `spacing` seconds.
     """
     running, taken, due = False, 0, 0.0
     while taken < steps:
@@ -89,7 +89,8 @@ def _pressed(steps: int, spacing: float) -> Iterator[None]:
 def _key(patience: float | None) -> str | None:
     """Return the key pressed within `patience` [s], in lower case; None if none is pressed.
 
-    The result is '' at the end of input. Without `patience`, wait for a key.
+    The result is "" at the end of input, and "other" for a key without an ASCII character. If `patience` is
+    None, wait for a key.
     """
     while True:
         if patience is not None and not select.select([STDIN], [], [], patience)[0]:

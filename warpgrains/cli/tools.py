@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _PACKED = {name: f"--{name}" for name in ("pressure", "duration", "steps", "threads")} | {
     "gravity": KEY_OF["gravity"]
 }
-"""Options of `compress` and `pack`, and a key of scenes, by name of the parameter of the function."""
+"""Names of parameters of `compress` and `pack` as users write them: options, and a key of scene files."""
 
 
 def recover(arguments: Namespace) -> bool:
@@ -102,9 +102,10 @@ def pack(arguments: Namespace) -> bool:
 
 
 def _scene_to_pack(arguments: Namespace, kind: str, *suffixes: str) -> Scene:
-    """Return the scene, after checking that its packing can be saved; that is done before hours of work.
+    """Return the scene that the arguments name, after checking that its packing can be saved.
 
-    `kind` names the packing in messages, and `suffixes` are those of its files.
+    The check comes before hours of work. `kind` names the packing in messages, and its file must have one of
+    `suffixes`.
     """
     scene = Scene.load(arguments.scene, arguments.overrides or [])
     if arguments.output is not None:

@@ -61,7 +61,11 @@ def _homework(arguments: Namespace, held: ExitStack) -> Homework:
 
 
 def _require_the_texts(scene: Scene) -> None:
-    """Raise InputError unless the scene is one of the course, which the reference can compute."""
+    """Raise InputError unless the program of the course text can compute the scene.
+
+    It needs an annulus with an inner wall and no other walls, Euler's scheme, at most `MOST_GRAINS` grains,
+    and neither friction nor restitution.
+    """
     wanted: dict[str, Any] = {"scheme": "euler", "wall": "tangent", "gravity_rate": 0.0, "pressure": None}
     wanted |= dict.fromkeys(
         ("friction", "wall_friction", "restitution", "wall_restitution", "spin_drag"), 0.0
