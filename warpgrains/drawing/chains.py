@@ -110,10 +110,11 @@ def cut(cell: Period, start: FloatArray, end: FloatArray) -> tuple[FloatArray, F
 def _turned(
     radius: FloatArray, normal: FloatArray, ends: tuple[FloatArray, ...], force: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """Turn segments of contacts about the contact points, so that they point along the total force.
+    """Turn segments along contacts about the contact points, so that they point along the total force.
 
-    `radius`, shape (m, 1), and `normal` are those of the grain at which a segment starts. `ends` holds starts
-    and ends of the segments [m], `force` normal and tangential forces [N]. Returns the new starts and ends.
+    `ends` holds their starts and ends [m], shape (m, 2) each, and `force` the normal and the tangential
+    forces [N]. `radius` [m], shape (m, 1), and `normal` are those of the grain at which a segment starts.
+    Returns the new starts and ends.
     """
     size = np.maximum(np.hypot(*force), np.finfo(np.float64).tiny)[:, np.newaxis]
     along, across = (part[:, np.newaxis] / size for part in force)

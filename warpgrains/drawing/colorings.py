@@ -57,8 +57,8 @@ def colorings_of(scene: Scene, has_contacts: bool = True) -> dict[str, Coloring]
 def speed_scale(scene: Scene) -> float:
     """Return an estimate of the largest speed in a scene [m/s], for the ends of color scales.
 
-    It is the largest of these: the speed of the fastest grain at the start, that after a fall across the
-    domain, and those of moving walls.
+    It is the largest of these speeds: that of the fastest grain at the start, that of a grain after a fall
+    across the domain, and those of moving walls.
     """
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
@@ -212,4 +212,4 @@ COLORINGS = {
         "", "Purples", lambda _: (0.0, 1.0), mobilized, needs_friction=True, needs_contacts=True
     ),
 }
-"""The colorings by name, except for "palette" and "bands"."""
+"""The colorings by the value of `color_by`; for "palette" and "bands" see `colors.CATEGORIES`."""

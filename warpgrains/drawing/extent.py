@@ -39,7 +39,10 @@ def extent_of(scene: Scene) -> Bounds:
 
 
 def _extent_of_box(scene: Scene) -> Bounds:
-    """Return the box that contains the space at the start, and the lines wherever they move in the scene."""
+    """Return the smallest box about the space at the start and the lines, wherever these move in the run.
+
+    In periodic directions, it is the extent of the space.
+    """
     sides = [wall for wall in scene.walls if isinstance(wall, Line)]
     corners = scene.space_at(scene.time).outer_box
     reached = np.concatenate([corners, *(_reached(scene, wall) for wall in sides)])

@@ -96,7 +96,8 @@ class Kind(NamedTuple):
     ) -> Output:
         """Create the output of a run, which no other process can write meanwhile, and return it.
 
-        If `resume_at` is not None, continue the output of an earlier run at this frame.
+        `times` is None for an output without frames. If `resume_at` is not None, continue the output of an
+        earlier run at this frame.
         """
         with requiring(f"'{options.record}'", self.extra) if self.extra else nullcontext():
             factory = resolve_name(f"warpgrains.{self.factory}")

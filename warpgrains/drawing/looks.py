@@ -133,7 +133,10 @@ LOOKS = described_fields(Look)
 
 
 def with_style(given: Mapping[str, Any], style: str | Path | None) -> dict[str, Any]:
-    """Return the options `given`, by name, completed by those in the TOML file `style`."""
+    """Return the options `given`, by name, completed by those in the TOML file `style`, if not None.
+
+    Raises InputError if the file cannot be read, or holds an option that `LOOKS` lacks or an invalid value.
+    """
     if style is None:
         return dict(given)
     from warpgrains.scene.toml import parse_toml  # imports NumPy, which --help does not need

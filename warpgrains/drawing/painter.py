@@ -80,7 +80,10 @@ class Painter:
         return self.heated(self.colors.of(now), np.hypot(*now.velocity.T))
 
     def heated(self, color: FloatArray, speed: FloatArray) -> FloatArray:
-        """Return colors (sRGB), shape (n, 3), of grains at speeds [m/s]; those of the palette turn orange."""
+        """Return the colors of grains at speeds [m/s] (sRGB), shape (n, 3), from their colors at rest.
+
+        With the default palette, colors turn orange with speed. With other colors, the result is `color`.
+        """
         if self.top_speed == 0.0:
             return color
         share = np.clip(speed / self.top_speed, 0.0, 1.0)[:, np.newaxis] ** _HEAT

@@ -174,7 +174,7 @@ def _drawn(scene: Scene, wall: Wall, thickness: float) -> Band:
 
 
 def _by_name(scene: Scene, drawn: dict[int, Band]) -> dict[str, Band]:
-    """Replace the keys of `drawn`, numbers of walls, by names such as "Outer" or "Segment0".
+    """Replace the numbers of walls, the keys of `drawn`, by names such as "Outer" or "Segment0".
 
     If the scene gives a wall its name, its number is added, because several walls may share a given name.
     """
