@@ -42,7 +42,7 @@ class Difference(NamedTuple):
     iteration: int | None = None
     """Iteration in which zeta differs, from 0; None for other quantities."""
     contact: Words | None = None
-    """Contact that changes the quantity, such as "pair (0, 1)"."""
+    """Contact that changes the quantity, such as "pair (0, 1)"; None if unknown."""
 
     def words(self) -> Words:
         """Return a sentence with the place, the quantity, and its expected and actual value."""
@@ -146,7 +146,8 @@ class _Comparison:
         """Return the contact that explains a difference in entry `index` of the array `name`.
 
         An entry of a correction belongs to one contact. An entry of a grain is changed by all of its
-        contacts; the first active one is returned.
+        contacts: after femGrainsContactIterate, return the first active one, or the grain if there is none.
+        After femGrainsUpdate, return None for an entry of a grain.
         """
         n, state = self._probe.call.n, self._expected.state
         i, j = np.triu_indices(n, 1)

@@ -152,9 +152,9 @@ class Compiler:
 
 
 def _options(folder: Path, defines: Sequence[str]) -> list[str]:
-    """Return compiler options for a library of which only the two functions can be replaced by others.
+    """Return compiler options for a library in which only calls of the two functions can be redirected.
 
-    All other calls within the library stay in it. `defines` are further options.
+    The program then takes each function from another library. `defines` are further options.
     """
     own = folder / "own.list"
     own.write_text(f"{{ {UPDATE}; {CONTACT}; }};\n")

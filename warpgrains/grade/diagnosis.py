@@ -61,7 +61,7 @@ class Explanation(NamedTuple):
 
 
 def read_mistakes() -> list[Mistake]:
-    """Return all mistakes of mistakes.toml, one for each slot and each way in which it can occur."""
+    """Return the mistakes of mistakes.toml: each once for every slot and every way in which it can occur."""
     mistakes = []
     for group in _table()["group"]:
         for english, french, slots, *ways in group["mistakes"]:
@@ -103,7 +103,7 @@ def hint_of(first: Difference | None) -> Hint:
 
 
 def _entry(first: Difference) -> str:
-    """Return the name by which the lists `shows` of mistakes.toml refer to a difference, such as "wall"."""
+    """Return the kind of a difference, such as "wall", by which `shows` in mistakes.toml selects hints."""
     entry, iteration = first.quantity.partition("[")[0], first.probe.call.iteration
     if iteration < 0:
         return "free" if "before" in first.quantity else "position" if entry in ("x", "y") else "loop"
@@ -242,9 +242,9 @@ class Model:
     def _named(self, chosen: Sequence[int], row: np.ndarray, when: tuple[int, int]) -> list[Mistake]:
         """Return the one or two mistakes that model.c found, with iterations in their names if needed.
 
-        `row` holds two indices into `chosen`, whose entries are indices into `self.mistakes`. For both,
-        `when` says in which iterations the mistake occurs: the first (1), all later (2), all (3); 0 for no
-        mistake.
+        `row` holds two indices into `chosen`, and `chosen` indices into `self.mistakes`. `when` says for each
+        of both in which iterations the mistake occurs: 1 for the first, 2 for all later, 3 for all, and 0 if
+        there is no such mistake.
         """
         pairs = zip(row, when, strict=True)
         return [
@@ -254,9 +254,10 @@ class Model:
 
 
 def _most_telling(wrong: Sequence[int], probes: Sequence[Probe]) -> list[int]:
-    """Return the indices `wrong` of wrong answers, with the most different ones first.
+    """Return the indices `wrong` of wrong answers, sorted so that the first answers differ most.
 
-    One answer of each pair of scene and iteration comes first, then all others; each by number of grains.
+    For each pair of scene and iteration, the answer with the fewest grains comes first. All other answers
+    follow. Both groups are sorted by the number of grains.
     """
     order = sorted(wrong, key=lambda k: probes[k].call.n)
     firsts = {(probes[k].scene, probes[k].call.iteration): k for k in reversed(order)}

@@ -180,7 +180,7 @@ class Grader:
         """Grade the function `name`, or for `BOTH` both together.
 
         `libraries` holds the compiled homework by part, without the parts that do not compile. `until` is the
-        end of the time [s]. If not `may_run`, the result is "not run".
+        time of `time.monotonic` at which calls end [s]. If not `may_run`, the result is "not run".
         """
         function = CONTACT if name == CONTACT else UPDATE
         if name not in libraries:
@@ -228,7 +228,7 @@ class Grader:
     def _repeats(self, own: dict[str, Path], call: Call, until: float) -> bool:
         """Return whether a homework gives bit-identical answers if a call is repeated; True if it fails.
 
-        The two calls find different values in memory that the homework does not set.
+        The two calls find different values in memory that the homework does not set. For `own`, see `_child`.
         """
         try:
             with self._child(own, self._limits, until) as child:
@@ -244,10 +244,11 @@ class Grader:
         answered: Mapping[int, Answer],
         ends: Mapping[str, tuple[int, EndedError]],
     ) -> Part:
-        """Add the verdict on the fixed or the random calls to `part`; only for fixed ones, name mistakes.
+        """Return `part` with the verdict on the calls of a round, `asked`.
 
         `answered` holds the answers by index of the probe in `asked`. `ends` holds, by scene, the index of
         the probe that the homework did not answer, and its failure. `counts_0` is that of `_counts_0`.
+        Mistakes are named for the fixed calls only, not for random ones.
         """
         function = CONTACT if part.name == CONTACT else UPDATE
         modeled, right = (
@@ -339,7 +340,7 @@ def _source(path: Path) -> bytes:
 
 
 def _named(lines: str, source: Path) -> str:
-    """Return messages of the compiler with the name of the student's file, of which it gets a copy."""
+    """Replace the name of the compiled copy in the compiler's messages by that of the student's file."""
     return lines.replace(f"{HOMEWORK}:", f"{printable(source.name)}:")
 
 
@@ -350,9 +351,10 @@ def _warnings(child: Child) -> tuple[Words, ...]:
 
 
 def _common(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence[int]) -> Words | None:
-    """Return a remark if all wrong answers, and no others, are of many grains, or of steps that iterMax ends.
+    """Return a remark if iterMax ends the steps of all wrong answers, or if only large scenes have some.
 
-    `wrong` holds the indices of the wrong answers. None if neither is the case.
+    `wrong` holds the indices of the wrong answers. Large scenes have more grains than any scene without wrong
+    answers. None if neither is the case.
     """
     if all(expected[k].calls >= probes[k].call.max_iterations for k in wrong):
         return Words("no known mistake explains it; only steps that iterMax ends are wrong")
@@ -365,7 +367,8 @@ def _common(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence
 def _extreme(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequence[int]) -> Words | None:
     """Return a remark on a parameter that is large, or small, in all wrong calls.
 
-    It is the parameter for which chance explains this least. None if chance may explain it for all.
+    For each parameter of `_NUMBERS`, the probability is computed that calls chosen by chance are as extreme.
+    The remark is on the one with the smallest probability. None if no probability is below `_CHANCE`.
     """
     chance, remark = _CHANCE, None
     for name, number in _NUMBERS.items():
@@ -380,7 +383,7 @@ def _extreme(probes: Sequence[Probe], expected: Sequence[Answer], wrong: Sequenc
 
 
 def _overlap(probe: Probe, _: Answer) -> float:
-    """Return the deepest overlap of two grains before a call [m]."""
+    """Return the deepest overlap of two grains before a call [m]; 0 if none overlap."""
     n, state = probe.call.n, probe.call.state
     (x, y), r, (i, j) = state[: 2 * n].reshape(2, n), state[4 * n : 5 * n], np.triu_indices(n, 1)
     return float((r[i] + r[j] - np.hypot(x[j] - x[i], y[j] - y[i])).max(initial=0.0))

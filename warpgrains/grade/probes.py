@@ -213,10 +213,11 @@ def _iterations(reference: Child, step: Call) -> tuple[list[Call], FloatArray]:
 
 
 def _updates(step: Probe, zeta: FloatArray, limit: int, most: int, noise: float) -> list[Probe]:
-    """Return a call of femGrainsUpdate with two values of tolerance and iterMax.
+    """Return two calls of femGrainsUpdate: `step` with two pairs of tolerance [m/s] and iterMax.
 
-    In the first, a tolerance that rounding cannot decide ends the iterations (iterMax is `most`). In the
-    other, iterMax is `limit` and ends them. Calls with tolerances below `noise` [m/s] are left out.
+    In the first call, a tolerance that rounding cannot decide ends the iterations (iterMax is `most`). In the
+    second, iterMax is `limit` and ends them. Calls with tolerances below `noise` [m/s] are left out. `zeta`
+    is that of `_iterations`.
     """
     ends = [(_clearest_drop(zeta, noise), most), (0.5 * zeta[1 : limit + 3].min(), limit)]
     return [
@@ -229,8 +230,9 @@ def _updates(step: Probe, zeta: FloatArray, limit: int, most: int, noise: float)
 def _clearest_drop(zeta: FloatArray, noise: float) -> float:
     """Return a tolerance [m/s] at which rounding cannot change the number of iterations.
 
-    `zeta` holds the zeta of iterations 0, 1, ... [m/s], with rounding errors of `noise`. The tolerance lies
-    where zeta drops by the largest factor, between a new minimum of zeta and the last one.
+    `zeta` holds the zeta of iterations 0, 1, ... [m/s], with rounding errors of `noise`. The tolerance is the
+    geometric mean of two successive minima of zeta, those with the largest ratio. It is `noise` if zeta has
+    no second minimum.
     """
     drops = {
         k: max(zeta[k], noise) / zeta[1:k].min()

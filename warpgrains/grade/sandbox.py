@@ -174,7 +174,7 @@ class Answer:
     before: FloatArray
     """Arrays x, y, vx, vy when femGrainsUpdate first calls femGrainsContactIterate, shape (4 n,)."""
     record: FloatArray
-    """iter, dt and zeta of the first 1024 of its calls of femGrainsContactIterate, shape (k, 3)."""
+    """iter, dt and zeta of the first 1024 calls that `calls` counts, shape (k, 3)."""
 
     def __eq__(self, other: object) -> bool:
         """Return whether all bits are equal."""
@@ -249,7 +249,7 @@ class Child:
 
     @property
     def printed(self) -> str:
-        """The first 2000 bytes of its output, as text."""
+        """The first 2000 bytes that the process has printed, as text."""
         self._printed.seek(0)
         return self._printed.read(2000).decode(errors="replace")
 

@@ -59,19 +59,22 @@ class Part:
     ended: Words | None = None
     """What the homework did instead of answering, with the call; None if it answered."""
     mistakes: tuple[Mistake, ...] = ()
-    """Mistakes that together explain all wrong values."""
+    """Mistakes that the homework has. If they do not explain all of its answers, `remark` says so."""
     hint: Hint | None = None
     """Hint for the first wrong value, if no known mistakes explain the answers."""
     remark: Words = NOTHING
     """A further remark for the student; empty if there is none."""
     shown: Shown | None = None
-    """The smallest call with a wrong answer; None without one."""
+    """The wrong answer to the call with the fewest grains; None if no answer is wrong."""
     printed: str = ""
     """The beginning of what the homework printed."""
     warnings: tuple[Words, ...] = ()
     """Forbidden features that do not change the grade."""
     values: bytes = b""
-    """All answers of the function as bytes, if one is wrong; empty for both together."""
+    """Answers to the fixed calls or, if no fixed one is wrong, to the random calls, as bytes.
+
+    Empty if `shown` is None, and for both functions together.
+    """
 
     @property
     def first(self) -> Words | None:
@@ -85,7 +88,7 @@ class Part:
 
     @property
     def words(self) -> list[Words]:
-        """Right, wrong or not run, for each scene."""
+        """For each scene, in the order of `scenes`: right, wrong or not run."""
         return [
             wrong if wrong == "not run" else Words("wrong" if wrong else "right")
             for wrong in self.scenes.values()
@@ -153,7 +156,7 @@ class Verdict:
         return {name: most * shares.get(name, 0.0) for name, most in (self.points or {}).items()}
 
     def reported_parts(self) -> list[Part]:
-        """Return the parts that have an error. Both functions together count only if each alone is right."""
+        """Return the parts that have an error; the part `BOTH` only if each function alone is right."""
         alone = [part for part in self.parts if part.name != BOTH]
         told = alone if any(part.status != "right" for part in alone) else self.parts
         return [part for part in told if part.first]
@@ -173,7 +176,10 @@ class Verdict:
         return joined([told(Words("points"), sum(earned.values()), sum(points.values())), *parts])
 
     def text(self, color: bool, language: str = "en") -> str:
-        """Return the verdict as text for people."""
+        """Return the verdict as text for people, in a language of `LANGUAGES`.
+
+        If `color`, the text is colored for a terminal.
+        """
 
         def say(text: object) -> str:
             return printable(in_language(text, language))
@@ -251,7 +257,10 @@ class Verdict:
         return {in_language(Words(name), language): printable(cell) for name, cell in row.items()}
 
     def first_line(self, language: str) -> str:
-        """Return the first error, of reading, compiling or running, as one line; empty without an error."""
+        """Return the first error, of reading, compiling or running, as one line; empty without an error.
+
+        An error of running is in a language of `LANGUAGES`.
+        """
         if self.problem or self.status == "right":
             return self.problem
         errors = [line for line in self.compiler.splitlines() if "error" in line.lower()]
