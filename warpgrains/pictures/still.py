@@ -282,6 +282,6 @@ class Still(DrawnOutput):
     """Output of a run as a picture of its end, see `DrawnOutput`."""
 
     def record(self, now: Snapshot) -> None:
-        """Write the picture of the end."""
+        """Write the picture of `now`, the end of the run."""
         figure = Picture(self._painter, now).figure
         save_figure(figure, self._path, dpi=figure.dpi)
