@@ -18,7 +18,7 @@ from warpgrains.walls.motion import MOTION_NUMBERS
 
 SOURCE = Path(__file__).parent / "grains.c"
 DEFINES = [f"-D{name.upper()}={k}" for k, name in enumerate((*MOTION_NUMBERS, "motion_numbers"))]
-"""Compiler options that define macros for the C code: the index of each number of `Motion.motion_numbers`."""
+"""Compiler options: macros for the C code with the index of each of `MOTION_NUMBERS`, and their count."""
 FAST = ("-O3", "-march=native")
 MOST_GRAINS = 3000  # of scenes that are timed; the program stores and visits all pairs
 
@@ -27,7 +27,7 @@ _ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtWalls")
 _ROLLING = ("rollingWalls", "spinWalls", "drContacts", "drBoundary", "drWalls")
 _DRIVEN = ("drives", "places", "speeds")
 _BEFORE = {"vxBefore": "vx", "vyBefore": "vy", "speedsBefore": "speeds"}
-"""Arrays of the struct that hold the values before a step, with the arrays that they are copied from."""
+"""Arrays that a step copies at its beginning: the name of each, by the name of the copy in the struct."""
 _PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
@@ -197,7 +197,10 @@ class Reference:
         self._grains.restitutionSpeed = scene.restitution_speed
 
     def begin(self, order: IntArray | None = None) -> None:
-        """Set the velocities without contacts, and apply the corrections of the last step (iteration 0)."""
+        """Set the velocities without contacts, and apply the corrections of the last step (iteration 0).
+
+        `order` is that of `step`.
+        """
         scene, arrays = self._scene, self._arrays
         time = scene.time_after(self._grains.steps)
         for name, own in _BEFORE.items():
