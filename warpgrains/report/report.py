@@ -144,7 +144,10 @@ def markdown(found: Findings, budget: Budget) -> str:
 
 
 def _step_table(rows: Sequence[StepRow]) -> str:
-    """Return a table of iterations and wall times, a row for each configuration, columns for each step."""
+    """Return a table of iterations and wall times, a row for each configuration.
+
+    It has a column for each step and each error of `RELATIVE`.
+    """
     moments = list(dict.fromkeys(row.moment for row in rows))
     columns = [f"{moment}, to {name}" for moment in moments for name in RELATIVE]
     lines = [["code", "method", "order", "threads", *columns]]
@@ -158,10 +161,10 @@ def _step_table(rows: Sequence[StepRow]) -> str:
 
 
 def _first_below(measured: Sequence[StepRow], relative: float) -> str:
-    """Return the cell of the table for solutions of a step with more and more iterations.
+    """Return the cell of the table for solutions of a step, in the order of their iterations.
 
-    It gives iterations and time of the first solution whose error, by that of the free velocities, is at most
-    `relative`. If there is none, it gives the error of the last one.
+    It gives iterations and time of the first solution whose error is at most `relative` times that of the
+    free velocities. If there is none, it gives the ratio of these errors for the last solution.
     """
     for row in measured:
         if row.error <= relative * row.error_of_nothing:

@@ -42,7 +42,7 @@ class Budget:
 
 
 class Configuration(NamedTuple):
-    """Code, method, order and number of threads that solve a step."""
+    """Code, method, order of contacts and number of threads that solve a step."""
 
     code: str
     """"warpgrains" or "C reference"."""
@@ -155,7 +155,7 @@ class Findings:
 def fitted_order(rows: list[PathRow]) -> float | None:
     """Return the order p of error = c dt^p, fitted by least squares of logarithms.
 
-    None if fewer than two rows have an error that can be fitted.
+    Rows without a positive error are left out. None if fewer than two remain.
     """
     rows = [row for row in rows if row.error > 0.0]
     if len(rows) < 2:

@@ -40,8 +40,9 @@ class Path(NamedTuple):
 def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]:
     """Simulate a scene from a state in all time steps of `FRACTIONS`, by both schemes; yield a row for each.
 
-    The corrections of the state are not used. The simulations last four to `longest` time steps of the scene.
-    They end before the two with the finest time steps differ by 1 % of the smallest radius.
+    The corrections of the state are not used. All simulations have the same duration, four to `longest` time
+    steps of the scene. They end before those with the two finest time steps differ by 1 % of the smallest
+    radius.
     """
     solved = begin_solved(scene, start)
     finest = follow(solved, FINEST, longest, SCHEMES[SECOND_ORDER]).position
@@ -68,10 +69,10 @@ def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]
 
 
 def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[FrontierRow]:
-    """Run a scene with every number of iterations of `COSTS`, time step and method; yield a row for each run.
+    """Run a scene at each of `COSTS`, with every time step and method; yield a row for each run.
 
-    Runs start from the positions and velocities of a state, and last `horizon` time steps of the scene. The
-    order of contacts is "color".
+    A cost is a number of iterations per time step of the scene. Runs start from the positions and velocities
+    of a state, and last `horizon` time steps of the scene. The order of contacts is "color".
     """
     fastest = follow(begin_solved(scene, start), 1.0, horizon).fastest
     for cost in COSTS:
@@ -110,9 +111,9 @@ def begin_solved(scene: Scene, state: State) -> Scene:
 
 
 def possible_fractions(scene: Scene, scheme: str) -> list[float]:
-    """Return the time steps of `FRACTIONS` with which drag does not reverse velocities in `scheme`.
+    """Return those `FRACTIONS` of the scene's time step with which drag does not reverse velocities.
 
-    In the leapfrog scheme, drag never does.
+    `scheme` is that of `Scene`. In the leapfrog scheme, drag never reverses velocities.
     """
     longest = np.inf if scheme == "leapfrog" else scene.mass.min()
     return [fraction for fraction in FRACTIONS if scene.drag * scene.dt * fraction < longest]
