@@ -49,9 +49,9 @@ class Row(NamedTuple):
 
     attribute: Usd.Attribute
     per: str | None = None
-    """Kind of things of which the array has one entry each, such as "grains"; None if it may have any length.
+    """Kind of objects of which the array has one entry each, such as "grains"; None for any length.
 
-    The number of things of each kind in a frame is known to `_frame_problems`.
+    `_frame_problems` counts the objects of each kind in a frame.
     """
     within: tuple[float, float, str] = _FINITE
     """Low and high: each value must satisfy low < value < high. The text names this condition in messages."""
@@ -206,7 +206,7 @@ def _table(stage: Usd.Stage) -> list[Row]:
 
 
 def _frame_problems(stage: Usd.Stage, rows: list[Row], code: float) -> Iterator[str]:
-    """Yield the problems of the frame at time code `code`."""
+    """Yield the problems of the frame at time code `code`; `rows` are the rules of `_table`."""
     grains, forces = stage.GetPrimAtPath(GRAINS), stage.GetPrimAtPath(FORCES)
     position, size = _values(position_of(grains), code), _values(_size_of(grains), code)
     n = len(position)
@@ -248,9 +248,9 @@ def _frame_problems(stage: Usd.Stage, rows: list[Row], code: float) -> Iterator[
 
 
 def _extent_problems(extent: Values, places: Values, half_width: Values) -> Iterator[str]:
-    """Yield the problem of an extent, shape (2, 3), if it is not the box about some things [m].
+    """Yield the problem of an extent, unless it is the box [m], shape (2, 3), about some objects.
 
-    The things have centers `places`, shape (n, 3), and half widths, shape (n,).
+    The objects have centers `places`, shape (n, 3), and half widths, shape (n,).
     """
     if extent.shape != (2, 3):
         yield "extent is not two corners"

@@ -137,8 +137,8 @@ class Grains:
     def _still(self, scene: Scene, born: IndexArray, number: IndexArray) -> dict[str, NDArray[Any]]:
         """Return ids, masses, radii and sizes of all drawn grains, by attribute, shape (k,).
 
-        `number` is the index of the grain that each draws: the n grains, then those of images. `born` holds
-        the ids of the n grains, shape (n,). Images have larger ids.
+        First come the n grains of `scene`, then images of some of them; `number` holds the index of each in
+        `scene`, shape (k,). `born` holds the ids of the n grains, shape (n,). Images have larger ids.
         """
         images = born[-1] + 1 + np.arange(len(number) - len(born))
         ids = np.concatenate([born, images])

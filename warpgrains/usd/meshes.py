@@ -27,7 +27,7 @@ HEIGHT = "warpgrains:height"
 """Name of an attribute of `WALLS`: the height h of their meshes, which reach from z = -h to z = h [m]."""
 FORCES = Sdf.Path("/World/Forces")
 GRAINS_OF = ("grain", "neighbour")
-"""Names of the primvars that tell the contact (i, j) of each band of a force chain, see `all_contacts`."""
+"""Names of the primvars that hold i and j of the contact that a band shows, see `all_contacts`."""
 TANGENTIAL = "primvars:tangential_force"
 """Name of the attribute that holds the tangential forces of contacts [N], in recordings with friction."""
 
@@ -38,8 +38,8 @@ _HIGHEST = 0.1  # height of walls, in half of the longer side of the view, up to
 class Walls:
     """The walls as meshes with a thickness, outside the space of the grains.
 
-    They are as high as a grain of mean radius; `height` is the height of a grain by its radius. Frames hold
-    points, normals and extents of mobile walls.
+    They are as high as a grain of mean radius, but not higher than the view allows; `height` is the height of
+    a grain of radius 1 m. Frames hold points, normals and extents of mobile walls.
     """
 
     def __init__(self, painter: Painter, height: float) -> None:

@@ -193,7 +193,10 @@ class Recording(Shown):
         return self._of_all_frames("angle")
 
     def _of_all_frames(self, name: str) -> FloatArray:
-        """Return the quantity `name` of all grains in all frames, shape (f, n) or (f, n, 2)."""
+        """Return the quantity `name` of all grains in all frames, shape (f, n) or (f, n, 2), see `_of_frame`.
+
+        Raises InputError if the scene has sources or sinks, because frames have different grains.
+        """
         if self._is_open:
             raise InputError(
                 f"{name}: frames of '{self.path}' have different grains: use frame(k), or to_pandas"
@@ -201,7 +204,7 @@ class Recording(Shown):
         return np.array([self._of_frame(name, k) for k in range(len(self))])
 
     def _of_frame(self, name: str, k: int) -> FloatArray:
-        """Return the quantity `name` of all grains in frame k, shape (n,) or (n, 2).
+        """Return the quantity `name`, such as "velocity", of all grains in frame k, shape (n,) or (n, 2).
 
         It is 0 if the recording does not hold this quantity.
         """

@@ -39,7 +39,7 @@ _INFINITY = np.float32(np.inf)
 
 
 class Drawing(Protocol):
-    """Interface of the classes that author a prim, such as `Grains`, of which attributes change in time."""
+    """Interface of classes such as `Grains`, which author a prim with constant and changing attributes."""
 
     def define(self, stage: Usd.Stage) -> None:
         """Author the prim, and all attributes that are the same in all frames."""
