@@ -111,9 +111,9 @@ class Page:
         self._show(texts=True)
 
     def _scrub(self, event: viser.GuiEvent[Any]) -> None:
-        """Queue a jump to the frame that the frame slider shows.
+        """Queue a jump to the frame that the frame slider shows, if the browser has moved the slider.
 
-        Do nothing if not the browser, but this program has moved the slider.
+        Do nothing if this program has moved it.
         """
         if event.client is not None:
             frame = round(value_of(event.target))

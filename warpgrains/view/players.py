@@ -43,7 +43,7 @@ LEAST = 1e-16  # smallest zeta that is plotted [m/s]
 
 
 class Pace:
-    """Clock that shows frames at a constant rate, and converts their interval to steps of `dt` [s]."""
+    """Clock of frames at a constant rate, which converts the time between frames to steps of `dt` [s]."""
 
     def __init__(self, dt: float) -> None:
         self._dt = dt
@@ -54,9 +54,9 @@ class Pace:
         self._owed, self._next = 0.0, perf_counter()
 
     def due(self, speed: float) -> int:
-        """Return the number of steps until the next frame, which may be 0.
+        """Return the number of steps to do before the next frame, which may be 0.
 
-        `speed` is the simulated time per wall time. The rest of less than a step counts for the next frame.
+        `speed` is the simulated time per wall time. A remaining fraction of a step is kept for the next call.
         """
         self._owed += speed / FRAMES / self._dt
         steps = int(self._owed + _ROUNDING)

@@ -60,9 +60,10 @@ def is_own_origin(request: Request) -> bool:
 
 
 def _serve_guarded(serve: Any, handler: Any, *where: Any, process_request: Any, **options: Any) -> Any:
-    """Call `serve`, the function of websockets, with guarded versions of the handlers of viser.
+    """Call `serve`, the function of websockets, with guarded versions of viser's callbacks.
 
-    They refuse connections of other origins, and print no traceback for malformed messages.
+    The guarded `process_request` refuses connections of other origins. The guarded `handler` prints no
+    traceback for malformed messages.
     """
 
     def answer(connection: ServerConnection, request: Request) -> Response | None:

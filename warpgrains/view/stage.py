@@ -47,7 +47,10 @@ class Stage:
         self._marks = self._add_instances(_MARKS, mark())
 
     def _distance(self, height: float) -> float:
-        """Return the distance of the camera [m] at which the view fills the part `height` of the window."""
+        """Return the distance of the camera [m] at which the view fills a fraction `height` of the window.
+
+        This is the fraction of the window's height that the longer side of the view and a margin take.
+        """
         return 1.1 * self._view.half / height / float(np.tan(_FIELD_OF_VIEW / 2.0))
 
     def _follow(self, client: viser.ClientHandle) -> None:
@@ -101,7 +104,7 @@ class Stage:
         self._add_mesh(f"/walls/{name}", mesh.points, mesh.corners, WALL_COLOR)
 
     def _add_instances(self, name: str, outline: FloatArray) -> viser.BatchedMeshHandle:
-        """Add as many copies of a convex polygon as `_reserve` was asked for.
+        """Add copies of a convex polygon, as many as `_reserve` has set, of size 0; return their mesh.
 
         `outline` holds the corners of the polygon of a grain of radius 1, shape (k, 2).
         """
