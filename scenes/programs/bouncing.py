@@ -81,7 +81,7 @@ def henderson(fraction: float) -> float:
 
 
 def contact_value(fraction: float) -> float:
-    """Return the pair correlation g(r) at contact that follows from `henderson`."""
+    """Return the pair correlation g(r) of discs at contact, which follows from `henderson`."""
     return (henderson(fraction) - 1.0) / (2.0 * fraction)
 
 
@@ -130,7 +130,9 @@ def cooling(start: wg.Scene, e: float, step: float) -> tuple[FloatArray, FloatAr
     """Simulate a gas with restitution `e` that cools; return times and temperatures.
 
     Times are in units of Haff's tau, temperatures in units of the first one. For tau, a disc collides at the
-    rate 2 n d g sqrt(pi T / m), and a collision of two discs loses the energy (1 - e^2) m T on average.
+    rate 2 n d g sqrt(pi T), and a collision of two discs loses the energy (1 - e^2) m T on average. Here n is
+    the number density, d the diameter, m the mass, g `contact_value`, and T the variance of a velocity
+    component. `step` is that of `gas`.
     """
     fraction = start.n * pi * DIAMETER**2 / (4.0 * start.period.lengths.prod())
     rate = 8.0 * fraction * contact_value(fraction) / (sqrt(pi) * DIAMETER)

@@ -112,7 +112,7 @@ def acceleration_on_a_slope(tangent_of_slope: float, friction: float, rolling: f
 
 
 def measured_on_a_slope(tangent_of_slope: float, friction: float, rolling: float = 0.0) -> float:
-    """Return the acceleration of the disc of `on_a_slope` [m/s2], its final velocity by the time.
+    """Return the measured acceleration of the disc of `on_a_slope` [m/s2]: final velocity divided by time.
 
     In the leapfrog scheme, the velocity belongs to half a step before the end.
     """
@@ -123,7 +123,8 @@ def measured_on_a_slope(tangent_of_slope: float, friction: float, rolling: float
 def draw_accelerations(axes: Any, acceleration: Callable[[float, float], float]) -> float:
     """Draw accelerations of a disc over the slope for several coefficients of friction, and the closed form.
 
-    `acceleration` returns a measured one [m/s2] for tan(slope) and friction. The result is the worst error.
+    `acceleration` returns a measured acceleration [m/s2] for tan(slope) and friction. Returns the largest
+    difference of a measured acceleration from the closed form [m/s2].
     """
     tangents, worst = np.linspace(0.0, 2.0, 21), 0.0
     for friction in FRICTIONS:

@@ -30,7 +30,8 @@ class Collapse(NamedTuple):
 def column(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -> tuple[wg.Scene, float]:
     """Return the scene of a column of grains between a wall and a gate, and the width of the column [m].
 
-    `aspect` is its height over its width after settling, and `count` the number of grains.
+    `aspect` is its height over its width after settling, `count` the number of grains, and `fields` are
+    further fields of the scene.
     """
     width = float(np.sqrt(room(count) / aspect))
     height, reach = aspect * width, (1.6 + 4.0 * aspect) * width
@@ -68,7 +69,10 @@ def top(simulation: wg.Simulation) -> float:
 
 
 def collapsed(aspect: float, seed: int = 0, count: int = COUNT, **fields: Any) -> Collapse:
-    """Let a column settle for 0.8 s and then collapse; return its shape before and after."""
+    """Let a column settle for 0.8 s and then collapse; return its shape before and after.
+
+    The arguments are those of `column`.
+    """
     scene, width = column(aspect, seed, count, **fields)
     simulation = opened(scene, 0.8)
     tall = top(simulation)

@@ -47,8 +47,8 @@ def panels(rows: int = 1, columns: int = 1, height: float = 3.2, **options: Any)
 def draw_orders(axes: Any, dt: Any, errors: Any, **labels: Any) -> None:
     """Add the line of errors of second order in dt, through the first error, to logarithmic axes.
 
-    `dt` are the time steps [s], which become ticks, and `errors` the errors with each. `labels` are
-    properties of the axes, such as `ylabel`.
+    `dt` are the time steps [s], which become ticks, and `errors` the errors at these. `labels` are properties
+    of the axes, such as `ylabel`.
     """
     axes.loglog(dt, errors[0] * (dt / dt[0]) ** 2, "k:", label="second order")
     axes.set(xlabel="dt [s]", **labels)
@@ -106,7 +106,11 @@ def moments(
 def draw_sections(
     sections: Sections, description: str | None, folder: str, arguments: Sequence[str] | None = None
 ) -> dict[str, Numbers]:
-    """Draw the sections that command line arguments name, by default all; print and return their numbers."""
+    """Draw the sections that command line arguments name, by default all; print and return their numbers.
+
+    `sections` holds the functions by name, and `description` is the text of ``--help``. Pictures are written
+    to `folder`, unless ``-o`` names another one. Without `arguments`, those of the process are parsed.
+    """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("-o", "--output", metavar="DIR", type=Path, default=folder)
     parser.add_argument("names", metavar="NAME", nargs="*", help=f"of {', '.join(sections)}")

@@ -30,8 +30,8 @@ STEADY = (70.0, 130.0)  # s, between which its profiles are taken
 def box_of_discs(seed: int, rate: float = 0.0, **fields: Any) -> wg.Scene:
     """Return discs of random sizes on a lattice in a box that is periodic in x.
 
-    Their velocities are those of a shear at a rate [1/s]. `fields` are those of the scene and of the box's
-    sides.
+    Their velocities are those of a shear at a rate [1/s]. `fields` are further fields of the scene, and the
+    sides "bottom" and "top" of the box.
     """
     column, row = np.meshgrid(np.arange(COLUMNS), np.arange(1, ROWS + 1))
     position = STEP * np.stack([column + 0.5 * (row % 2), row], axis=-1).reshape(-1, 2)
@@ -63,7 +63,7 @@ def sheared(number: float, seed: int) -> wg.Scene:
 
 
 def stresses(now: Snapshot) -> tuple[float, float]:
-    """Return the shear stress and the pressure on the walls [N/m], means of the upper and the lower one."""
+    """Return the shear stress and the pressure on the walls [N/m], means over upper and lower wall."""
     normal = now.wall_normal
     tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     force = now.wall_force[:, np.newaxis] * normal + now.wall_tangential_force[:, np.newaxis] * tangent

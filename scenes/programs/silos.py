@@ -98,8 +98,8 @@ def hopper_silo(opening: float, count: int = COUNT) -> wg.Scene:
 def departures(scene: wg.Scene, end: float = END) -> tuple[FloatArray, FloatArray, int]:
     """Simulate a silo until the time `end` [s].
 
-    Returns times [s], the number of grains that have left by each, and the number of grains that exist in the
-    end.
+    Returns times [s], the number of grains that have left by each time, and the number of grains at the end,
+    including those that wait in the source.
     """
     simulation = wg.Simulation(scene, threads=1)
     rows = simulation.measure("outflow_count", every=scene.steps_in(EVERY), duration=end).rows

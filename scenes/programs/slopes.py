@@ -27,7 +27,10 @@ def way(start: FloatArray, wall: wg.Segment, duration: float, **fields: Any) -> 
 
 
 def way_on_a_slope(tangent: float, friction: float, scheme: str = "leapfrog", dt: float = 0.01) -> float:
-    """Return the distance that a disc moves down a slope in half a second [m]. `tangent` is tan(slope)."""
+    """Return the distance that a disc moves down a slope in half a second [m].
+
+    `tangent` is tan(slope), `scheme` that of `Scene`, and `dt` the time step [s].
+    """
     theta = atan(tangent)
     along, up = np.array([cos(theta), -sin(theta)]), np.array([sin(theta), cos(theta)])
     wall = wg.Segment(tuple(-5.0 * along), tuple(5.0 * along))

@@ -64,7 +64,7 @@ def solved(scene: wg.Scene, state: State, rng: np.random.Generator) -> FloatArra
 
 
 def spreads(friction: float) -> FloatArray:
-    """Return the largest difference of a velocity between the solutions of a step, for many steps [m/s].
+    """Return the largest velocity difference between solutions of a step, for many steps [m/s], shape (k,).
 
     Only steps that converge from all random corrections (`solved`) count.
     """
@@ -110,7 +110,7 @@ def limited(name: str) -> wg.Scene:
 def short_steps(scene: wg.Scene, steps: int) -> tuple[int, list[State]]:
     """Simulate a number of steps, and find those that do not converge.
 
-    Returns their number, and the states before up to `KEPT` of them.
+    Returns the number of steps that do not converge, and the states before up to `KEPT` of these.
     """
     simulation, before = wg.Simulation(scene), []
     for _ in range(steps):
