@@ -39,7 +39,8 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
     ----------
     area : ndarray, optional
         Area A of each grain [m2], shape (n,); by default the area of its cell, see `cell_areas`, which needs
-        scipy. With it, the mean stress weighted by areas is the contact part of `mean_stress`.
+        scipy. With areas of cells, the mean of these stresses, weighted by area, is the contact part of
+        `mean_stress`.
 
     Raises
     ------
@@ -120,7 +121,8 @@ def pressure(of: Snapshot | HasState, region: Where = None) -> float:
 def force_moments(now: Snapshot) -> FloatArray:
     """Return the sum of l n (f n + q t)^T over the contacts of each grain [N m], shape (n, 2, 2).
 
-    See the head of the module for the symbols.
+    l is the radius of the grain, n the unit vector from its center to the contact, t the tangent, and f and q
+    are the normal and the tangential force.
     """
     grain, normal, force, tangential = now.loads
     weight = force * now.scene.radius[grain]

@@ -142,8 +142,8 @@ def _expected(
 ) -> FloatArray:
     """Return the number of pairs to expect in each bin for random centers, shape (k, k, bins).
 
-    `of_kind` says which of the positions [m] are those of each of k kinds. The integral over a bin is
-    computed by the midpoint rule.
+    `of_kind` holds a mask for each of k kinds, which marks the grains of this kind among those at `position`
+    [m], shape (n, 2). The integral over a bin is computed by the midpoint rule.
     """
     middle, k = 0.5 * (edges[1:] + edges[:-1]), len(of_kind)
     inside, clearance = np.empty((k, len(middle))), region.clearance(position)
@@ -159,9 +159,10 @@ def _expected(
 
 
 def counted_region(now: Snapshot, region: Where) -> Region:
-    """Return a region; by default the inside of the container, below the mean height of the grains.
+    """Return the region of a table, see `region_of`; for None, the part of the container that counts.
 
-    The inside is a mean diameter away from the walls. Without gravity, heights do not count.
+    This part is at least a mean diameter away from the walls and, under gravity, below the grains' mean
+    height.
     """
     if region is not None:
         return region_of(now, region)

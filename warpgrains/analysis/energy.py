@@ -16,7 +16,7 @@ from warpgrains.space.geometry import left_of
 
 @of_runs
 def kinetic_energy(of: Snapshots) -> FloatArray:
-    """Return the sum of m v^2 / 2 and, with friction, m r^2 w^2 / 4 [J].
+    """Return the sum of m v^2 / 2 and, with friction, m r^2 w^2 / 4 for the spins w [J].
 
     In the leapfrog scheme, velocities, and so this energy, are half a step behind the other quantities.
 

@@ -51,6 +51,8 @@ class ForceStatistics(NamedTuple):
 def force_statistics(of: Snapshot | HasState, region: Where = None) -> ForceStatistics:
     """Return number, mean, standard deviation and maximum of the normal forces between grains.
 
+    Contacts count if their contact points are in the region, see `region_of`.
+
     Examples
     --------
     >>> force = analysis.force_statistics(simulation)
@@ -69,14 +71,17 @@ PARTS: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
     "tangential": lambda _, tangential: np.abs(tangential),
     "total": np.hypot,
 }
-"""Functions that return the modulus of each force [N] from its normal and tangential component, by part."""
+"""Values of `part` in `force_distribution`, each with its function.
+
+A function returns the modulus of each force [N] from its normal and its tangential component.
+"""
 
 
 class Distribution(NamedTuple):
     """A probability density as a histogram."""
 
     edges: FloatArray
-    """Edges of the bins, shape (bins + 1,)."""
+    """Edges of the bins, shape (bins + 1,): multiples of the mean force, or angles [rad]."""
     density: FloatArray
     """Probability density in each bin, shape (bins,); the integral is 1 minus the share beyond the edges."""
 
@@ -147,7 +152,7 @@ def contact_directions(of: Snapshot | HasState, bins: int = 36, region: Where = 
 
 
 def _counted(now: Snapshot, region: Where) -> BoolArray | slice:
-    """Return an index into the contacts between grains: those with a contact point in the region."""
+    """Return an index for `now.pair` that selects the contacts whose contact points are in a region."""
     if region is None:
         return slice(None)
     grain = now.pair[:, 0]

@@ -16,7 +16,7 @@ MOST_FREEDOMS = 3000  # bound of velocity components in `rigidity`: the SVD of t
 
 
 class _Contacts(NamedTuple):
-    """Contacts whose force is at least a given one. `pair` holds the grains i < j, shape (m, 2)."""
+    """The contacts with at least a given force. `pair` holds the grains i < j of each, shape (m, 2)."""
 
     pair: IntArray
     wall: IntArray
@@ -56,6 +56,8 @@ def contact_numbers(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
 
 def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
     """Return which grains do not carry loads, shape (n,).
+
+    Contacts with forces below `least` [N] do not count.
 
     A frictionless grain is held by 3 contacts, or in a pile by 2 and its weight; a grain with friction by 2.
     Contacts with walls count. Grains with fewer contacts are removed with their contacts, repeatedly until no
@@ -102,10 +104,11 @@ def coordination_number(
 
 
 def clusters(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
-    """Return the number of the cluster of each grain, shape (n,).
+    """Return the number of the cluster of each grain, shape (n,), from 0.
 
-    Grains of a cluster are connected by contacts between grains. Walls connect no grains. Clusters are
-    numbered by decreasing number of grains, and those of equal size by their first grain.
+    Grains of a cluster are connected by contacts between grains with forces of at least `least` [N]. Walls
+    connect no grains. Cluster 0 has the most grains, and so on. Clusters of equal size are in the order of
+    their first grains.
 
     Raises
     ------

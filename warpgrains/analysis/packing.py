@@ -30,13 +30,12 @@ def _heights(grains: Snapshots) -> FloatArray:
 def pile_height(of: Snapshots) -> FloatArray:
     """Return the height of the highest point of a grain above the lowest point of the container [m].
 
-    For the container, see `region_of`. Of several scenes, or without a bottom, it is NaN where the container
-    is unknown.
+    For the container, see `region_of`. The height is NaN in a box that is periodic in both directions.
 
     Raises
     ------
     NoAreaError
-        The container is unknown.
+        The container is unknown. Of several scenes, the result is NaN instead.
 
     Examples
     --------
@@ -188,9 +187,9 @@ def radical_cell_areas(position: FloatArray, radius: FloatArray, region: Region)
 
 
 def _corners(position: FloatArray, radius: FloatArray) -> tuple[IndexArray, FloatArray]:
-    """Return the grain of each corner of all radical cells, shape (c,), ascending, and the corners, (c, 2).
+    """Return the grain of each corner of the radical cells, shape (c,), and the corners, shape (c, 2).
 
-    Lengths are in units of the size of the region.
+    Corners are sorted by grain, but not around a cell. Lengths are in units of the size of the region.
     """
     with requiring("cell areas"):
         from scipy.spatial import ConvexHull

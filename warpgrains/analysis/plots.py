@@ -40,8 +40,9 @@ def plot(
     curves: bool = True,
     **looks: Unpack[Looks],
 ) -> list[int]:
-    """Draw frames of a recording, by default five, and curves over time; return the numbers of the frames.
+    """Draw frames of a recording and, with `curves`, curves over time; return the indices of the frames.
 
+    `frames` are indices, and may be negative; by default five frames are drawn, from the first to the last.
     The picture looks like the recording, except for the options in `looks`, see `RunOptions`.
     """
     output = Path(output)
@@ -55,7 +56,10 @@ def plot(
 
 
 def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
-    """Return the indices of the frames to draw, of `count` frames. A negative index counts from the end."""
+    """Return `frames` as indices >= 0 in a recording of `count` frames; for None, those of five frames.
+
+    A negative index counts from the end. InputError if an index is too large, or `frames` is empty.
+    """
     if frames is None:
         return sorted(set(np.linspace(0, count - 1, _FRAMES_IN_A_ROW).round().astype(int).tolist()))
     if not len(frames):

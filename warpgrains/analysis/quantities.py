@@ -37,7 +37,10 @@ def find(name: str) -> Quantity:
 
 
 def _slices(name: str) -> dict[str, Quantity]:
-    """Return the quantities of a profile that a name such as "height_profile:20" begins with, if any."""
+    """Return the quantities of all slices of the profile with which a name begins, by name.
+
+    "height_profile:20" has 20 slices. The result is {} if the name does not begin with a profile.
+    """
     profile, _, rest = name.partition(":")
     bins = rest.partition(":")[0]
     return of_slices(profile, int(bins)) if profile in PROFILES and bins.isdecimal() and len(bins) < 4 else {}
@@ -50,10 +53,10 @@ def _of_wall(found: Mapping[str, Any], wall: str) -> Any:
 
 
 def names_of(wanted: str | Iterable[str]) -> tuple[str, ...]:
-    """Return the names of quantities that names of quantities and groups denote, each once, in order.
+    """Return the names of quantities, each once, with every name of a group replaced by those of its members.
 
     A single text may hold several names, separated by commas. "height_profile:20" is the group of all
-    quantities of 20 slices. Quantities that weigh means of others are added.
+    quantities of 20 slices. After a quantity follows its `Quantity.weight`, if it has one.
     """
     found: dict[str, None] = {}
     for given in wanted.split(",") if isinstance(wanted, str) else wanted:

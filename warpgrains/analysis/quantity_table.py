@@ -36,7 +36,7 @@ class Quantity(NamedTuple):
 
 
 def _stress(function: Callable[..., Any], a: int, b: int, meaning: str) -> Quantity:
-    """Return the symmetric part (sigma_ab + sigma_ba) / 2 of a stress as a quantity."""
+    """Return the quantity (sigma_ab + sigma_ba) / 2 of the stress, shape (2, 2), that `function` returns."""
     return Quantity("N/m", meaning, function, lambda found: 0.5 * (found[a, b] + found[b, a]))
 
 
@@ -152,7 +152,7 @@ OF_WALLS = {
     "position_x": Quantity("m", "place of a wall along x", wall_places, lambda own: own[0]),
     "position_y": Quantity("m", "place of a wall along y", wall_places, lambda own: own[1]),
 }
-"""Quantities of a wall, whose name follows a colon, such as "force_x:top"."""
+"""Quantities of a wall. In "force_x:top", the name of the wall follows after the name of the quantity."""
 
 GROUPS = {
     "energy": ("kinetic_energy", "potential_energy", "contact_power", "drag_power"),
@@ -167,7 +167,7 @@ GROUPS = {
     "flow": ("inflow_count", "outflow_count", "outflow_mass"),
     "speed": ("mean_speed", "largest_speed", "granular_temperature"),
 }
-"""Names of groups of quantities."""
+"""Names of the quantities in each group, by the name of the group."""
 
 _COLUMNS: dict[str, tuple[str, Callable[[Profile], FloatArray]]] = {
     "low": ("m", lambda own: own.edges[:-1]),
@@ -182,15 +182,18 @@ _COLUMNS: dict[str, tuple[str, Callable[[Profile], FloatArray]]] = {
     "stress_along_left": ("N/m", lambda own: own.stress[:, 0, 1]),
     "stress_left_along": ("N/m", lambda own: own.stress[:, 1, 0]),
 }
-"""Numbers of each slice of a `Profile`."""
+"""Quantities of a slice by name: the unit, and a function of a `Profile` that returns one value per slice."""
 PROFILES = {"height_profile": profiles.height_profile, "radial_profile": profiles.radial_profile}
 OF_GRAINS = {"velocity_along", "velocity_left", "spin", "temperature"}
-"""Numbers that are NaN in slices without grains."""
+"""Names in `_COLUMNS` of the quantities that are NaN in slices without grains."""
 
 
 @lru_cache(64)
 def of_slices(profile: str, bins: int) -> dict[str, Quantity]:
-    """Return all quantities of the slices of one of `PROFILES`, such as "height_profile:20:spin:0"."""
+    """Return the quantities of all slices of a profile with `bins` slices, by name.
+
+    `profile` is one of `PROFILES`. "height_profile:20:spin:0" is the spin in the first of 20 slices.
+    """
     function = partial(PROFILES[profile], bins=bins)
 
     def own(column: str, k: int) -> Quantity:

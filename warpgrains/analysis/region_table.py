@@ -129,7 +129,10 @@ def _wedges(_: Snapshot, given: Any) -> list[list[Side]]:
 
 
 def _below(now: Snapshot, given: Any) -> list[list[Side]]:
-    """Return the half plane below a height, or the columns below the surface of a pile, as half planes."""
+    """Return the cells of the key `below`, each as a list of half planes.
+
+    A height has one cell, the half plane below it; "surface" has one cell for each column of a pile.
+    """
     up, space = now.scene.up_at(now.time), now.scene.space_at(now.time)
     if not isinstance(given, str):
         return [[(up, checks.number("region.below", given))]]

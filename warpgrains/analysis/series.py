@@ -44,17 +44,21 @@ class Average(NamedTuple):
 
 
 def _mean(mean: float, before: float, value: float, weight: float) -> float:
-    """Return the mean of a mean, with the weight `before`, and a value. One of weight 0 may be NaN."""
+    """Return (before * mean + weight * value) / (before + weight), the mean after another value.
+
+    If one of the two weights is 0, the number with this weight may be NaN.
+    """
     if not weight:
         return mean
     return mean + (value - mean) * weight / (before + weight) if before else value
 
 
 def block_average(values: FloatArray, blocks: int, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the weighted mean over the first axis, and its standard error.
+    """Return the weighted means of `values` over the first axis, and their standard errors.
 
-    The error follows from the means of blocks of successive values. Values of weight 0 may be NaN. InputError
-    if there are fewer values than blocks.
+    `values` and `weight` have the shape (rows, quantities). The rows are divided into `blocks` blocks of
+    successive rows, and errors follow from the means of the blocks. Values of weight 0 may be NaN. InputError
+    if there are fewer rows than blocks.
     """
     if len(values) < checks.whole_number("blocks", blocks, least=2):
         left = number_of(len(values), "measurement")
@@ -158,7 +162,10 @@ class Series:
         self.close()
 
     def observe(self, simulation: Simulation | Snapshot) -> None:
-        """Measure the present step, unless it is measured already, and append a row if one is due."""
+        """Measure the present step, unless it is measured already.
+
+        Append a row if the step is a multiple of `every`.
+        """
         step, seen = simulation.steps, self._seen
         if seen is not None and step <= seen:
             return
@@ -240,9 +247,10 @@ class Series:
             self._lock.release()
 
     def _read_rows(self, path: Path, resume_at: int | None, first_step: int) -> None:
-        """Read the rows up to step `resume_at` from the file; OutputError if it is no series.
+        """Read the rows up to step `resume_at` from the file; without a `resume_at`, only check the file.
 
-        `first_step` is the step at which the run began.
+        `first_step` is the step at which the run began. OutputError if the file is no series. InputError if
+        it has other columns or lacks rows.
         """
         rows = read_table(path) if path.exists() else []
         if path.exists() and (not rows or tuple(rows[0])[:2] != FIRST):

@@ -100,7 +100,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
 
 
 class OfRuns(Protocol):
-    """A quantity of a simulation or snapshot, or of the m scenes of `Snapshots`, shape (m,)."""
+    """A function that returns a number for a simulation or snapshot, and shape (m,) for m `Snapshots`."""
 
     @overload
     def __call__(self, of: Snapshots) -> FloatArray: ...

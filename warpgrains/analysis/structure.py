@@ -86,7 +86,8 @@ def structure_factor(
 def _of_cell(k: FloatArray, way: FloatArray, position: FloatArray, period: FloatArray) -> StructureFactor:
     """Return S(k) in a periodic cell, as a mean over directions `way`, unit vectors of shape (d, 2).
 
-    The wave vectors are those of the cell that are nearest to k times a direction.
+    k [1/m] has the shape (K,). `period` holds the lengths of the cell [m], shape (2,), 0 without a period. A
+    wave vector is k times a direction, rounded to the nearest one that is periodic in the cell.
     """
     vector = k[:, np.newaxis, np.newaxis] * way
     step = np.divide(2.0 * np.pi, period, out=np.zeros(2), where=period > 0.0)

@@ -140,7 +140,7 @@ def _vtp(
 
 
 def _array(name: str, values: np.ndarray) -> str:
-    """Return an array as an XML element: a header and one compressed block of bytes, both in base 64."""
+    """Return an array as the XML element `DataArray` of this name, compressed in one block, in base 64."""
     data = values.astype(values.dtype.newbyteorder("<")).tobytes()
     block = compress(data) if data else b""
     header = np.array([1, len(data), 0, len(block)] if data else [0, 0, 0], "<u8")

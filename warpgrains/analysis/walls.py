@@ -64,8 +64,8 @@ def wall_forces(of: Snapshot | HasState) -> dict[str, WallForce]:
 def wall_places(of: Snapshot | HasState) -> dict[str, FloatArray]:
     """Return present positions of walls by name [m], shape (2,) each.
 
-    The position is the center of a wall, or the point of a line. If walls share a name, it is that of the
-    first.
+    The position is the center of a wall, or the point of a line. If walls share a name, that of the first
+    wall is returned.
 
     Examples
     --------
