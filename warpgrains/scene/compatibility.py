@@ -80,7 +80,11 @@ def require_size(scene: Scene) -> None:
 
 
 def require_valid_walls(scene: Scene) -> None:
-    """Raise InputError if a wall is too large, contradicts the period, or is a row without a second row."""
+    """Raise InputError unless walls are valid in the scene.
+
+    A wall must not be too large for float64 to resolve gaps, and must fit the period. A row needs a second
+    row with discs in its gaps, and at most one driven line may have its name.
+    """
     periods = scene.period.lengths.tolist()
     period = min((own for own in periods if own > 0.0), default=inf)
     smallest = scene.smallest_radius
@@ -173,7 +177,10 @@ def _require_steps(scene: Scene) -> None:
 
 
 def _require_friction(scene: Scene) -> None:
-    """Raise InputError if a field needs friction, or a rotation cannot be computed."""
+    """Raise InputError if a field needs friction that the scene lacks, or a rotation is invalid.
+
+    Rotations are those of circles and of grains, and spin drag must not reverse them in a step.
+    """
     if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
         raise InputError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")
     for wall, friction in zip(scene.walls, scene.at_walls["friction"], strict=True):
@@ -211,7 +218,7 @@ def _require_friction(scene: Scene) -> None:
 
 
 def _rolling_friction(scene: Scene) -> str:
-    """Return the first coefficient of rolling friction that is not 0, as "NAME is VALUE"."""
+    """Return the first nonzero coefficient of rolling friction as "NAME is VALUE". There must be one."""
     given = {name: getattr(scene, name) for name in ("rolling_friction", "wall_rolling_friction")}
     given |= {f"walls[{k}].rolling_friction": one.rolling_friction for k, one in enumerate(scene.walls)}
     return next(f"{name} is {value}" for name, value in given.items() if value)
@@ -258,7 +265,10 @@ def warn_of_state_overlaps(state: State, scene: Scene) -> None:
 
 
 def warn_of_start(scenes: Sequence[Scene]) -> None:
-    """Warn if grains of scenes overlap at the start, of several scenes the worst, or cannot bounce yet."""
+    """Warn if grains overlap at the start, or if no contact of a scene with restitution can bounce yet.
+
+    Of several scenes, the warnings name the one with the worst overlap, and the first one without bounces.
+    """
     shut = [k for k, scene in enumerate(scenes) if scene.has_restitution and not scene.bounces_at_start]
     if shut:
         where = f"scene {shut[0]}: " if len(scenes) > 1 else ""

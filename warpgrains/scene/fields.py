@@ -35,9 +35,10 @@ UNCONVERGED = ("report", "raise")
 def _key(
     meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING, mark: str = "absent"
 ) -> Any:
-    """Declare a field of a scene, with its section in scene files.
+    """Declare a field of a scene, with its meaning, and its section in scene files.
 
-    A tuple as `check` lists the valid names. If the field has no default, tables of keys show `mark` instead.
+    `check` is a function that checks a value, or a tuple of the valid names. If the field has no default,
+    tables of keys show `mark` in its place.
     """
     known = partial(checks.one_of, known=check) if isinstance(check, tuple) else check
     return described(meaning, section=section, check=known, default=default, mark=mark)

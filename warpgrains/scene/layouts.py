@@ -226,9 +226,9 @@ def _part(space: Region, walls: Sequence[Wall], region: Any) -> Region:
 def _random_radii(
     radius: Any, count: Any, fraction: Any, region: Region, generator: np.random.Generator
 ) -> FloatArray:
-    """Return radii [m]: those listed in `radius`, or `count` random ones, or as many as fill a fraction.
+    """Return the radii that `radius` lists [m], or random radii according to `radius`, see `random_layout`.
 
-    The fraction is that of the area of the region, and is not exceeded.
+    There are `count` random radii, or as many as fill at most `fraction` of the area of the region.
     """
     given = listed_radii(radius)
     if given is not None:

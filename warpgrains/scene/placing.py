@@ -118,7 +118,7 @@ class _Discs:
         launch(_kernels().place, [record])
 
     def _set(self, name: str, array: np.ndarray[Any, Any], record: Any = None) -> None:
-        """Store the address of an array in field `name` of the record, by default that of all discs.
+        """Store the address of an array in field `name` of `record`, by default of the record of all discs.
 
         Making Warp arrays instead would take longer than placing the discs.
         """
@@ -153,7 +153,10 @@ def grow(
 
 
 def _clear_share(region: Region, walls: Sequence[Wall], position: FloatArray, radius: FloatArray) -> float:
-    """Return the largest factor for the radii with which no disc overlaps another disc, a wall or the box."""
+    """Return the largest factor for the radii with which no disc overlaps another disc, a wall or the border.
+
+    It is 0 if a center is outside of the region.
+    """
     if not (region.is_box or region.contains(position).all()):
         return 0.0
     i, j = _near(region, position, radius).T

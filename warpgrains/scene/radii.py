@@ -20,7 +20,7 @@ DISTRIBUTIONS = {
     "power": ("exponent", "smallest", "largest"),
     "values": ("values", "fractions"),
 }
-"""Distributions and their keys.
+"""Names of the distributions, each with the keys of its table.
 
 The number density of "power" is proportional to r^-exponent. `mean` and `deviation` are those of r itself,
 not of log r. A normal or lognormal radius is drawn again unless it lies between `smallest` and `largest`, by
@@ -41,7 +41,10 @@ def listed_radii(radius: Any) -> FloatArray | None:
 
 
 def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, float]:
-    """Return a function that draws radii according to `grains.radius`, and their upper bound [m]."""
+    """Check `grains.radius`; return a function that draws such radii, and their upper bound [m].
+
+    `radius` is a number, the smallest and the largest radius, or a table with a distribution.
+    """
     if not isinstance(radius, dict):
         if isinstance(radius, str) or not isinstance(radius, Iterable | Real):
             told = "a number, the smallest and the largest, or a table with a distribution"

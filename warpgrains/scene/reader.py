@@ -57,7 +57,10 @@ _SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 
 def scene_document(text: str, path: Path, overrides: Iterable[str] = ()) -> tuple[Table, Table]:
-    """Parse the text of a scene and apply overrides; return the document, and the fields name and text."""
+    """Parse the text of a scene file and apply overrides "section.key=value".
+
+    Return the document, and the fields `name` (of the file) and `text` (with the overrides) of the scene.
+    """
     document = parse_toml(text, path)
     for override in overrides:
         document = overridden(document, override)
@@ -187,7 +190,10 @@ def keyword_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Pa
 
 
 def _with_mass(table: Table, grains: Table) -> Table:
-    """Return a table with the mass that follows from a density; without a density, return `table`."""
+    """Return the table {"mass": masses} from the density in `table`; without a density, return `table`.
+
+    `grains` holds the radii [m]. InputError if both mass and density are given.
+    """
     if "density" not in table:
         return table
     if "mass" in table:
@@ -292,7 +298,10 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
 
 
 def _complaint(error: str, header: list[str], lines: list[int]) -> str:
-    """Return a message of NumPy with the line of the file and the name of the column instead of indices."""
+    """Translate an error of NumPy's reader: name the line of the file and the column instead of indices.
+
+    `header` has the names of the columns, `lines` the number of the line of each row.
+    """
     if found := re.search(r"string (.*) to float64 at row (\d+), column (\d+)", error):
         where = f"line {lines[int(found[2])]}, column {header[int(found[3]) - 1]!r}"
         return f"{where}: {found[1]} is not a number"

@@ -105,7 +105,7 @@ class Scene(SceneFields, Shown):
 
     @classmethod
     def made(cls, values: Mapping[str, Any], checked: Set[str] = FIELDS.keys()) -> Self:
-        """Return a scene of these values of all fields, of which the named ones are checked.
+        """Return a scene from the values of all fields; check only the fields that are named in "checked".
 
         Positions are not checked against walls, because in a later state both may be elsewhere.
         """
@@ -165,7 +165,11 @@ class Scene(SceneFields, Shown):
             return cls(**document_fields(document, path.parent), **own)
 
     def _valid(self, changes: Collection[str]) -> dict[str, Any]:
-        """Return the values of all fields and, if none of `_OF_BODIES` changes, what was found from them."""
+        """Return what a scene with these fields changed can take over, by name.
+
+        These are the values of all fields and, unless `changes` names one of `_OF_BODIES`, those of cached
+        properties.
+        """
         own = vars(self)
         return own if _OF_BODIES.isdisjoint(changes) else {name: own[name] for name in FIELDS}
 
@@ -229,7 +233,7 @@ class Scene(SceneFields, Shown):
         return self.made(self._valid(changes) | changes, changes.keys())
 
     def summary(self) -> dict[str, str]:
-        """Return values that describe the scene, by name."""
+        """Return texts that describe the scene, with units, by name, such as "radius" and "drag"."""
         turning = f", turning at {self.gravity_rate:g} rad/s" if self.gravity_rate else ""
         return {
             self.name: f"of {number_of(self.n, 'grain')}",
@@ -535,7 +539,10 @@ class Scene(SceneFields, Shown):
         return self.count_overlaps(before, at_rest).largest <= allowed
 
     def bouncing_speed(self, is_first: bool) -> float:
-        """Return the closing speed above which contacts bounce in a step, or in the first step [m/s]."""
+        """Return the closing speed above which contacts bounce in a step [m/s].
+
+        In the first step, it is inf unless `bounces_at_start`.
+        """
         return inf if is_first and not self.bounces_at_start else self.restitution_speed
 
     def count_overlaps(
@@ -566,7 +573,7 @@ _OF_WALLS = {"walls", "domain", "time", "radius", "mass", *OF_ANNULUS}
 """Fields that determine the walls. Images depend on radii, and the mass of the outer circle on masses."""
 _OF_CONTACT = ("friction", "rolling_friction", "restitution")
 _OF_BODIES = {*_OF_WALLS, *_OF_CONTACT, *(f"wall_{name}" for name in _OF_CONTACT)}
-"""Fields that determine all cached properties."""
+"""Fields on which cached properties depend. If none of them changes, all cached values stay valid."""
 
 SceneLike = Scene | str | os.PathLike[str]
 """A scene, or a file or name that `Scene.load` accepts."""

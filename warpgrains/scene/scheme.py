@@ -73,7 +73,8 @@ class Kick(NamedTuple):
 def kick_of(scene: Scene, free: FloatArray, velocity: FloatArray, staggered: bool, time: float) -> Kick:
     """Return the kick of a step from its free velocities and its end velocities [m/s], shape (n, 2).
 
-    `before` inverts `free_velocity`, and is not finite in the leapfrog scheme if drag dt = 2 m.
+    `time` [s] is the start of the step. `Kick.before` is the inverse of `free_velocity`. In the leapfrog
+    scheme, it is not finite if drag dt = 2 m.
     """
     rate = (scene.drag / scene.mass)[:, np.newaxis]
     return _kick(scene, np.array(scene.gravity_at(time)), rate, free, velocity, staggered)
@@ -87,9 +88,9 @@ def spin_kick_of(scene: Scene, free: FloatArray, spin: FloatArray, staggered: bo
 def _kick(
     scene: Scene, gravity: FloatArray, rate: FloatArray, free: FloatArray, now: FloatArray, staggered: bool
 ) -> Kick:
-    """Return the kick of a step from an acceleration and a drag rate [1/s].
+    """Return the kick of a step from an acceleration and the drag rate, drag / mass [1/s].
 
-    `free` are the velocities before contacts act, `now` those at the end of the step.
+    `free` are the velocities or spins before contacts act, `now` those at the end of the step.
     """
     dt = scene.dt
     if scene.scheme == "euler":

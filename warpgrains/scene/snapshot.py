@@ -87,11 +87,11 @@ class Snapshots:
     time: Sequence[float]
     """Time of each scene [s]."""
     position: FloatArray
-    """[m], shape (m, n, 2)."""
+    """Centers of the grains [m], shape (m, n, 2)."""
     velocity: FloatArray
-    """[m/s], shape (m, n, 2)."""
+    """Velocities of the grains [m/s], shape (m, n, 2)."""
     spin: FloatArray
-    """[rad/s], shape (m, n); 0 without friction."""
+    """Angular velocities of the grains [rad/s], shape (m, n); 0 without friction."""
 
     @cached_property
     def mass(self) -> FloatArray:
@@ -277,7 +277,7 @@ class Snapshot:
         return WallLoads(grain, wall, point, normal, self.wall_force, force, cross(point, force))
 
     def columns(self, table: str) -> dict[str, Any]:
-        """Return the columns of a table, one of `TABLES`, by name."""
+        """Return the columns of a table, one of `TABLES`, as arrays by the name of the column."""
         if table == "grains":
             (x, y), (vx, vy) = self.position.T, self.velocity.T
             columns: dict[str, Any] = {} if self.births is None else {"id": self.births}

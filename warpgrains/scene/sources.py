@@ -313,6 +313,9 @@ def require_closed(scene: Scene, what: str) -> None:
 
 
 def steps_to_exchange(scene: Scene, steps: int) -> int:
-    """Return the number of steps from step `steps` to the next exchange of a source or a sink."""
+    """Return the number of steps, at least 1, from step `steps` to the next exchange of a source or a sink.
+
+    It is `checks.LARGEST_WHOLE_NUMBER` in a scene without sources and sinks.
+    """
     every = (one.steps(scene.dt) for one in (*scene.sources, *scene.sinks))
     return min((own - steps % own for own in every), default=checks.LARGEST_WHOLE_NUMBER)

@@ -195,7 +195,10 @@ _ARRAYS = {
     "reference_velocity": ("body", (2,), "a number"),
     "frame_shift": ("component", (), "a number"),
 }
-"""Float64 arrays of states: the kind of object that has a row, the shape of a row, and the valid values."""
+"""Float64 arrays of states and their records, by name: (kind of row, shape of a row, valid values).
+
+An array has a row for each object of its kind, such as "grain". The valid values are a key of `_BOUNDS`.
+"""
 
 
 def require_state(state: State, scene: Scene) -> None:
@@ -280,7 +283,10 @@ def _require_arrays(record: Any, counts: dict[str, int]) -> None:
 
 
 def _require_contacts(what: str, record: Any, kind: type, scene: Scene) -> None:
-    """Check that `pair` and `wall` of a record hold valid indices in ascending order."""
+    """Raise InputError unless `pair` and `wall` of a record hold valid indices in ascending order.
+
+    `what` is the name of the record in the message, and `kind` the class that it must have.
+    """
     _require_kind(what, record, kind)
     for name, most in (("pair", scene.n), ("wall", len(scene.walls))):
         contact = getattr(record, name)
@@ -296,7 +302,7 @@ def _require_contacts(what: str, record: Any, kind: type, scene: Scene) -> None:
 
 
 def _indices(record: Corrections | VerletList, scene: Scene) -> tuple[IndexArray, IndexArray]:
-    """Return a key of each pair, unique for (i, j), and of each wall contact, unique for (grain, body)."""
+    """Return an integer for each pair, unique for (i, j), and for each wall contact, for (grain, body)."""
     (i, j), (grain, wall) = (contact.T.astype(np.int64) for contact in (record.pair, record.wall))
     return i * scene.n + j, grain + scene.n * scene.bodies.of_walls[wall]
 

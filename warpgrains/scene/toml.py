@@ -37,11 +37,11 @@ _TOLD = {
     "Unclosed array": "a list needs commas between its values, and a ] at the end",
     "Unescaped": "in a text, write / or \\\\ for \\",
 }
-"""What TOML wants, by the start of a message of tomllib."""
+"""Explanations of syntax errors, by the text with which the message of tomllib begins."""
 LISTS = {"walls": "wall", "sources": "source", "sinks": "sink"}
 """Lists of tables in scene files, such as [[walls]], and the name of what one table describes."""
 SHIPPED = {"scene": "", "sweep": "sweeps"}
-"""Folder of the shipped files of each kind, relative to the folder of the scenes."""
+"""Folder of the shipped files by kind, "scene" or "sweep", relative to the folder of the scenes."""
 
 
 def shipped_scenes() -> list[str]:
@@ -61,7 +61,7 @@ def shipped_text(kind: str, name: str) -> str:
 
 
 def read_text(path: Path, kind: str) -> str:
-    """Return the text of a scene or sweep from a file, or from a shipped file by its name."""
+    """Return the text of a file, or of a shipped file by its name; `kind` is "scene" or "sweep"."""
     if not _exists(path):
         if kind == "sweep" and str(path) in shipped("scene"):
             raise InputError(
@@ -99,7 +99,7 @@ def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
 
 
 def _reason(error: str, text: str) -> str:
-    """Return a message of tomllib with the line of `text`, and with what TOML wants there."""
+    """Return an error of tomllib with the number and content of the line in `text`, explained by `_TOLD`."""
     found = re.fullmatch(r"(.*) \(at (?:line (\d+), column \d+|end of document)\)", error, re.DOTALL)
     if found is None:
         return error
