@@ -21,7 +21,7 @@ WALLS = ("tangent", "round")
 class Annulus:
     """The keys of `[domain]` for the space between two circles about the origin.
 
-    They define the last walls of a scene, and its period, as those of a `Box` do.
+    Both circles are walls of the scene, the last ones in `Scene.walls`. A `Box` has the same methods.
     """
 
     radius_in: float
@@ -29,7 +29,7 @@ class Annulus:
     radius_out: float
     """Radius of the outer wall [m]."""
     wall: str = "tangent"
-    """Model of the outer wall within a step: its "tangent", or "round"."""
+    """Outer wall within a step: "tangent", its tangent at each grain, or "round", the circle (eq. 18)."""
     pressure: float | None = None
     """Pressure on the outer wall [N/m]; None if the wall is fixed."""
     wall_mass: float | None = None
@@ -64,7 +64,7 @@ class Annulus:
 
     @property
     def period(self) -> Period:
-        """The periodic cell, of no extent here."""
+        """The periodic cell, here `NOWHERE`, because an annulus has no period."""
         return NOWHERE
 
     @property
@@ -83,7 +83,7 @@ class Annulus:
         return 2.0 * self.radius_out
 
     def require_fits(self, radius: FloatArray) -> None:
-        """Raise InputError unless grains of radii [m] fit."""
+        """Raise InputError if a grain is too large for the annulus; radii [m], shape (n,)."""
         largest = (self.radius_out - self.radius_in) / 2.0 if self.radius_in > 0.0 else self.radius_out
         too_large = radius > largest * (1.0 + ROUNDING)
         if too_large.any():

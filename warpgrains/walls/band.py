@@ -41,7 +41,10 @@ class Band(NamedTuple):
         return float(max(np.abs(self.first).max(), np.abs(self.second).max()))
 
     def outlines(self) -> FloatArray:
-        """Return the points of the closed lines that bound the band [m], shape (lines, points, 2)."""
+        """Return the points of the closed lines that bound the band [m], shape (lines, points, 2).
+
+        A closed band has two such lines, any other band has one.
+        """
         if self.is_closed:
             return np.stack([self.first, self.second[::-1]])
         return np.concatenate([self.first, self.second[::-1]])[np.newaxis]

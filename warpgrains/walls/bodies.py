@@ -36,7 +36,7 @@ FLUSH = 1e-9  # sine of the angle up to which faces at a joint count as one, as 
 
 Shift = tuple[float, float]
 Joined = tuple[int, Shift]
-"""A joined wall: its number, and the displacement [m] from it to its periodic image at the joint."""
+"""A wall at a joint: its index in `Scene.walls`, and the displacement [m] to its image at the joint."""
 HERE = (0.0, 0.0)
 
 
@@ -50,9 +50,9 @@ def with_images(walls: Sequence[Wall], period: Period, radius: float) -> tuple[W
 
 
 def image_ways(walls: Sequence[Wall], period: Period) -> FloatArray:
-    """Return the displacement of each wall from the periodic image nearest to a grain [m], (walls, 2).
+    """Return `Image.steps` of each wall as a displacement [m], shape (walls, 2).
 
-    It is 0 except for an `Image`. If no wall is one, the shape is (0, 2).
+    It is 0 for a wall that is not an image. If no wall is an image, the shape is (0, 2).
     """
     steps = [wall.image.steps if wall.image else (0, 0) for wall in walls]
     return period.lengths * np.array(steps if any(wall.image for wall in walls) else np.zeros((0, 2)))
@@ -98,7 +98,7 @@ class Joints:
         return bool(self._others)
 
     def of(self, number: int) -> list[list[Joined]]:
-        """Return two lists: the walls joined at end 0 of a wall, and at its end 1; [] without joints."""
+        """Return two lists for the wall with this index: walls joined at its end 0, and at end 1; or []."""
         image = self._every[number].image
         first = 2 * (image.of if image else number)
         own = self._others[first : first + 2]
@@ -145,11 +145,11 @@ class Joints:
     def _places(
         self, joined: Joined, here: Joined, position: FloatArray, x: FloatArray, time: float
     ) -> FloatArray:
-        """Return the positions [m], shape (n, 2), of grains in the frame of wall `joined`.
+        """Return the positions of grains in the frame of wall `joined` at `time` [s], in [m], shape (n, 2).
 
-        x are their positions in the frame of wall `here`. If the scene is periodic, the returned image is the
-        one next to the joint. The result has the same bits for both walls of a joint, so that both agree on
-        which wall is nearer.
+        `position` are their positions in the scene, and x those in the frame of wall `here`. In a periodic
+        scene, the images next to the joint are returned. Both walls of a joint get the same bits, so that
+        they agree on which wall is nearer.
         """
         (other, way), period = joined, self._period
         if joined == here or not period:
@@ -189,13 +189,13 @@ class Bodies:
         (inner, near), (outer, far) = rims.get(False, (NONE, 0.0)), rims.get(True, (NONE, np.nan))
         self.two_circles = (scene.has_friction or scene.has_driven_walls) and inner != NONE
         self.circle_walls = inner, outer
-        """Numbers of the inner and the outer circle in `Scene.walls`; `NONE` without them."""
+        """Indices of the inner and the outer circle in `Scene.walls`; `NONE` for a circle that is missing."""
         self.radii = near, far
         """Radii of the inner and the outer circle [m]; 0 and NaN without them."""
         self._inner = NONE if self.two_circles else inner
         others = [k for k in range(len(walls)) if k not in self.circle_walls]
         self.walls = [outer, *([inner] if self.two_circles else []), *others]
-        """Number of the wall of each body. For body 0, it is the outer circle, or `NONE`."""
+        """Index in `Scene.walls` of the wall of each body; for body 0 of the outer circle, or `NONE`."""
 
     def __len__(self) -> int:
         return len(self.walls)
@@ -242,11 +242,14 @@ class Bodies:
 
     @property
     def image_ways(self) -> FloatArray:
-        """Displacements of the bodies inside from their images nearest to a grain [m], see `image_ways`."""
+        """`Image.steps` of the bodies inside as displacements [m], see the function `image_ways`."""
         return image_ways(self.inside, self._period)
 
     def _of_bodies(self, *values: Sequence[float] | FloatArray) -> FloatArray:
-        """Return each list of values by body, given them by wall; 0 for body 0 without an outer circle."""
+        """Return lists of values by wall as columns of values by body, shape (bodies, lists).
+
+        The values of body 0 are those of the outer circle, or 0 without one.
+        """
         return np.stack([np.append(own, 0.0)[self.walls] for own in values], axis=1)  # NONE is the last one
 
     @property
@@ -284,14 +287,17 @@ class Bodies:
         return drives
 
     def _between(self, k: int) -> tuple[int, int]:
-        """Return the bodies of two opposite lines that bound the length of a line, body 1 + k, or (0, 0)."""
+        """Return the bodies of the two opposite lines that bound the line of body 1 + k; (0, 0) without."""
         lines = {b: wall for b, wall in enumerate(self.inside, 1) if isinstance(wall, Line)}
         found = [b for b, other in lines.items() if other.bounds(lines[1 + k])]
         pairs = [(a, b) for a, b in pairwise(found) if np.dot(lines[a].normal, lines[b].normal) < 0.0]
         return pairs[0] if pairs else (0, 0)
 
     def pressed_length(self, line: Line) -> float:
-        """Return the length of a line on which its pressure acts [m], for the present places of walls."""
+        """Return the length of a line on which its pressure acts [m].
+
+        It is the present distance of the two lines that bound the line, or else `Line.length`.
+        """
         between = self._between(self.inside.index(line))
         if not any(between):
             return line.length
@@ -310,10 +316,10 @@ class Bodies:
         return np.where(wall == self._inner, -1.0, 1.0)
 
     def carried(self, body: IntArray, correction: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return index in `Scene.walls` and |correction| [m/s] of each wall contact, shapes (k,).
+        """Convert wall contacts from the device: return the indices in `Scene.walls`, and |correction| [m/s].
 
-        The device gives the body and the correction of a contact. Body 0 is both circles of an annulus, and a
-        correction < 0 there means the inner circle.
+        `body` and `correction` [m/s] are those on the device, shapes (k,). Body 0 is both circles of an
+        annulus, and a correction < 0 at body 0 means the inner circle.
         """
         wall = np.array(self.walls, np.int32)[body]
         return np.where((body == 0) & (correction < 0.0), self._inner, wall), np.abs(correction)

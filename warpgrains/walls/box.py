@@ -24,7 +24,7 @@ PERIODIC = ("", "x", "y", "xy")
 SIDES = {"left": (0, 1.0), "right": (0, -1.0), "bottom": (1, 1.0), "top": (1, -1.0)}
 """For each side, the component (0 is x) and the sign of the direction from the side to the grains."""
 _OF_LINES = [name for name in described_fields(Wall) if name not in ("angular_velocity", "pivot", "name")]
-"""The keys of all kinds of walls that a side accepts."""
+"""The keys that all kinds of walls have and that the table of a side may contain."""
 
 
 def _roughness(field: str, value: Any) -> dict[str, float]:
@@ -165,7 +165,10 @@ class Box(Described):
         return tuple(wall for own in self.sides.values() for wall in own)
 
     def require_fits(self, radius: FloatArray) -> None:
-        """Raise InputError unless grains of radii [m] fit."""
+        """Raise InputError if the largest grain does not fit; radii [m], shape (n,).
+
+        The box must be longer than its diameter, and in a periodic direction longer than twice that.
+        """
         largest = int(radius.argmax())
         width = 2.0 * float(radius[largest])
         for name, length in zip("xy", self.lengths, strict=True):
@@ -189,10 +192,11 @@ class Box(Described):
         sides: Sequence[Wall] = (),
         time: float = 0.0,
     ) -> tuple[Wall, ...]:
-        """Return `walls`, followed by those of the sides that are not among them.
+        """Return `walls`, followed by the walls of all sides whose names no wall in `walls` has.
 
-        If this box replaces box `was` at `time` [s], when walls of its sides are `sides`, those that do not
-        change keep their places. So do rows whose discs do not change.
+        Box `was` is the one that this box replaces at `time` [s], and `sides` are the walls of its sides at
+        that time. Walls of sides that the new box does not change keep their places, as do rows whose discs
+        it does not change. InputError if a wall has the name of a side but differs from its wall.
         """
         found = [*walls]
         for name in SIDES:
@@ -226,7 +230,11 @@ class Box(Described):
             raise InputError(f"domain.{name}: {error}") from None
 
     def _rows(self, line: Line, radius: float, spacing: float) -> Iterator[Wall]:
-        """Yield the half discs on a side as two rows of equal discs; discs of both rows alternate."""
+        """Yield the half discs on a side as two rows of discs of the same radius [m], which alternate.
+
+        `spacing` is the wanted distance of neighbors [m]. It is changed so that the side is a whole number of
+        spacings of a row long.
+        """
         largest = max(line.length, *map(abs, line.point))
         if spacing < (least := 2.0 * largest / MOST_SHOWN):
             raise InputError(f"roughness.spacing is {spacing} m: it must be at least {least:.3g} m")
@@ -250,7 +258,11 @@ documented(described_fields(Box).values())(Box)
 
 
 def _continued(time: float, wall: Wall, before: Wall, present: Wall) -> Wall:
-    """Return a wall of a side which at `time` [s] replaces wall `before`, now `present`."""
+    """Return a wall of a side for `wall` of a new box, which replaces the same wall of the old box.
+
+    The old wall was `before` at the start, and is `present` at `time` [s]. If nothing changes, `present` is
+    returned. A row with the same discs but other settings is moved to the place of `present`.
+    """
     if wall == before:
         return present
     if isinstance(wall, Row) and isinstance(present, Row) and wall.numbers == before.numbers:

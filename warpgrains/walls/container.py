@@ -135,7 +135,10 @@ def without_discs(space: Region, walls: Iterable[Wall]) -> Region:
 
 
 def _side(ends: FloatArray, position: FloatArray) -> Side | None:
-    """Return the half plane, bounded by the line of a segment, with all centers; None if on both sides."""
+    """Return the half plane, bounded by the line through a segment, that contains all centers.
+
+    None if there are centers on both sides. `ends` and `position` are in m, shapes (2, 2) and (n, 2).
+    """
     start, (x, y) = ends[0], (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
     normal = np.array([y, -x])
     beyond = position @ normal - start @ normal
@@ -145,7 +148,7 @@ def _side(ends: FloatArray, position: FloatArray) -> Side | None:
 
 
 def _is_on(sides: list[Side], edge: FloatArray, rounding: float) -> bool:
-    """Return whether an edge, shape (2, 2), lies on one of `sides`, up to `rounding` [m]."""
+    """Return whether an edge, (2, 2), lies on the border of a half plane in `sides`, up to `rounding` [m]."""
     return any((np.abs(edge @ normal - level) <= rounding).all() for normal, level in sides)
 
 
@@ -159,10 +162,10 @@ def _cuts(part: Part, line: FloatArray, rounding: float) -> bool:
 def _uncovered(
     line: FloatArray, others: FloatArray, rounding: float, gap: float, circles: tuple[Circle, ...]
 ) -> FloatArray:
-    """Return the pieces of a segment [m], shape (k, 2, 2), that no wall covers, if wider than `gap` [m].
+    """Return the pieces of segment `line` that no wall covers and that are wider than `gap` [m], (k, 2, 2).
 
-    Segments `others` (ends, shape (m, 2, 2)) that lie on the segment cover parts of it. So do the walls
-    behind circles.
+    Segments `others` (ends, shape (m, 2, 2)) that lie on `line` up to `rounding` [m] cover parts of it. So do
+    `circles`, where `line` is on their side without grains.
     """
     start, length = line[0], np.hypot(*(line[1] - line[0]))
     if length == 0.0:

@@ -58,7 +58,7 @@ class Disc(Wall):
         return self.center
 
     def farthest(self, point: tuple[float, float]) -> float:
-        """Return the distance [m] from the pivot `point` to the center, which is all that turning moves."""
+        """Return the distance [m] from the pivot `point` to the center. Only the center moves in a turn."""
         return dist(self.center, point)
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:

@@ -18,7 +18,7 @@ from warpgrains.walls.wall import Wall
 WALL_KINDS: dict[str, type[Wall]] = {kind.kind: kind for kind in (Disc, Segment, Arc, Line, Row)}
 """The classes of walls by the key `kind` of `[[walls]]` tables."""
 WRITTEN_KINDS: dict[str, type[Wall]] = {**WALL_KINDS, Polyline.kind: Polyline}
-"""The same, and the class of polylines. A scene splits a polyline into several walls."""
+"""`WALL_KINDS` and the class of polylines. A scene splits a polyline into several walls."""
 
 
 def checked_walls(field: str, value: Any) -> tuple[Wall, ...]:

@@ -122,7 +122,10 @@ class Motion(Described):
         return dict(zip(MOTION_NUMBERS, np.hstack([*values.values()]).tolist(), strict=True))
 
     def require_motion(self, what: str) -> None:
-        """Raise InputError, which names `what`, if a value has no effect, or the end is before the start."""
+        """Raise InputError if the end is not after the start, or a frequency or phase has no effect.
+
+        `what` is the name of the wall in the message.
+        """
         if self.end_time is not None and self.start_time is not None and self.end_time <= self.start_time:
             raise InputError(
                 f"end_time of {what} is {self.end_time} s: it must be later than start_time,"
@@ -134,18 +137,18 @@ class Motion(Described):
             raise InputError(f"phase of {what} is {self.phase} rad: give the frequency of the oscillation")
 
     def progress(self, time: float) -> float:
-        """Return the duration [s] for which motion at the given velocities leads to the place at `time` [s].
+        """Return xi of eq. 26 [s]: displacement and angle at `time` [s] are xi times the given velocities.
 
-        It differs from the time since the start if the wall oscillates or has stopped.
+        It is the time since the start of the motion, except if the wall oscillates or has stopped.
         """
         moved = min(max(time, self.starts_at), self.stops_at) - self.starts_at
         rate = 2.0 * pi * self.frequency
         return (sin(rate * moved + self.phase) - sin(self.phase)) / rate if rate else moved
 
     def share(self, begin: float, end: float) -> float:
-        """Return the mean velocity between two times [s], as a fraction of `velocity`.
+        """Return the mean velocity between two times [s] as a fraction of `velocity`, in -1 to 1.
 
-        It is the same fraction for `angular_velocity`.
+        The mean angular velocity is the same fraction of `angular_velocity`.
         """
         if self.frequency:
             return (self.progress(end) - self.progress(begin)) / (end - begin)
@@ -206,4 +209,4 @@ MOTION_NUMBERS = tuple(
     for own in fields(Motion)
     for axis in (("_x", "_y") if own.metadata["check"] is checks.vector else ("",))
 )
-"""Names of `Motion.motion_numbers`."""
+"""Names of the numbers in `Motion.motion_numbers`, in their order."""

@@ -18,7 +18,10 @@ from warpgrains.walls.wall import Wall, kind_of_wall
 
 
 def closed_corners(field: str, name: str, walls: Sequence[Wall]) -> FloatArray:
-    """Return the corners [m], shape (k, 2), of the closed polyline `name`, from its segments in `walls`."""
+    """Return the corners [m], shape (k, 2), of the closed polyline `name`, from its segments in `walls`.
+
+    InputError, which names `field`, if there is no closed polyline of this name.
+    """
     closed = dict[str, FloatArray]()
     for one in dict.fromkeys(wall.name for wall in walls if wall.name):
         ends = [(wall.start, wall.end) for wall in walls if isinstance(wall, Segment) and wall.name == one]

@@ -35,9 +35,9 @@ class Image(NamedTuple):
     """
 
     of: int
-    """Number in `Scene.walls` of the wall of which this is an image."""
+    """Index in `Scene.walls` of the wall of which this is an image."""
     steps: tuple[int, int]
-    """Displacement, in periods along x and y, from the image of the wall nearest to a grain to this image."""
+    """Displacement of this image from the wall's image nearest to a grain, in periods along x and y."""
 
 
 class Drive(NamedTuple):
@@ -78,7 +78,8 @@ class Wall(Motion):
     """A wall inside the domain, with the keys of its `[[walls]]` table as fields.
 
     A kind is a subclass with the decorator `kind_of_wall`. It defines `kind`, `kind_number`, `border` if it
-    fills a disc, and the methods below that raise NotImplementedError, for the wall before it moves.
+    fills a disc, and the methods below that raise NotImplementedError. These methods describe the wall at
+    its place before it moves.
     """
 
     kind: ClassVar[str]
@@ -112,7 +113,7 @@ class Wall(Motion):
     )
 
     image: Image | None = None
-    """Set if the wall is a periodic image of another wall; names that wall."""
+    """The wall of which this wall is a periodic image; None if it is no image."""
 
     def __post_init__(self) -> None:
         for key, own in self.keys().items():
@@ -152,7 +153,7 @@ class Wall(Motion):
         return f"{type(self).__name__}({values})"
 
     def _given(self) -> list[tuple[str, Field[Any]]]:
-        """Return key and field of every value that is not the default."""
+        """Return (key in scene files, field) of every field whose value is not the default."""
         return [(key, own) for key, own in self.keys().items() if getattr(self, own.name) != own.default]
 
     @property
@@ -272,7 +273,7 @@ class Wall(Motion):
 
     @property
     def widths(self) -> tuple[float, float]:
-        """Upper bounds of the widths of the wall along x and y, centered on the center of `circle` [m]."""
+        """Sides, along x and y, of a box about the wall [m]. The center of the box is that of `circle`."""
         return 2.0 * self.circle[2], 2.0 * self.circle[2]
 
     def farthest(self, point: tuple[float, float]) -> float:
@@ -308,9 +309,9 @@ class Wall(Motion):
         return np.zeros(len(position))
 
     def face_normals(self, point: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the normal, at `point` of the wall, of the face towards each position, (n, 2).
+        """Return the unit normal, at `point` of the wall, of the face towards each position, shape (n, 2).
 
-        It is 0 for a convex face.
+        It points into the wall, and is 0 for a convex face.
         """
         raise NotImplementedError
 
