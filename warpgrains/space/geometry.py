@@ -75,7 +75,7 @@ class Period:
         return np.where(self.repeats, np.clip(places, 0.0, np.nextafter(self.lengths, 0.0)), places)
 
     def nearest(self, ways: FloatArray) -> FloatArray:
-        """Return, for displacements [m], those to the nearest image, shape (..., 2) (MODEL.md, eq. 36)."""
+        """Replace displacements [m], shape (..., 2), by those to the nearest images (MODEL.md, eq. 36)."""
         if not self:
             return ways
         images = np.rint(np.divide(ways, self.lengths, np.zeros_like(ways), where=self.repeats))
@@ -112,7 +112,7 @@ class Circle(NamedTuple):
     """True if the shape lies inside of the circle, False if outside."""
 
     def meets(self, other: "Circle") -> bool:
-        """Return whether points of circle `other` may lie on the wrong side of this circle."""
+        """Return whether circle `other` may have points on the side of this circle where the shape is not."""
         return self.keeps_inside or dist(self[:2], other[:2]) <= self.radius + other.radius
 
     def contains(self, points: FloatArray) -> BoolArray:
@@ -180,7 +180,10 @@ def left_of(directions: FloatArray) -> FloatArray:
 
 
 def hollow_normals(center: Any, radius: float, point: FloatArray, position: FloatArray) -> FloatArray:
-    """Return the outward normals of a circle at `point`, shape (n, 2), but 0 for a position outside of it."""
+    """Return the outward normal of a circle at `point` for each position inside it, shape (n, 2).
+
+    For a position outside of the circle, 0 is returned.
+    """
     outwards = (point - center) / np.hypot(*(point - center))
     within: FloatArray = np.where(distance(position - center)[:, np.newaxis] < radius, outwards, 0.0)
     return within

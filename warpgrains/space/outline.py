@@ -29,7 +29,10 @@ class Part(NamedTuple):
 
     @classmethod
     def of(cls, corner: FloatArray, circles: Iterable[Circle]) -> Self:
-        """Return a part, without circles that exclude their inside and do not reach the polygon."""
+        """Return the part of a polygon, corners [m], inside or outside of circles.
+
+        Circles that exclude their inside but do not reach the polygon are omitted.
+        """
         low, high = corner.min(axis=0), corner.max(axis=0)
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         near = (c for c in circles if c.keeps_inside or (np.abs(middle - c[:2]) <= half + c.radius).all())
@@ -70,10 +73,9 @@ class Part(NamedTuple):
         return np.where(self.contains(points), nearest, -nearest)
 
     def outermost(self, direction: FloatArray) -> FloatArray:
-        """Return points of the part [m], shape (m, 2).
+        """Return points of the part [m], shape (m, 2), among them the farthest along and against `direction`.
 
-        They include the points farthest along a direction and against it. Circles that exclude their inside
-        are ignored.
+        Circles that exclude their inside are ignored.
         """
         outline = self._replace(circles=tuple(circle for circle in self.circles if circle.keeps_inside))
         points = [self.corner]
@@ -136,7 +138,10 @@ class Part(NamedTuple):
         return angle
 
     def _cut_angles(self, center: FloatArray, radius: FloatArray, t: FloatArray) -> FloatArray:
-        """Return the angle of each disc's circle inside the part, which meets the edges at fractions t."""
+        """Return the total angle of the arcs of each disc's circle inside the part [rad], shape (n,).
+
+        The circles meet the lines of the k edges at the fractions t, shape (n, k, 2), see `_fractions`.
+        """
         start = self.corner - center[:, np.newaxis]
         met = start[:, :, np.newaxis] + t[..., np.newaxis] * self.along[..., np.newaxis, :]
         angle = np.arctan2(met[..., 1], met[..., 0])  # beyond the ends of edges, too: more cuts are harmless
@@ -173,7 +178,10 @@ class Part(NamedTuple):
         return area if circle.keeps_inside else -area
 
     def _crossing_angles(self, circle: Circle) -> FloatArray:
-        """Return the angles at which a circle meets the lines of the k edges, (2 k,) or (n, 2 k), or NaN."""
+        """Return the angles on a circle at which it meets the lines of the k edges [rad].
+
+        The shape is (2 k,), or (n, 2 k) for n polygons. NaN for a line that the circle does not meet.
+        """
         t = self._fractions(circle)
         met = (self.corner - circle[:2])[..., np.newaxis, :] + t[..., np.newaxis] * self.along[
             ..., np.newaxis, :
@@ -187,9 +195,9 @@ class Part(NamedTuple):
         return self.corner[edge] + t[edge, which, np.newaxis] * self.along[edge]
 
     def _fractions(self, circle: Circle) -> FloatArray:
-        """Return both t at which corner + t (next corner - corner) of each edge is on a circle, or NaN.
+        """Return both fractions t of each of k edges at which its line meets a circle, shape (..., k, 2).
 
-        The shape is (..., k, 2).
+        The point is corner + t (next corner - corner). NaN if the line does not meet the circle.
         """
         return _roots(self.corner - circle[:2], self.along, np.array(circle.radius))
 
@@ -221,9 +229,9 @@ def clip(corner: FloatArray, normal: FloatArray, level: float) -> FloatArray:
 
 
 def _arcs(cut: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return begin and end [rad], shape (n, k), of the arcs between the angles of cuts, (n, k).
+    """Divide n circles into arcs at the angles `cut` [rad], shape (n, k); NaN is taken as 0.
 
-    The third result are the unit vectors to the middles of the arcs, shape (n, k, 2).
+    Return begin and end of the arcs [rad], shape (n, k), and the unit vectors to their middles, (n, k, 2).
     """
     begin = np.sort(np.where(np.isnan(cut), 0.0, cut) % (2.0 * np.pi), axis=1)
     end = np.append(begin[:, 1:], np.full((len(begin), 1), 2.0 * np.pi), axis=1)
@@ -234,9 +242,9 @@ def _arcs(cut: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _angles_at(
     center: FloatArray, radius: FloatArray | float, other: FloatArray, other_radius: FloatArray | float
 ) -> FloatArray:
-    """Return both angles, on circles about `center`, at which they meet circles about `other` [rad], or NaN.
+    """Return both angles on circles about `center` at which they meet circles about `other` [rad], (..., 2).
 
-    The shape is (..., 2).
+    NaN if they do not meet or only touch.
     """
     to = center - other
     rho, towards = np.hypot(to[..., 0], to[..., 1]), np.arctan2(to[..., 1], to[..., 0])

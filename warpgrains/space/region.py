@@ -325,7 +325,10 @@ def region_of(space: Region, given: Any, field: str = "grains.region") -> Region
 
 @lru_cache(64)
 def _in_ranges(space: Region, near: float, far: float, ranges: tuple[tuple[str, Ends], ...]) -> Region:
-    """Return the part of `space` at distances from `near` to `far`, with "x" and "y" in ranges [m]."""
+    """Return the part of `space` at distances from `near` to `far` [m] from the origin, in all `ranges`.
+
+    A range is ("x" or "y", (low, high) [m]).
+    """
     region, (least, most) = space.distances(near, far), space.box
     for axis, (low, high) in ((np.eye(2)["xy".index(name)], own) for name, own in ranges):
         lowest, highest = least @ axis, most @ axis  # no cut at or beyond the box, which may touch a circle
