@@ -77,10 +77,10 @@ class StepProblem:
         return self.scene.radius * free_spin(self.scene, spin, self.staggered)
 
     def constraints(self, speed: FloatArray, sliding: FloatArray) -> StepConstraints:
-        """Return the constraints J v <= b of all contacts that grains can violate at limited speeds.
+        """Return the constraints J v <= b of all contacts that grains could close within the step.
 
-        `speed` is the largest speed of each grain [m/s], shape (n,). The gaps at a round wall are those of
-        grains that move with the velocities `sliding` [m/s], shape (n, 2) (eq. 18).
+        `speed` is an upper bound of the speed of each grain [m/s], shape (n,). The gaps at a round wall are
+        those of grains that move with the velocities `sliding` [m/s], shape (n, 2) (eq. 18).
         """
         scene, position = self.scene, self.position
         pair = pairs_within(scene, position, scene.dt * speed)
@@ -162,7 +162,10 @@ def solve_exactly(problem: StepProblem, motion: FloatArray) -> ExactStep:
 
 
 def _project(rows: sparse.csr_array, bound: FloatArray) -> tuple[FloatArray, float]:
-    """Return a y with rows y <= bound, and a bound on its distance from the y of least norm."""
+    """Return a y that satisfies rows y <= bound and is nearly the shortest such y.
+
+    The second result is a proven bound of the distance of the two. SimulationError if no y is found.
+    """
     nothing = np.zeros(rows.shape[1])
     if not (bound < 0.0).any():
         return nothing, 0.0
