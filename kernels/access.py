@@ -54,7 +54,10 @@ def named(name: str) -> Callable[[Callable[..., Any]], wp.Function]:
 
 
 def checked(code: str) -> str:
-    """Return C++ for a native function; in checked mode it tests the index in each ARRAY.data[INDEX]."""
+    """Return `code`, the C++ of a native function; in checked mode, with a test of every index.
+
+    The indices are the INDEX in each ARRAY.data[INDEX]; `CHECK` has the test.
+    """
     if not CHECKED:
         return code
     return CHECK + re.sub(r"([\w.]+)\.data\[([^]]+)\]", r"\1.data[within(\1, \2)]", code)
@@ -106,7 +109,10 @@ def raise_to(array: wp.array(dtype=f64), i: int, value: f64):
 """)
 )
 def add(array: wp.array(dtype=wp.int32), i: int, amount: int) -> int:
-    """Add to array[i] in an atomic stage (stages.py); return the value before."""
+    """Set array[i] += amount; return the value of array[i] before.
+
+    A stage that calls it must be atomic (`stages.Each`): only the GPU adds atomically.
+    """
     ...
 
 
@@ -120,7 +126,7 @@ for dtype in (f64, wp.int32, wp.vec3d):
 
 @wp.func
 def larger(a: f64, b: f64) -> f64:
-    """max(a, b), or a if either is NaN."""
+    """Return max(a, b), or a if either is NaN."""
     return wp.where(b > a, b, a)
 
 
@@ -132,7 +138,7 @@ def larger(a: f64, b: f64) -> f64:
 #endif
 """)
 def lowest_bit(bits: wp.uint64) -> int:
-    """Return the index of the lowest bit that is set; undefined if none is."""
+    """Return the index, from 0, of the lowest bit that is set; undefined if no bit is set."""
     ...
 
 
@@ -141,7 +147,7 @@ CONTIGUOUS = "__builtin_assume(i >= 0 && array.strides[0] == sizeof(*array.data)
 
 @wp.func_native((CHECK + "return within(array, i);") if CHECKED else CONTIGUOUS)
 def index_of(array: wp.array(dtype=Contact), i: int) -> int:
-    """Return index i of a contact; in checked mode, test it first.
+    """Return the index i itself; in checked mode, test first that it is within the array of contacts.
 
     `contact_at` then reads the contact, because a native function cannot return a record.
     """
@@ -150,11 +156,14 @@ def index_of(array: wp.array(dtype=Contact), i: int) -> int:
 
 @wp.func
 def contact_at(contacts: wp.array(dtype=Contact), c: int) -> Contact:
-    """Read a contact."""
+    """Return contacts[c]."""
     return contacts[index_of(contacts, c)]
 
 
 @wp.func
 def bodies_of(contact: Contact):
-    """Return the indices of both bodies: a grain, and the second grain or the wall."""
+    """Return (i, j) of a contact: grain i, and grain j or, if j >= n, wall j - n.
+
+    n is the number of grains.
+    """
     return int(contact.i // wp.uint32(2)), int(contact.j // wp.uint32(2))

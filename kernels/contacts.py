@@ -40,7 +40,11 @@ def is_wall_set(s: Scene, k: int) -> bool:
 
 @wp.func
 def next_grain(s: Scene, c: int) -> int:
-    """Return c or, within the contacts with walls, the first index >= c at which another grain begins."""
+    """Return c if it is the index of a pair; at walls, the first index >= c at which another grain begins.
+
+    A range that begins there does not divide the contacts of one grain with walls. If no grain begins there,
+    this is the number of contacts.
+    """
     k = int(c)
     while k > pair_count(s) and k < contact_count(s):
         if contact_at(s.contacts.contact, k).i != contact_at(s.contacts.contact, k - 1).i:
@@ -51,9 +55,9 @@ def next_grain(s: Scene, c: int) -> int:
 
 @wp.func
 def range_of_set(team: Team, s: Scene, k: int, begin: int, end: int):
-    """Return begin and end of this thread's part of the range [begin, end) of set k.
+    """Return (begin, end) of this thread's part of a range [begin, end) of contacts or chunks of set k.
 
-    If a force drives a wall, the first thread has all contacts with walls.
+    If a force drives a wall, the first thread has the whole range of the contacts with walls.
     """
     first, last = thread_range(team, begin, end)
     if is_driven(s) and is_wall_set(s, k):
@@ -64,7 +68,7 @@ def range_of_set(team: Team, s: Scene, k: int, begin: int, end: int):
 
 @wp.func
 def contacts_of(team: Team, s: Scene, k: int):
-    """Return first contact and end of this thread's range of the contacts in set k."""
+    """Return (first contact, end) of the contacts in set k that this thread processes."""
     first, last = range_of_set(team, s, k, at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1))
     if is_wall_set(s, k):
         first, last = next_grain(s, first), next_grain(s, last)
@@ -73,13 +77,13 @@ def contacts_of(team: Team, s: Scene, k: int):
 
 @wp.func
 def chunks_in(count: int) -> int:
-    """Return the number of chunks that hold `count` elements."""
+    """Return the number of blocks of CHUNK elements that hold `count` elements."""
     return (count + CHUNK - 1) // CHUNK
 
 
 @wp.func
 def chunk_count(s: Scene) -> int:
-    """Return the number of chunks of the contacts."""
+    """Return the number of chunks of all contacts, including empty chunks where a set ends with a block."""
     return chunks_in(contact_count(s)) + set_count(s)
 
 
@@ -91,9 +95,10 @@ def chunks_of_set(s: Scene, k: int):
 
 @wp.func
 def contacts_of_chunk(s: Scene, k: int, chunk: int):
-    """Return the first contact in set k of a chunk, by its index over all sets, and the end of its contacts.
+    """Return (first contact, end) of a chunk of set k.
 
-    A chunk is the part of a set in one block of `CHUNK` contacts.
+    `chunk` is its number among the chunks of all sets. A chunk is the part of a set in one block of `CHUNK`
+    contacts.
     """
     begin = wp.max(at(s.contacts.set_start, k), (chunk - k) * CHUNK)
     end = wp.min(at(s.contacts.set_start, k + 1), (chunk - k + 1) * CHUNK)
@@ -115,7 +120,11 @@ def limits_at(limits: Vectors, w: int) -> wp.vec2d:
 
 @wp.func
 def gap_rates_now(contacts: Contacts, c: int, v: wp.vec2d):
-    """Return gap / dt of contact c on both sides of its wall, for a grain of velocity v [m/s] (eq. 18)."""
+    """Return gap / dt [m/s] of contact c with a wall: on the side of the normal, and on the other side.
+
+    At a round wall, the first depends on the velocity v of the grain (eq. 18). The second is inf at a wall
+    with one side.
+    """
     contact, limits = contact_at(contacts.contact, c), limits_at(contacts.limits, c - contacts.count.pairs)
     return law.round_gap_rate(contact.gap_rate, law.speed_along(v, contact.n), limits[1]), limits[0]
 
@@ -132,9 +141,10 @@ def surface_of(s: Scene, c: int) -> wp.vec2d:
 
 @wp.func
 def apply(s: Scene, velocity: Vectors, rim: Floats, contact: Contact, c: int, dv: f64, dvt: f64):
-    """Add the corrections dv, dvt [m/s] of contact c to velocity and rim of both bodies (eqs. 7, 22, 28).
+    """Add the corrections dv, dvt [m/s] of contact c to `velocity` and `rim` of its bodies (eqs. 7, 22, 28).
 
-    dv and dvt are arguments, because to read again what START has just written takes 10 % of a short step.
+    `velocity` and `rim` are changed in place; `contact` is contact c. dv and dvt are arguments, because
+    reading them from the arrays to which `warm_start` has just written them takes 10 % of a short step.
     """
     i, j = bodies_of(contact)
     at_wall = c >= pair_count(s)
@@ -159,7 +169,7 @@ def apply(s: Scene, velocity: Vectors, rim: Floats, contact: Contact, c: int, dv
 
 @wp.func
 def value_at(numbers: Floats, c: int) -> f64:
-    """Return numbers[c], or 0 if the scene does not need these numbers, so that the array is empty."""
+    """Return numbers[c], or 0 if the array is empty because the scene does not need it."""
     if numbers.shape[0] > 0:
         return at(numbers, c)
     return f64(0.0)
@@ -167,7 +177,10 @@ def value_at(numbers: Floats, c: int) -> f64:
 
 @wp.func
 def rim_weights(s: Scene, c: int, at_wall: bool) -> wp.vec3d:
-    """Return (1 / K_t, changes of both rim speeds per tangential correction) of contact c (eq. 22)."""
+    """Return (1 / K_t, share_i k_i, share_j k_j) of contact c (eq. 22); the third is 0 at a wall.
+
+    The last two are the changes of the rim speeds by a tangential correction of 1 m/s.
+    """
     if has_weights(s):
         return at(s.contacts.rim_weights, c)
     if at_wall:

@@ -21,14 +21,17 @@ def begin_step(s: Scene):
 
 @wp.func
 def place_mobile_walls(s: Scene):
-    """Set the poses of mobile walls, and their velocities, for the step after `s.steps` steps."""
+    """Set the poses of mobile walls at the present time, and their velocities in the step from then on."""
     place_walls(s.walls, time_after(s, s.steps), time_after(s, s.steps + wp.int64(1)), s.dt)
     place_driven_walls(s)
 
 
 @wp.func
 def velocity_after_kick(s: Scene, v: wp.vec2d, acceleration: wp.vec2d, drag: f64, m: f64) -> wp.vec2d:
-    """Return the velocity after acceleration [m/s2] and drag [kg/s] of a body of mass m (eqs. 2, 16, 17)."""
+    """Return the velocity v of a body of mass m after acceleration [m/s2] and drag [kg/s] (eqs. 2, 16, 17).
+
+    The scheme of the scene chooses the equation. Drag of a spin has the unit kg m2/s, and m is the inertia.
+    """
     if s.leapfrog != 0:
         return law.leapfrog_velocity(v, acceleration, drag, m, s.dt, s.staggered != 0)
     return law.free_velocity(v, acceleration, drag, m, s.dt)
@@ -68,7 +71,7 @@ def move(s: Scene, i: int):
 
 @wp.func
 def end_step(s: Scene):
-    """Count the step, place mobile walls, and set `staggered` after a leapfrog step."""
+    """Count the step, place mobile walls for the next one, and set `staggered` if the scheme is leapfrog."""
     s.steps = s.steps + wp.int64(1)
     place_mobile_walls(s)
     s.last_staggered = s.staggered

@@ -78,9 +78,10 @@ def normal_change(vn: f64, dvc: f64, gap_rate: f64) -> f64:
 
 @wp.func
 def projection(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
-    """Return the new dv_c of a contact with a wall, for which the grain passes neither side [m/s] (eq. 8).
+    """Return the new correction dv_c of a contact with a wall [m/s] (eq. 8), from the present one, dv.
 
-    back_rate is gap / dt on the other side, which pushes with dv_c < 0; it is inf if there is no other side.
+    With it, the grain passes neither side of the wall. back_rate is gap / dt on the other side, which pushes
+    with dv_c < 0; it is inf if there is no other side.
     """
     return wp.max(f64(0.0), vn + dv - gap_rate) - wp.max(f64(0.0), -vn - dv - back_rate)
 
@@ -111,9 +112,10 @@ def tangent(n: wp.vec2d) -> wp.vec2d:
 
 @wp.func
 def tangential_change(vt: f64, dvt: f64, bound: f64) -> f64:
-    """Return the change of the tangential correction, after which |dv_t| <= bound [m/s] (eq. 23).
+    """Return the change of the tangential correction dv_t [m/s], after which |dv_t| <= bound (eq. 23).
 
-    vt is the slip velocity of the surfaces, divided by K_t of eq. 22. The same law changes dv_r (eq. 37).
+    The argument vt is the slip velocity of the surfaces, divided by K_t of eq. 22. The same law changes dv_r
+    (eq. 37).
     """
     stuck = dvt + vt
     return wp.where(stuck > bound, bound, wp.where(stuck < -bound, -bound, stuck)) - dvt
@@ -121,7 +123,10 @@ def tangential_change(vt: f64, dvt: f64, bound: f64) -> f64:
 
 @wp.func
 def tangential_residual(vt: f64, dvt: f64, inverse_k: f64, bound: f64) -> f64:
-    """Return the natural residual of dv_t or dv_r for the speed vt or vr [m/s] (eqs. 25 and 38)."""
+    """Return the natural residual of dv_t or dv_r for the speed vt or vr [m/s] (eqs. 25 and 38).
+
+    inverse_k is 1 / K_t or 1 / K_r, and bound is the largest |dv_t| or |dv_r| that friction allows.
+    """
     return wp.abs(tangential_change(inverse_k * vt, dvt, bound)) / inverse_k
 
 
@@ -139,7 +144,10 @@ def pair_slip(difference: wp.vec2d, n: wp.vec2d, rim_i: f64, rim_j: f64) -> f64:
 
 @wp.func
 def wall_slip(v: wp.vec2d, n: wp.vec2d, rim: f64, surface: f64) -> f64:
-    """Return the slip velocity vt of a grain, with rim speed `rim`, along a wall's surface [m/s] (eq. 23)."""
+    """Return the slip velocity vt of a grain on a wall [m/s] (eq. 23).
+
+    `rim` is the grain's rim speed, and `surface` the speed of the wall's surface along the tangent.
+    """
     return speed_along(v, n) + (rim - surface)
 
 
@@ -163,7 +171,11 @@ def wall_roll(rim: f64, radius: f64, spin: f64) -> f64:
 
 @wp.func
 def round_gap_rate(gap_rate: f64, along: f64, circle: f64) -> f64:
-    """Return gap / dt at a round wall, for a speed along it [m/s] (eq. 18); circle = A / dt, or inf."""
+    """Return gap / dt [m/s] at a round wall for a grain with the speed `along` it (eq. 18).
+
+    gap_rate is gap / dt without this speed. circle is A / dt; if it is inf, the wall is not round and the
+    result is gap_rate.
+    """
     if circle == f64(wp.inf):
         return gap_rate
     root = wp.sqrt(wp.max(f64(0.0), circle * circle - along * along))
@@ -175,8 +187,8 @@ def rebound(gap_rate: f64, rate: f64, vn: f64, surface: f64, restitution: f64, l
     """Return gap / dt of a contact, which is smaller if the contact bounces [m/s] (eq. 35).
 
     `rate` is gap / dt for the speed along a round wall (eq. 18), otherwise gap_rate. vn is the closing speed
-    at the end of the last step, and surface the speed of a wall along the normal. The contact bounces if vn >
-    rate, so that the gap would close, and vn - surface > least.
+    at the end of the last step, and `surface` the speed of a wall along the normal. The contact bounces if vn
+    > rate, so that the gap would close, and vn - surface > least, the `restitution_speed`.
     """
     if restitution > f64(0.0) and vn > rate and vn - surface > least:
         return wp.min(rate, surface - restitution * (vn - surface)) + (gap_rate - rate)
@@ -191,7 +203,10 @@ def mass_share(mass_i: f64, mass_j: f64) -> f64:
 
 @wp.func
 def wall_residual(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
-    """Return the natural residual of a contact with a wall: the larger one of both sides [m/s] (eq. 12)."""
+    """Return the natural residual of a contact with a wall [m/s] (eq. 12): the larger one of both its sides.
+
+    dv > 0 is the correction by the side of gap_rate, dv < 0 that by the other side, of back_rate.
+    """
     front = normal_change(vn, wp.max(dv, f64(0.0)), gap_rate)
     back = normal_change(-vn, wp.max(-dv, f64(0.0)), back_rate)
     return wp.max(wp.abs(front), wp.abs(back))

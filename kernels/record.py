@@ -40,9 +40,9 @@ class Outcome(IntEnum):
 
 
 class Kind(NamedTuple):
-    """Kind of scenes that share kernels."""
+    """The properties of a scene that choose its kernels; scenes of the same kind share kernels."""
 
-    method: str
+    method: str  # a key of `step.METHODS`: "gauss-seidel", "accelerated" or "exact"
     has_friction: bool
     has_restitution: bool
     has_rolling: bool  # whether contacts resist rolling, which requires friction
@@ -218,7 +218,7 @@ def grain_count(s: Scene) -> int:
 
 @wp.func
 def time_after(s: Scene, steps: wp.int64) -> f64:
-    """Return the time after a number of steps [s]."""
+    """Return the time [s] after a number of steps since the start of the scene."""
     return s.start_time + f64(steps) * s.dt
 
 
@@ -254,7 +254,7 @@ def has_rolling(s: Scene) -> bool:
 
 @wp.func
 def has_weights(s: Scene) -> bool:
-    """Return whether contacts have weights; without them, masses are equal (solver/sizes.py)."""
+    """Return whether contacts have mass shares (`Contacts.weights`); otherwise, all masses are equal."""
     return s.contacts.weights.shape[0] > 0
 
 

@@ -27,7 +27,7 @@ def overlap_of(s: Scene, c: int) -> f64:
 
 @wp.func
 def overlaps(team: Team, s: Scene):
-    """Find the worst overlap [m] of the listed contacts, and count those with a correction dv != 0."""
+    """Write the worst overlap [m] of this thread's contacts, and the number with dv != 0, to `partial`."""
     worst = f64(0.0)
     active = int(0)
     c, end = thread_range(team, 0, contact_count(s))

@@ -26,7 +26,7 @@ from .team.stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 
 def in_phase(*phases: Phase) -> wp.Function:
-    """Return the condition `(scene)` that the step is in one of these phases."""
+    """Return the Warp function `(scene)` that returns whether the step is in one of these phases."""
     bits = sum(1 << phase for phase in phases)
 
     @named("_or_".join(phase.name.lower() for phase in phases))
@@ -98,7 +98,7 @@ MONITOR_START = [Each(body_count, verlet.monitor_start)]
 
 
 def start(kind: Kind) -> list[Stage]:
-    """Return the stages that compute normals and gaps of contacts, and apply corrections.
+    """Return the stages that compute normals and gaps, apply the corrections kept, and check the list.
 
     If sweeps resume, the corrections are part of the velocities already.
     """
@@ -138,7 +138,7 @@ def plain_sweeps(kind: Kind) -> list[Stage]:
 
 
 def sweep_ahead(kind: Kind) -> list[Stage]:
-    """Return the stages that extrapolate and sweep the working set, and roll back rejected sweeps."""
+    """Return the stages of an accelerated sweep: extrapolate, sweep the working set, perhaps roll back."""
     roll_back = [Each(chunk_count, momentum.roll_back), Each(body_count, momentum.roll_back_velocity)]
     return [
         Shared(momentum.extrapolate_with_friction if kind.has_friction else momentum.extrapolate),
@@ -175,7 +175,7 @@ def accelerated_sweeps(kind: Kind) -> list[Stage]:
 
 
 def exact(kind: Kind) -> list[Stage]:
-    """Return the stages that process an answer of the host, followed by accelerated sweeps."""
+    """Return the stages that measure the host's corrections, if any, and then sweep as accelerated."""
     answer = [
         *recompute(kind),
         Each(body_count, residual.take_corrected_velocity),
@@ -207,7 +207,7 @@ def finish(kind: Kind) -> list[Stage]:
 
 
 def expire(has_restitution: bool) -> list[Stage]:
-    """Return the stages that request another list, with new skins."""
+    """Return the stages that save the list, and choose the skins and lifetime of the next list."""
     return [
         *SAVE,
         Serial(contact_list.expire),
