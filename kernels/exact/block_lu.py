@@ -19,7 +19,10 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Factors:
-    """A matrix, which `factor` replaces by its factors L (with unit blocks on the diagonal) and U."""
+    """A sparse matrix of 3 x 3 blocks, which `factor` replaces by its factors L and U.
+
+    The diagonal blocks of L are unit matrices and not stored.
+    """
 
     start: Ints  # first block of every column of L, which is that of every row of U
     row: Ints  # row of every block of L, and column of every block of U; ascending in a column
@@ -33,7 +36,7 @@ class Factors:
 
 @wp.func
 def inverse_of(block: wp.mat33d):
-    """Return the inverse of a block by a QR decomposition, and the sign of its determinant."""
+    """Return (inverse of a block, sign of its determinant), by a QR decomposition."""
     q, r = wp.qr3(block)
     sign = wp.sign(wp.determinant(q)) * wp.sign(r[0, 0]) * wp.sign(r[1, 1]) * wp.sign(r[2, 2])
     return wp.inverse(r) * wp.transpose(q), sign
@@ -47,7 +50,7 @@ def is_zero(block: wp.mat33d) -> bool:
 
 @wp.func
 def factor(factors: Factors) -> f64:
-    """Factor the matrix in place; return the sign of its determinant."""
+    """Replace the matrix by its factors; return the sign of the matrix's determinant, 1 or -1."""
     sign = f64(1.0)
     k = int(0)
     while k < factors.diagonal.shape[0]:
@@ -90,7 +93,7 @@ def factor(factors: Factors) -> f64:
 
 @wp.func
 def solve(factors: Factors, x: Triples):
-    """Replace the right-hand side x by the solution of the factored system."""
+    """Replace the right-hand side x by the solution of the system whose matrix `factor` has factored."""
     k = int(0)
     while k < x.shape[0]:
         amount = at(x, k)

@@ -19,26 +19,26 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Factors:
-    """Factors of M = L D L^T: D, and the columns of L below the diagonal of ones, with ascending rows."""
+    """Factors of M = L D L^T: the diagonal D, and L in sparse columns without its diagonal of ones."""
 
-    start: Ints
-    row: Ints
-    value: Floats
+    start: Ints  # first entry of every column of L, and the end of the last column
+    row: Ints  # row of every entry, ascending in a column
+    value: Floats  # of every entry
     pivot: Floats  # D
 
 
 @wp.struct
 class Borders:
-    """Borders: the vectors y_c, one after the other, their Schur complement, and its factors.
+    """Borders of M: the sparse vectors y_c = L^-1 a_c, their Schur complement, and the factors of it.
 
-    The Schur complement includes all borders, its factors only the borders in use.
+    The Schur complement covers all borders. Its factors cover only the borders in use.
     """
 
     most: int  # largest number of borders
     count: Ints  # number of borders, shape (1,)
-    start: Ints
-    index: Ints
-    value: Floats
+    start: Ints  # first entry of every y_c, and the end of the last one
+    index: Ints  # of every entry: its index in y_c
+    value: Floats  # of every entry
     schur: Floats  # lower triangle, shape (most, most)
     used: Ints  # the borders in use, in the order of the rows of `lower`
     shift: Floats  # added to the diagonal of the Schur complement, by border in use
@@ -84,7 +84,7 @@ def dot(borders: Borders, k: int, x: Floats) -> f64:
 
 @wp.kernel
 def forward(factors: Factors, borders: Borders):
-    """Replace the right-hand side r in `y` by L^-1 r, and write D^-1 L^-1 r to `scaled`."""
+    """Replace the right-hand side r in `borders.y` by L^-1 r, and write D^-1 L^-1 r to `borders.scaled`."""
     j = int(0)
     while j < factors.pivot.shape[0]:
         eliminate(factors, borders.y, j)
@@ -94,10 +94,10 @@ def forward(factors: Factors, borders: Borders):
 
 @wp.kernel
 def add_borders(factors: Factors, borders: Borders, column: Ints, entry: Floats, done: int):
-    """Append the given borders, from index `done` on, until none is left or the memory is full.
+    """Append the given rows a_c, from number `done` on, to the borders until their memory is full.
 
-    A given border is a row a_c with ENTRIES elements, indices `column` and values `entry`. Some values may be
-    0.
+    Given row k has its indices in `column` and its values, of which some may be 0, in `entry`, both from
+    element ENTRIES k to ENTRIES (k + 1) - 1. `borders.count` says afterwards how many borders there are.
     """
     size = factors.pivot.shape[0]
     work = borders.work
@@ -140,7 +140,7 @@ def schur_at(borders: Borders, c: int, d: int) -> f64:
 
 @wp.func
 def factor_row(borders: Borders, k: int):
-    """Factor row k of the Schur complement of the borders in use, after the rows before it."""
+    """Compute row k of the factors of the Schur complement of the borders in use, from rows 0 to k - 1."""
     row = k * borders.most
     border = at(borders.used, k)
     for c in range(k):
@@ -160,7 +160,7 @@ def factor_row(borders: Borders, k: int):
 
 @wp.func
 def solve_borders(borders: Borders, count: int):
-    """Replace `force` by the unknowns f of the `count` borders in use.
+    """Replace `force` by the unknowns f of the first `count` borders in use.
 
     Before, `force` holds the right-hand sides of the equations of these borders.
     """
@@ -181,10 +181,11 @@ def solve_borders(borders: Borders, count: int):
 
 @wp.kernel
 def solve(factors: Factors, borders: Borders, factored: int, count: int):
-    """Solve for the unknowns f of `count` borders in use, and for x with M x = r - sum_c f_c a_c.
+    """Solve M x + sum_c f_c a_c = r together with the equations of the first `count` borders in use.
 
-    Rows of the Schur complement from `factored` on are factored first. `force` holds the right-hand sides of
-    the borders, and becomes f.
+    The kernel `forward` has processed r before. `borders.force` holds the right-hand sides of the borders'
+    equations, and becomes f; `borders.x` becomes x. Rows of the Schur complement from number `factored` on
+    are factored first.
     """
     for k in range(factored, count):
         factor_row(borders, k)

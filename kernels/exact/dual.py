@@ -1,4 +1,7 @@
-"""The dual 1/2 |u0 - A^T q|^2 + b . q of a step's convex problem, along q(a) = max(0, q + a (z - q))."""
+"""The dual 1/2 |u0 - A^T q|^2 + b . q of a step's convex problem (eq. 20).
+
+It is decreased along q(a) = max(0, q + a (z - q)), a line from q to a target z that stops at 0.
+"""
 
 import warp as wp
 
@@ -12,11 +15,11 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Dual:
-    """The dual: the matrix A by rows, and a point q with its slack s = b - A u, u = u0 - A^T q."""
+    """The dual: the matrix A in sparse rows, and a point q with its slack s = b - A u for u = u0 - A^T q."""
 
-    start: Ints
-    column: Ints
-    entry: Floats
+    start: Ints  # first entry of every row of A, and the end of the last row
+    column: Ints  # of every entry of A
+    entry: Floats  # values of A
     q: Floats
     slack: Floats
     target: Floats  # z: the direction is z - q
@@ -37,7 +40,7 @@ def add_row(dual: Dual, c: int, amount: f64, total: Floats):
 
 @wp.func
 def fall_at(dual: Dual, a: f64) -> f64:
-    """Compute A^T (q(a) - q) for the step a; return the change of the dual from q to q(a)."""
+    """Return the change of the dual from q to q(a), < 0 if it falls; write A^T (q(a) - q) to `spread`."""
     clear(dual.spread)
     total = f64(0.0)
     c = int(0)
@@ -61,7 +64,10 @@ def fall_at(dual: Dual, a: f64) -> f64:
 
 @wp.kernel
 def descend(dual: Dual, first: f64):
-    """Move q to q(a), where a is `first`, doubled while the dual falls and a < 1/2; update the slack."""
+    """Replace q by q(a), and update its slack.
+
+    The step a is `first`, doubled as long as the dual falls by that and a < 1/2.
+    """
     clear(dual.ahead)
     c = int(0)
     while c < dual.q.shape[0]:

@@ -89,7 +89,7 @@ def copy(target: Triples, first: int, source: Triples):
 
 @wp.func
 def find_velocity(step: Step, path: Path):
-    """Compute the velocities: the free velocities plus the changes by dv and dvt."""
+    """Set `path.velocity` to the free velocities and rim speeds plus the changes by the corrections."""
     clear(path.change)
     for c in range(step.first.shape[0]):
         push(path.change, step, c, wp.vec2d(at(path.dv, c), at(path.dvt, c)))
@@ -99,7 +99,10 @@ def find_velocity(step: Step, path: Path):
 
 @wp.func
 def begin(step: Step, path: Path):
-    """Begin a pass at the given corrections: compute velocities, and gap, piece and error of contacts."""
+    """Begin a pass at the corrections `path.dv` and `path.dvt`, the centers of the law (eq. 34).
+
+    Compute the velocities that they yield, and gap, piece and error of every contact.
+    """
     find_velocity(step, path)
     for c in range(step.first.shape[0]):
         v, gap = relative(path.velocity, step, c), gap_now(step, c, path.velocity)
@@ -122,7 +125,7 @@ def begin(step: Step, path: Path):
 
 @wp.func
 def assemble(step: Step, path: Path, factors: Factors, eps: f64):
-    """Write the matrix of the linear equations, for the present piece of every contact, to `factors`."""
+    """Write the matrix of eq. 33, for the present piece of every contact and compliance eps, to `factors`."""
     for k in range(factors.lower.shape[0]):
         put(factors.lower, k, wp.mat33d())
         put(factors.upper, k, wp.mat33d())
@@ -154,9 +157,10 @@ def assemble(step: Step, path: Path, factors: Factors, eps: f64):
 
 @wp.func
 def find_excess(step: Step, path: Path, s: f64, sigma: f64, eps: f64):
-    """Compute the excess (A, B) of every contact, the arguments of its law, for the present velocities.
+    """Write the arguments (A, B) of the law of every contact (eq. 32), for `path.velocity`, to `path.excess`.
 
-    s multiplies the errors of the contacts, and sigma their openings around a fold (`Path`).
+    s multiplies the errors of the contacts (`path.error`), and sigma their openings around a fold
+    (`path.opening`).
     """
     for c in range(step.first.shape[0]):
         v, error = relative(path.velocity, step, c), s * at(path.error, c) + sigma * at(path.opening, c)
@@ -196,7 +200,11 @@ def solve_updated(step: Step, path: Path, factors: Factors, x: Triples, updates:
 
 @wp.func
 def find_way(step: Step, path: Path, factors: Factors, drive: Vectors, updates: int, eps: f64):
-    """Compute `way`, the rate of the velocity if gap / dt and surface speed change at the rates `drive`."""
+    """Compute `path.way`, the rate at which `path.velocity` changes along the path.
+
+    `drive` has the rates of gap / dt and surface speed of every contact. `updates` is the number of changes
+    of pieces since the factorization with the compliance eps.
+    """
     clear(path.way)
     for c in range(step.first.shape[0]):
         rate = at(drive, c)
@@ -208,10 +216,11 @@ def find_way(step: Step, path: Path, factors: Factors, drive: Vectors, updates: 
 
 @wp.func
 def next_kink(step: Step, path: Path, drive: Vectors, lead: f64, last: int):
-    """Return the contact that first reaches a side of its piece, the side, and the step of s or sigma to it.
+    """Return (contact, side, way): the contact that first reaches a side of its piece, and the way to it.
 
-    s or sigma changes at the rate `lead`, 1 or -1. The contact `last` is skipped, because its piece has just
-    changed, so that it is at a side.
+    `way` >= 0 is the change of s or sigma, whose rate is `lead`, 1 or -1. If no contact reaches a side, the
+    contact is -1 and way is inf. The contact `last` is skipped: its piece has just changed, so it is at a
+    side.
     """
     hit, hit_side, way = int(-1), int(0), f64(wp.inf)
     c = int(0)
@@ -262,15 +271,20 @@ def open_around(step: Step, path: Path, c: int):
 
 @wp.func
 def rate_of_margin(step: Step, path: Path, c: int, gradient: wp.vec2d, drive: Vectors) -> f64:
-    """Return the rate along the path of a margin of contact c; `gradient` is that by (vn, vt)."""
+    """Return the rate at which a `margin` of contact c changes along the path.
+
+    `gradient` has the derivatives of this margin by vn and vt, and `drive` the rates of gap / dt and surface
+    speed of every contact.
+    """
     return wp.dot(gradient, relative(path.way, step, c) - at(drive, c))
 
 
 @wp.kernel
 def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int):
-    """Follow the path from the given corrections, and replace the corrections by those at its end.
+    """Follow the path from the corrections `path.dv` and `path.dvt`, and replace them by those at its end.
 
-    A pass has at most `most` pivots, which are changes of a contact's piece.
+    eps is the compliance. In a pass, contacts change their pieces (a pivot) at most `most` times. The numbers
+    of pivots and factorizations and the outcome are written to `path.count`.
     """
     begin(step, path)
     s, sigma, lead = f64(1.0), f64(0.0), f64(-1.0)  # lead: sign of the rate of s or sigma
@@ -372,7 +386,10 @@ def follow(step: Step, path: Path, factors: Factors, eps: f64, most: int):
 
 @wp.kernel
 def measure(step: Step, path: Path):
-    """Compute the velocities of the corrections, and their natural residual (eqs. 25, 30 and 38)."""
+    """Compute `path.velocity` from the corrections, and `path.residual`, their natural residual [m/s].
+
+    The residual is the largest of eqs. 25, 30 and 38.
+    """
     find_velocity(step, path)
     worst = f64(0.0)
     for c in range(step.first.shape[0]):

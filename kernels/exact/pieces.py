@@ -18,9 +18,8 @@ OPEN, STICK, FORWARD, BACKWARD = (wp.constant(k) for k in range(4))
 class Step:
     """A step with friction: its m contacts, and its n grains in the order of elimination.
 
-    A contact that resists rolling has a second entry with the same normal, in which vr, dv_r and mu_r (eq.
-    37) replace vt, dv_t and mu. The normal correction of this entry only limits dv_r; it does not act on
-    grains.
+    A contact that resists rolling has two elements in the arrays of contacts. In the second one, vr, dv_r and
+    mu_r (eq. 37) replace vt, dv_t and mu. Its normal correction only limits dv_r; it does not act on grains.
     """
 
     first: Ints
@@ -50,9 +49,10 @@ def is_grain(step: Step, j: int) -> bool:
 
 @wp.func
 def relative(u: Triples, step: Step, c: int) -> wp.vec2d:
-    """Return (vn, vt) of contact c for velocities u, including the velocity of a driven wall.
+    """Return (vn, vt) of contact c [m/s] for the velocities and rim speeds u of all bodies.
 
-    The speed of a surface along the tangent (`Step.surface`) is not subtracted.
+    If c is the second element of a contact that resists rolling (`Step`), vt is vr. The speed of a driven
+    wall is subtracted, that of a surface along its tangent (`Step.surface`) is not.
     """
     own, j, n, parts = at(u, at(step.first, c)), at(step.second, c), at(step.normal, c), at(step.parts, c)
     x, y, rim = own[0], own[1], parts[1] * own[2]
@@ -68,9 +68,10 @@ def relative(u: Triples, step: Step, c: int) -> wp.vec2d:
 
 @wp.func
 def push(force: Triples, step: Step, c: int, amount: wp.vec2d):
-    """Add the impulses mu_c times `amount` (normal, tangential) of contact c to `force` of both bodies.
+    """Add the impulses mu_c times `amount` (normal, tangential) of contact c to `force` of both its bodies.
 
-    This is the transpose of `relative`. An entry for rolling adds a moment only.
+    `force` has a triple for each body: the impulse and its moment. This is the transpose of `relative`. The
+    second element of a contact that resists rolling (`Step`) adds a moment only.
     """
     i, j, n, f = at(step.first, c), at(step.second, c), at(step.normal, c), at(step.mass, c) * amount
     parts = at(step.parts, c)
@@ -85,7 +86,10 @@ def push(force: Triples, step: Step, c: int, amount: wp.vec2d):
 
 @wp.func
 def carried(piece: int, excess: wp.vec2d, friction: f64, eps: f64) -> wp.vec2d:
-    """Return dv_c and dv_t of a contact that is open, sticks or slips (`piece`), by its `excess` (eq. 32)."""
+    """Return (dv_c, dv_t) of a contact on a `piece` of its law: OPEN, STICK, FORWARD or BACKWARD (eq. 32).
+
+    `excess` is (A, B), the arguments of the law, and eps the compliance.
+    """
     if piece == OPEN:
         return wp.vec2d(f64(0.0), f64(0.0))
     a = excess[0] / eps
@@ -98,8 +102,8 @@ def carried(piece: int, excess: wp.vec2d, friction: f64, eps: f64) -> wp.vec2d:
 def margin(piece: int, side: int, excess: wp.vec2d, friction: f64) -> f64:
     """Return a linear function of the excess (A, B) that is > 0 on a piece and 0 at its side 0 or 1.
 
-    A piece has one or two sides, where another piece of the law begins. The result is 0 if there is no side
-    1.
+    (A, B) are the arguments of the law (eq. 32). A piece has one or two sides, where another piece of the law
+    begins. The result is 0 if there is no side 1.
     """
     if piece == STICK:
         return friction * excess[0] + wp.where(side == 0, -excess[1], excess[1])
@@ -122,9 +126,9 @@ def beyond(piece: int, side: int, excess: wp.vec2d) -> int:
 
 @wp.func
 def gap_now(step: Step, c: int, u: Triples) -> f64:
-    """Return gap / dt of contact c [m/s]; at a round wall that for the velocity of its grain (eq. 18).
+    """Return gap / dt of contact c [m/s]; at a round wall, it depends on the velocity of the grain (eq. 18).
 
-    u holds velocities and rim speeds. Elsewhere the result does not depend on u.
+    u holds the velocities and rim speeds of all bodies.
     """
     own = at(u, at(step.first, c))
     along = law.speed_along(wp.vec2d(own[0], own[1]), at(step.normal, c))
@@ -133,9 +137,10 @@ def gap_now(step: Step, c: int, u: Triples) -> f64:
 
 @wp.func
 def coupling(n: wp.vec3d, t: wp.vec3d, other_n: wp.vec3d, other_t: wp.vec3d, slope: wp.vec3d) -> wp.mat33d:
-    """Return the 3 x 3 block of the matrix by which a contact couples two bodies.
+    """Return a 3 x 3 block of the matrix of eq. 33, by which a contact couples a body with itself or another.
 
-    vn and vt change with the velocity of one body by the rows n, t, and of the other by other_n, other_t.
-    `slope` has the derivatives of dv by vn, of dv_t by vn, and of dv_t by vt, times mu_c.
+    n and t are the derivatives of vn and vt by the velocity of the block's row, other_n and other_t those by
+    the velocity of its column. `slope` has the derivatives of dv by vn, of dv_t by vn, and of dv_t by vt,
+    times mu_c.
     """
     return wp.outer(n, slope[0] * other_n) + wp.outer(t, slope[1] * other_n + slope[2] * other_t)
