@@ -50,7 +50,7 @@ Discs = wp.ref[DiscsRecord]
 
 @wp.func
 def cell_of(x: wp.vec2d, discs: Discs, level: int) -> wp.vec2i:
-    """Return column and row of the cell of a level that contains point x."""
+    """Return (column, row) of the cell of a level that contains point x, or of the nearest cell."""
     cell, most = discs.cell[level], discs.width[level] - wp.vec2i(1, 1)
     column, row = int((x[0] - discs.corner[0]) / cell[0]), int((x[1] - discs.corner[1]) / cell[1])
     return wp.vec2i(wp.clamp(column, 0, most[0]), wp.clamp(row, 0, most[1]))
@@ -58,7 +58,10 @@ def cell_of(x: wp.vec2d, discs: Discs, level: int) -> wp.vec2i:
 
 @wp.func
 def beside(place: int, step: int, width: int, period: f64) -> int:
-    """Return column (or row) place + step, periodic if period > 0, or NOBODY if it is outside [0, width)."""
+    """Return the index place + step of a column or row, or NOBODY if it is outside [0, width).
+
+    If the period is > 0, the first index follows the last one instead.
+    """
     other = place + step
     if period > f64(0.0):
         return (other + width) % width
@@ -80,7 +83,10 @@ def is_clear_of_cell(x: wp.vec2d, radius: f64, discs: Discs, cell: int) -> bool:
 
 @wp.func
 def is_clear(x: wp.vec2d, radius: f64, discs: Discs, level: int) -> bool:
-    """Return whether a disc at x overlaps no disc of a level; the cell that contains x is checked first."""
+    """Return whether a disc of this radius at x overlaps no disc of a level.
+
+    The cell that contains x is checked first.
+    """
     width, own, first, period = (
         discs.width[level],
         cell_of(x, discs, level),
@@ -113,7 +119,7 @@ def fits(x: wp.vec2d, discs: Discs, i: int) -> bool:
 
 @wp.func
 def try_places(discs: Discs):
-    """Try the positions `places` in order, each for the next disc, until all discs are placed."""
+    """Try the positions `places` in order, each for the first disc not yet placed, until all are placed."""
     for k in range(discs.places.shape[0]):
         i, x = discs.placed, discs.places[k]
         if i == discs.radius.shape[0]:
@@ -132,5 +138,5 @@ def try_places(discs: Discs):
 
 @wp.kernel
 def place(records: wp.array(dtype=DiscsRecord)):
-    """Place the discs of each record at its positions `places`."""
+    """Place the discs of each record by `try_places`, one record per thread."""
     try_places(records[wp.tid()])

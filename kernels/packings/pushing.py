@@ -14,10 +14,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.func
 def put_inside(x: wp.vec2d, r: f64, walls: Walls, bounds: Bounds) -> wp.vec2d:
-    """Return position x of a disc of radius r, moved out of walls and into bounds [m].
-
-    It is also moved between the circles of the annulus.
-    """
+    """Return position x of a disc of radius r, moved out of walls, into the annulus and into bounds [m]."""
     for k in range(walls.shape.shape[0]):
         shape, place = at(walls.shape, k), place_at(k + 1, x, walls)
         gap = shape_gap(place, r, shape)
@@ -44,10 +41,11 @@ def push(
     enough: f64,
     worst: wp.array(dtype=f64),
 ):
-    """Push the discs of all pairs apart, the smaller disc by more, until all overlaps are small.
+    """Push overlapping discs of the given pairs apart, the smaller disc by more, in at most `sweeps` sweeps.
 
-    The largest overlap, divided by the smaller radius, is at most `enough` then. worst : [this overlap in the
-    last sweep; number of sweeps done (<= sweeps)]
+    After the pairs, a sweep moves discs out of walls and into bounds. The sweeps end when the largest
+    overlap, divided by the smaller radius, is at most `enough`. worst : [this overlap in the last sweep;
+    number of sweeps done]
     """
     done, largest = int(0), f64(wp.inf)
     while done < sweeps and largest > enough:
