@@ -21,7 +21,7 @@ def cell_of(x: f64, inverse_size: f64) -> int:
 
 @wp.func
 def bucket_of(cx: int, cy: int, width: int) -> int:
-    """Return the bucket of a cell."""
+    """Return the index of the bucket of cell (cx, cy), with `width` buckets along a side, a power of two."""
     return (cx & (width - 1)) + width * (cy & (width - 1))
 
 
@@ -56,13 +56,13 @@ def bucket_count(s: Scene) -> int:
 
 @wp.func
 def clear_cell(s: Scene, b: int):
-    """Set the count of bucket b to 0."""
+    """Set the count of grains in bucket b, cell_start[b], to 0."""
     put(s.grid.cell_start, b, 0)
 
 
 @wp.func
 def count_in_cell(s: Scene, i: int):
-    """Write the bucket of grain i, and add 1 to the count of the bucket in cell_start."""
+    """Write the bucket of grain i to `bucket`, and add 1 to the count of this bucket in `cell_start`."""
     x, inverse_size = wrapped(s, at(s.grains.position, i)), s.grid.inverse_size
     bucket = bucket_of(cell_of(x[0], inverse_size), cell_of(x[1], inverse_size), s.grid.width)
     put(s.grid.bucket, i, bucket)
@@ -71,14 +71,17 @@ def count_in_cell(s: Scene, i: int):
 
 @wp.func
 def end_cells(s: Scene):
-    """Replace the counts in cell_start by the ends of the buckets; reset the number of slots of contacts."""
+    """Replace the counts in `cell_start` by the ends of the buckets; reset the number of contact slots."""
     prefix_sum(s.grid.cell_start, s.grid.cell_start)
     put(s.neighbors.slots, 0, 0)
 
 
 @wp.func
 def fill_cell(s: Scene, i: int):
-    """Write grain i to its bucket; cell_start of the bucket counts down from end to start."""
+    """Copy grain i to the next free index of its bucket.
+
+    A bucket is filled from its end: its `cell_start` counts down from the end to the start.
+    """
     k = add(s.grid.cell_start, at(s.grid.bucket, i), -1) - 1
     x = wrapped(s, at(s.grains.position, i))
     w = at(s.verlet.reference_velocity, i) - s.verlet.mean_velocity

@@ -24,7 +24,7 @@ MASK_COLORS = wp.constant(64)
 
 @wp.func
 def choose_sets(s: Scene):
-    """Write the set of every pair to `set_of`, and -1 for contacts with walls."""
+    """Write the number of the independent set of every pair to `set_of`, and -1 for contacts with walls."""
     rows, n = s.neighbors, grain_count(s)
     taken = s.neighbors.taken  # of every grain: 1 + the level of its last pair, or a mask of its colors
     for i in range(n):
@@ -56,10 +56,10 @@ def choose_sets(s: Scene):
 
 @wp.func
 def order_contacts(s: Scene):
-    """Write the index of every contact in the order of the sweep: pairs by set, then contacts with walls.
+    """Write the index of every contact in the order of the sweep, `sweep_index`, and the sets' `set_start`.
 
-    This is a counting sort: contacts of a set stay in lexicographic order. If sets are merged, all pairs
-    become one set, but keep this order.
+    The order is pairs by set, then contacts with walls. This is a counting sort: contacts of a set stay in
+    lexicographic order. If sets are merged (`merge`), all pairs become one set, but keep this order.
     """
     listed = listed_count(s)
     start, set_of, sweep_index = s.contacts.set_start, s.neighbors.set_of, s.neighbors.sweep_index

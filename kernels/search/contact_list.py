@@ -32,7 +32,7 @@ def listed_count(s: Scene) -> int:
 
 @wp.func
 def pair_end(start: Ints, neighbor: Ints, i: int) -> int:
-    """Return the index after the last pair of row i, where the contacts of grain i with walls begin."""
+    """Return the index in `neighbor` after the last pair of row i, where contacts with walls begin."""
     n = start.shape[0] - 1
     begin, k = at(start, i), at(start, i + 1)
     while k > begin and at(neighbor, wp.max(k - 1, 0)) >= n:
@@ -42,13 +42,13 @@ def pair_end(start: Ints, neighbor: Ints, i: int) -> int:
 
 @wp.func
 def save_row(s: Scene, i: int):
-    """Save the index at which row i begins."""
+    """Copy start[i], the index at which row i of the list begins, to `old_start`."""
     put(s.neighbors.old_start, i, at(s.neighbors.start, i))
 
 
 @wp.func
 def save_contact(s: Scene, k: int):
-    """Save the second body and the corrections of contact k of the list."""
+    """Save the second body and the corrections of the contact at index k in the rows of the list."""
     c = at(s.neighbors.sweep_index, k)
     put(s.neighbors.old_neighbor, k, at(s.neighbors.neighbor, k))
     save(s.contacts.dv, k, c)
@@ -58,7 +58,7 @@ def save_contact(s: Scene, k: int):
 
 @wp.func
 def save(correction: CorrectionByRef, k: int, c: int):
-    """Save the corrections of contact c, which is contact k of the list."""
+    """Save one kind of correction of a contact: index c in the order of the sweep, k in the list's rows."""
     if correction.saved.shape[0] > 0:
         values = wp.vec3d(at(correction.now, c), at(correction.start, c), value_at(correction.last, c))
         put(correction.saved, k, values)
@@ -66,7 +66,7 @@ def save(correction: CorrectionByRef, k: int, c: int):
 
 @wp.func
 def restore(correction: CorrectionByRef, k: int, c: int):
-    """Write to contact c the corrections saved of contact k of the old list, or 0 if k < 0."""
+    """Set one kind of correction of contact c to that saved at index k of the old list, or to 0 if k < 0."""
     if correction.saved.shape[0] > 0:
         values = wp.vec3d()
         if k >= 0:
@@ -79,7 +79,10 @@ def restore(correction: CorrectionByRef, k: int, c: int):
 
 @wp.func
 def expire(s: Scene):
-    """Count a rebuild of the list. Accelerated sweeps resume with the new list, plain sweeps start again."""
+    """Count a rebuild of the list, and choose how the step continues after it.
+
+    Accelerated sweeps resume with the new list, plain sweeps start again.
+    """
     n = grain_count(s)
     put(s.neighbors.old_start, n, at(s.neighbors.start, n))
     s.step.rebuilds = s.step.rebuilds + 1
@@ -93,9 +96,9 @@ def expire(s: Scene):
 
 @wp.func
 def fill_rows(s: Scene):
-    """Sort the contacts found into rows, by first and then by second body (two counting sorts).
+    """Sort the contacts in `found` into the rows of the list: by first, then by second body.
 
-    The end of each bucket is counted down to its start.
+    There are two counting sorts. The end of each bucket is counted down to its start.
     """
     found, by_second, start, second = (
         s.neighbors.found,
@@ -128,15 +131,18 @@ def fill_rows(s: Scene):
 
 @wp.func
 def is_active(dv: wp.vec3d) -> bool:
-    """Return whether a correction of a contact is not 0: now, at the step's start, or before a sweep."""
+    """Return whether a contact carries a correction now, at the start of the step, or before the last sweep.
+
+    `dv` has these three corrections, as in `Correction.saved`.
+    """
     return dv[0] != f64(0.0) or dv[1] != f64(0.0) or dv[2] != f64(0.0)
 
 
 @wp.func
 def keep_pair(s: Scene, i: int, j: int, k_old: int):
-    """Make the search find pair k_old of the old list (i, j) again, if it carries a correction.
+    """Repeat the search so that it finds pair (i, j) of the old list, if the pair carries a correction.
 
-    For this, widen the skins of both grains, and repeat the search.
+    k_old is the index of the pair in the old list. The skins of both grains are widened for the search.
     """
     if is_active(at(s.contacts.dv.saved, k_old)):
         half = f64(0.5) * wp.length(way(at(s.grains.position, i), at(s.grains.position, j), s.walls))
@@ -147,7 +153,10 @@ def keep_pair(s: Scene, i: int, j: int, k_old: int):
 
 @wp.func
 def match_rows(s: Scene, i: int):
-    """Find the contacts of grain i in the old list; repeat the search if a pair with a correction is lost."""
+    """Write to `old_index`, for each contact of grain i, the contact's index in the old list, or -1.
+
+    Repeat the search if the new list lacks a pair of the old list that carries a correction.
+    """
     rows = s.neighbors
     k_old, end_old = at(rows.old_start, i), at(rows.old_start, i + 1)
     k, end = at(rows.start, i), at(rows.start, i + 1)
@@ -169,7 +178,10 @@ def match_rows(s: Scene, i: int):
 
 @wp.func
 def transfer_warm_start(s: Scene, i: int):
-    """Write the contacts of row i in the order of the sweep, with corrections of the old list, or 0."""
+    """Write the contacts of row i at their indices in the order of the sweep.
+
+    Each has the corrections of the old list, or 0 if the old list did not hold the contact.
+    """
     k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
     while k < end:
         j = at(s.neighbors.neighbor, k)

@@ -48,13 +48,20 @@ def is_too_long(s: Scene) -> bool:
 """)
 )
 def take_slot(slots: Ints, free: int) -> int:
-    """Return the next slot of this thread: `free`, or the first slot of a new block at the end of one."""
+    """Return the slot of `found` for this thread's next contact.
+
+    A CPU thread takes blocks of TAKEN slots. Its next slot is `free`, or the first slot of a new block if
+    `free` is a multiple of TAKEN. A GPU thread takes single slots.
+    """
     ...
 
 
 @wp.func
 def note_contact(s: Scene, free: int, i: int, j: int) -> int:
-    """Write a contact to this thread's next slot, if it is within the capacity; return the slot after it."""
+    """Write contact (i, j) to this thread's next slot (`take_slot`), and return the slot after it.
+
+    A contact beyond the capacity of `found` takes a slot, but is not written.
+    """
     if is_too_long(s):
         return free
     slot = take_slot(s.neighbors.slots, free)
@@ -93,18 +100,19 @@ NEAR = """
 def near_mask(grid: CellGrid, k: int, center: wp.vec2d, begin: int, end: int, wide: f64) -> wp.uint64:
     """Return a mask of the indices begin to begin + 7 that are below `end` and may form a pair with index k.
 
-    `center` is the position of the grain at k, or of an image of it [m]. A pair is possible if its distance
-    is at most `wide` times the sum of both extents. The grain with the larger extent finds the pair, or the
-    grain with the lower index if the extents are equal.
+    Indices are those of grains in `CellGrid`. `center` is the position of the grain at k, or of an image of
+    it [m]. A pair is possible if its distance is at most `wide` times the sum of both extents. The grain with
+    the larger extent finds the pair, or the grain with the lower index if the extents are equal.
     """
     ...
 
 
 @wp.func
 def note_pairs(s: Scene, free: int, k: int, shift: wp.vec2d, near: wp.uint64, begins: Begins) -> int:
-    """Write the pairs of the grain at index k, shifted [m], that are within reach; return the next free slot.
+    """Write the pairs of the grain at index k, moved by `shift` [m], that are within reach.
 
-    Bit 8 m + b of the mask `near` is set if the index begins[m] + b may form a pair with k.
+    Bit 8 m + b of the mask `near` is set if the index begins[m] + b may form a pair with k. Returns the next
+    free slot (`take_slot`); `free` is that before.
     """
     x, y, velocity, skin, grain = s.grid.x, s.grid.y, s.grid.velocity, s.grid.skin, s.grid.grain
     left, slot = near, int(free)
@@ -125,7 +133,7 @@ def note_pairs(s: Scene, free: int, k: int, shift: wp.vec2d, near: wp.uint64, be
 
 @wp.func
 def is_near_domain(x: wp.vec2d, radius: f64, period: wp.vec2d) -> bool:
-    """Return whether x is within a radius [m] of the domain [0, period], in periodic directions."""
+    """Return whether x is at most `radius` [m] outside [0, period] in every periodic direction."""
     near = bool(True)
     for d in range(2):
         if period[d] > f64(0.0):
@@ -137,7 +145,8 @@ def is_near_domain(x: wp.vec2d, radius: f64, period: wp.vec2d) -> bool:
 def find_pairs(s: Scene, free: int, k: int) -> int:
     """Find the pairs of the grain at index k, around this grain and its images; return the next free slot.
 
-    Each pair is found once, by the grain with the larger extent.
+    Each pair is found once, by the grain with the larger extent. `free` is the next free slot before
+    (`take_slot`).
     """
     own, period = wp.vec2d(at(s.grid.x, k), at(s.grid.y, k)), s.walls.period
     radius, slot = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE, int(free)
@@ -247,7 +256,7 @@ def find_contacts(team: Team, s: Scene):
 
 @wp.func
 def check_capacity(s: Scene):
-    """Count the contacts found; the step waits as LIST_FULL if the list has no capacity for them."""
+    """Count the contacts found; choose the phase START, or LIST_FULL if the list has no capacity for them."""
     contacts = at(s.neighbors.slots, 0)
     for rank in range(s.neighbors.empty.shape[0]):
         contacts -= at(s.neighbors.empty, rank)

@@ -65,17 +65,18 @@ def renew_skin(s: Scene, i: int):
 
 @wp.func
 def widen_for_start(s: Scene, i: int):
-    """Widen skin_i to cover the velocity at the end of the last step, too (`verlet.monitor_start`)."""
+    """Widen skin_i to cover also the velocity of body i before the step, on which bounces depend (eq. 35)."""
     away = wp.length(at(s.grains.velocity, i) - at(s.verlet.reference_velocity, i))
     put(s.verlet.skin, i, larger(at(s.verlet.skin, i), s.verlet.base_skin + FORESEEN * s.dt * away))
 
 
 @wp.func
 def renew_numbers(s: Scene):
-    """Reset e and x_f, and choose lifetime T and frame skin of the new list (eq. 11).
+    """Reset the age e of the list and the path x_f of the frame, and choose lifetime and frame skin (eq. 11).
 
-    T is 1 to 64 steps: as many as take no grain farther than `Tuning.room` from the mean motion, at its v0_i,
-    but at least one. The frame skin is the base skin plus about the path of a free fall during T.
+    The lifetime T is 1 to 64 steps: the most in which no grain that moves at its v0_i departs by more than
+    `Tuning.room` from the mean motion. The frame skin is the base skin plus about the path of a free fall
+    during T.
     """
     n = body_count(s)
     mean = wp.vec2d(f64(0.0), f64(0.0))

@@ -43,7 +43,7 @@ def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
 
 @wp.func
 def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
-    """Return s_i, the distance of a position from the straight path of body i at v0_i + v_f [m]."""
+    """Return s_i, the distance [m] of a position from where v0_i and the frame have taken body i (eq. 11)."""
     w = at(s.verlet.reference_velocity, i)
     straight = at(s.verlet.reference_position, i) + s.verlet.elapsed * w
     return wp.length(position - straight - s.verlet.frame_shift)
@@ -51,20 +51,20 @@ def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
 
 @wp.func
 def is_finite(x: wp.vec2d) -> bool:
-    """Return whether the square of a vector is finite: infinity - infinity is NaN."""
+    """Return whether |x|^2 is finite. If not, the difference of |x|^2 and itself is NaN."""
     square = wp.length_sq(x)
     return square - square == f64(0.0)
 
 
 @wp.func
 def least_monitored(s: Scene) -> f64:
-    """Return the smallest change of a velocity after which the grain is monitored [m/s]."""
+    """Return the change of a velocity [m/s] above which the grain is monitored (`monitor`)."""
     return s.tuning.monitor_threshold * s.verlet.base_skin
 
 
 @wp.func
 def least_monitored_correction(s: Scene) -> f64:
-    """Return the smallest change of a correction after which both grains are monitored [m/s]."""
+    """Return the change of a correction [m/s] above which both its grains are monitored (`monitor`)."""
     return least_monitored(s) / s.verlet.max_row_sum
 
 
@@ -78,7 +78,7 @@ def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
 
 @wp.func
 def monitor(s: Scene, i: int, velocity: wp.vec2d):
-    """Update the peak deviation p_i for this velocity of grain i [m/s]; above its limit, the list expires."""
+    """Raise p_i to the deviation of this velocity of grain i [m/s]; above its limit, the list expires."""
     limit = at(s.verlet.peak_limit, i)
     if keep_peak(s, i, velocity) > limit * limit:
         s.verlet.list_expired = 1
@@ -92,7 +92,7 @@ def peak_of(s: Scene, i: int) -> f64:
 
 @wp.func
 def sample(s: Scene, i: int):
-    """Raise the peak deviation p_i to the present one of grain i plus the bound on unmonitored changes."""
+    """Raise p_i to the present deviation of body i plus the bound on changes that were not monitored."""
     v = at(s.grains.next_velocity, i)
     peak = wp.length(deviation(s, v, i)) + s.verlet.unmonitored_change
     put(s.verlet.peak_square, i, larger(at(s.verlet.peak_square, i), peak * peak))
@@ -100,7 +100,7 @@ def sample(s: Scene, i: int):
 
 @wp.func
 def clear_check(s: Scene):
-    """Reset the results of the check."""
+    """Begin a check of the list: it has not expired, no body is bad, and no change is unmonitored yet."""
     s.verlet.unmonitored_change = f64(0.0)
     s.verlet.list_expired = 0
     s.verlet.bad_body = -1
@@ -139,8 +139,8 @@ def is_resolved(s: Scene, i: int) -> bool:
 def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
     """Let the list expire unless s_i + dt p_i + least <= skin_i [m].
 
-    p_i is taken as at least `foreseen` times the p_i of the last step. A body with `is_resolved` False is
-    bad.
+    p_i is taken as at least `foreseen` times the p_i of the last step. If the body's motion is not resolved
+    (`is_resolved`), write the body to `bad_body` instead.
     """
     x = at(s.grains.position, i)
     peak = wp.max(peak_of(s, i), foreseen * at(s.verlet.recent_deviation, i))
@@ -153,7 +153,10 @@ def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
 
 @wp.func
 def spare_skin(s: Scene) -> f64:
-    """Return the length of each skin that must be left before the iteration [m]."""
+    """Return the length [m] of a skin that must be unused before the iteration.
+
+    With less, the skin would likely not suffice for the step, and a new list is built at once.
+    """
     return s.tuning.rounding + s.tuning.reserve * s.verlet.base_skin
 
 
@@ -161,7 +164,7 @@ def spare_skin(s: Scene) -> f64:
 def begin_peak(s: Scene, i: int):
     """Set the peak deviation p_i to the present one of body i, or keep a larger p_i if sweeps resume.
 
-    Also find the limit of p_i, above which the list expires.
+    Also write the largest p_i that the skin allows to `peak_limit`. Above it, the list expires.
     """
     peak = wp.length_sq(deviation(s, at(s.grains.next_velocity, i), i))
     if s.control.resuming != 0:
@@ -187,13 +190,16 @@ def monitor_start(s: Scene, i: int):
 
 @wp.func
 def verify(s: Scene, i: int):
-    """Check after the iteration that the skin of body i has sufficed."""
+    """Let the list expire if body i has not stayed within its skin during the iteration (eq. 11)."""
     check_skin(s, i, s.tuning.rounding, f64(0.0))
 
 
 @wp.func
 def check_all(s: Scene, least: f64):
-    """Check the lifetime, and that `least` [m] of the frame's skin is left; find the last bad body."""
+    """Let the list expire if its lifetime ends or less than `least` [m] of the frame's skin is left.
+
+    If a body is bad, write the last bad one to `bad_body`, so that it does not depend on threads.
+    """
     path = wp.length(s.verlet.frame_shift) + s.dt * wp.length(s.verlet.frame_velocity)
     if not (path + least <= s.verlet.frame_skin):
         s.verlet.list_expired = 1
@@ -213,14 +219,14 @@ def is_list_valid(s: Scene) -> bool:
 
 @wp.func
 def add_unmonitored(s: Scene):
-    """Add a bound on the changes by the last sweep that were not monitored to `unmonitored_change`."""
+    """Add to `unmonitored_change` a bound on velocity changes by the last sweep that were not monitored."""
     change = wp.min(s.verlet.max_row_sum * s.step.zeta, least_monitored(s))
     s.verlet.unmonitored_change = s.verlet.unmonitored_change + change
 
 
 @wp.func
 def is_sampling_due(s: Scene) -> bool:
-    """Return whether the sum of unmonitored changes exceeds the threshold of monitoring."""
+    """Return whether `unmonitored_change` is so large that all bodies must be sampled (`sample`)."""
     return s.verlet.unmonitored_change > least_monitored(s)
 
 
