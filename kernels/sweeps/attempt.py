@@ -91,9 +91,10 @@ def grain_beyond_wall(s: Scene) -> int:
 
 @wp.func
 def meets_other_image(s: Scene, i: int, j: int, d: wp.vec2d, move: wp.vec2d) -> bool:
-    """Return whether grain i meets another image of grain j than the one at d from i (eq. 36b).
+    """Return whether grain i meets an image of grain j other than the nearest one, during the step (eq. 36b).
 
-    In the step, grain i moves by `move` [m] relative to grain j.
+    `d` is the vector from grain i to the nearest image [m]. In the step, grain i moves by `move` [m] relative
+    to grain j.
     """
     period, reach = s.walls.period, at(s.grains.radius, i) + at(s.grains.radius, j)
     k = int(0)
@@ -109,7 +110,7 @@ def meets_other_image(s: Scene, i: int, j: int, d: wp.vec2d, move: wp.vec2d) -> 
 
 @wp.func
 def grain_at_other_image(s: Scene) -> int:
-    """Return the first grain that meets an image, other than the nearest, of a later grain, or -1.
+    """Return the first grain that meets a later grain at an image other than the nearest one, or -1.
 
     Such images are out of reach unless dt times the range of velocities exceeds half a period minus 2 radii.
     """

@@ -26,7 +26,7 @@ def end_of_fours(begin: int, end: int) -> int:
 
 
 def lanewise(count: int, formula: str) -> str:
-    """Return C++ that evaluates a formula in each lane, where x is the lane of vector a and y that of b."""
+    """Return C++ that evaluates a formula of x and y in each of `count` lanes of the vectors a and b."""
     return f"""
         wp::vec_t<{count}, double> result;
     #if defined(__CUDA_ARCH__)
@@ -88,9 +88,9 @@ ROLL = """
 
 @cache
 def records(count: int) -> tuple[Any, Any, Any]:
-    """Return the type `vector`, with a number for each of `count` pairs, and two records of such vectors.
+    """Return (vector, Changes, Shares): a vector type, and two records of such vectors.
 
-    They are the changes of corrections, and their shares.
+    A vector has a number for each of `count` pairs.
     """
     vector = wp.types.vector(length=count, dtype=f64)
 
@@ -119,12 +119,13 @@ def records(count: int) -> tuple[Any, Any, Any]:
 def lanes(
     count: int, weighted: bool = False, friction: bool = False, rolling: bool = False, keep: bool = False
 ) -> SimpleNamespace:
-    """Return functions of the pairs c to c + count - 1.
+    """Return Warp functions, as attributes, each of which processes the pairs c to c + count - 1 at once.
 
-    `push` adds changes of corrections to velocities and, with friction, to rim speeds (eqs. 7, 23 and 37).
-    Grains of equal mass get one half each. Halving the normal is exact, and saves a product on the path from
-    one pair to the next with the same grain. (Otherwise a plain step takes 4 to 7 % longer.) `roll` returns
-    the rolling speed after a tangential correction.
+    `push` adds changes of corrections to velocities and, with friction, to rim speeds (eqs. 7, 23 and 37). If
+    not `weighted`, grains of equal mass get one half each: halving the normal is exact, and saves a product
+    on the path from one pair to the next with the same grain. (Otherwise a plain step takes 4 to 7 % longer.)
+    With `keep`, `push` also saves the velocities that it yields. `roll` returns the rolling speed after a
+    tangential correction.
     """
     vector, pair_changes, pair_shares = records(count)
     half, of_i, of_j = ("", " * shares.i.c[k]", " * shares.j.c[k]") if weighted else (" * 0.5", "", "")

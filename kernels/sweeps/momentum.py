@@ -50,7 +50,7 @@ FADE = wp.constant(f64(500.0))  # number of sweeps after which the cap falls, as
 
 @wp.func
 def relaxation_factor(s: Scene) -> f64:
-    """Return omega, the factor by which a sweep multiplies the excess of a contact (eq. 13)."""
+    """Return omega, the factor by which a sweep multiplies vn - gap / dt of a contact (eq. 13)."""
     return f64(1.0) + s.momentum.relaxation * s.momentum.beta
 
 
@@ -64,7 +64,10 @@ def mass_in_phi(s: Scene, i: int) -> f64:
 
 @wp.func
 def take_t_on(s: Scene, zeta: f64):
-    """Choose momentum t and beta of the next sweep (eq. 13); if zeta is near the tolerance, limit t."""
+    """Set t and beta of the next sweep by eq. 13, after a sweep with this zeta [m/s].
+
+    If zeta is near the tolerance, t is limited.
+    """
     sweeps = s.step.iterations + 1
     tolerance = s.stopping.tolerance
     if sweeps == 1:
@@ -80,14 +83,17 @@ def take_t_on(s: Scene, zeta: f64):
 
 @wp.func
 def back_off(s: Scene):
-    """Stop momentum for one sweep, and halve t."""
+    """Set beta = 0, which stops momentum for one sweep, and halve t."""
     s.momentum.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * s.momentum.t)
     s.momentum.beta = f64(0.0)
 
 
 @wp.func
 def sum_of_chunks(s: Scene) -> wp.vec2d:
-    """Return both sums of a sweep (head of this module): `contact_sums`, added over all chunks."""
+    """Return (terms of contacts in the test of eq. 14, slope of phi along the momentum) of a sweep.
+
+    They are the `contact_sums`, added over all chunks. With friction, the first is `Momentum.change` instead.
+    """
     total = wp.vec2d()
     for k in range(chunk_count(s)):
         total = total + at(s.momentum.contact_sums, k)
@@ -96,7 +102,7 @@ def sum_of_chunks(s: Scene) -> wp.vec2d:
 
 @wp.func
 def accept_or_reject(s: Scene, zeta: f64):
-    """Reject the sweep if the objective phi has risen.
+    """Reject the sweep, which has this zeta [m/s], if the objective phi has risen (eq. 14).
 
     Then, or if the slope of phi along the momentum is > 0, back off. Otherwise choose t and beta of the next
     sweep.
@@ -121,7 +127,7 @@ def accept_or_reject(s: Scene, zeta: f64):
 
 @wp.func
 def limit_momentum(s: Scene, zeta: f64):
-    """Choose t and beta of the momentum of the next sweep with friction.
+    """Choose t and beta of the next sweep with friction, after a sweep with this zeta [m/s].
 
     Back off if the changes by sweeps grow, or if the slope along the momentum is > 0.
     """
@@ -170,7 +176,10 @@ def take_recomputed_velocity(s: Scene, i: int):
 
 @wp.func
 def copy_numbers(team: Team, target: Floats, source: Floats, count: int):
-    """Copy the first `count` numbers of an array that may be empty, divided among the threads."""
+    """Copy the first `count` numbers of `source` to `target`, divided among the threads.
+
+    Both arrays may be empty; then nothing is copied.
+    """
     k, last = thread_range(team, 0, wp.min(count, target.shape[0]))
     while k < last:
         put(target, k, at(source, k))
@@ -179,7 +188,7 @@ def copy_numbers(team: Team, target: Floats, source: Floats, count: int):
 
 @wp.func
 def begin_momentum(team: Team, s: Scene):
-    """Set t = 1 and beta = 0, and save the present velocities and corrections as the last ones."""
+    """Set t = 1 and beta = 0, and save velocities and corrections as those before the last sweep."""
     i, last = thread_range(team, 0, body_count(s))
     while i < last:
         put(s.momentum.last_velocity, i, at(s.grains.next_velocity, i))
@@ -195,7 +204,7 @@ def begin_momentum(team: Team, s: Scene):
 
 
 def extrapolating(friction: bool) -> wp.Function:
-    """Return the stage that extrapolates velocities to y and, without friction, sums kinetic terms of phi."""
+    """Return the stage that extrapolates velocities to y (eq. 13); without friction, it sums terms of phi."""
 
     @named(f"extrapolate{'_with_friction' * friction}")
     def extrapolate(team: Team, s: Scene):

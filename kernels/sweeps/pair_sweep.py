@@ -38,9 +38,9 @@ NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
 """)
 )
 def kept_velocity(kept: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
-    """Return the velocity that grain i had just after the correction of its pair: element k of `kept`.
+    """Return the velocity that grain i had just after the correction of its pair: kept[k] on a CPU.
 
-    On a GPU, it is that in `velocity`, because no other pair of the set changes grain i.
+    On a GPU, it is velocity[i], because no other pair of the set changes grain i.
     """
     ...
 
@@ -50,9 +50,10 @@ def sweeping_pairs(
 ) -> wp.Function:
     """Return the function `(scene, contacts, begin, end, kept)` that corrects pairs, `count` at a time.
 
-    The function returns (largest change of a correction, both sums of momentum.py) and a mask of the pairs
-    with a large change. Sums are 0 in a plain sweep. Only a plain sweep has a mask, and saves the velocities
-    of the pairs, from index `kept` on.
+    It returns a triple (largest change of a correction [m/s], both sums of momentum.py, 0 in a plain sweep),
+    and a mask of the pairs with a large change, the last pair in the lowest bit. Only a plain sweep has a
+    mask; it also saves the velocities of the pairs in `kept_velocity`, from index `kept` on. `weighted`:
+    masses differ. `ahead`: the sweep is accelerated.
     """
     several = lanes(count, weighted, friction, resists_rolling, keep=not ahead)
     vector, pair_changes, pair_shares = records(count)
@@ -63,9 +64,10 @@ def sweeping_pairs(
 
     @wp.func
     def bounded(correction: Correction, c: int, beta: f64, speed: vector, inverse_k: vector, bound: vector):
-        """Correct dv_t or dv_r by speed * inverse_k, clamped to +-bound.
+        """Correct dv_t or dv_r of pairs by speed * inverse_k, clamped so that it is at most `bound` in size.
 
-        Returns the changes, and their terms of both sums of momentum.py.
+        Returns the changes, and their terms of both sums of momentum.py, as vectors with a number for each
+        pair.
         """
         x = numbers_at(correction.now, c)
         y, step, change, wide = x, vector(), vector(), vector()
@@ -181,7 +183,10 @@ def sweeping_pairs(
 
 @wp.func
 def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
-    """Monitor both grains of each pair of [begin, end) whose bit is set; velocities are kept from k on."""
+    """Monitor both grains of each pair in [begin, end) whose bit is set in the mask of `sweeping_pairs`.
+
+    Their velocities after the corrections are in `kept_velocity`, from index k on.
+    """
     velocity, contact, kept = s.grains.next_velocity, s.contacts.contact, s.partial.kept_velocity
     left = bits
     while left != NONE:
@@ -194,7 +199,7 @@ def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
 
 
 def sweeping_any_pairs(count: int, friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
-    """Return the function of `sweeping_pairs` for scenes with and without weights."""
+    """Return a function like that of `sweeping_pairs`, which is weighted if the scene has weights."""
     equal, weighted = (
         sweeping_pairs(count, flag, friction, resists_rolling, ahead) for flag in (False, True)
     )
@@ -211,7 +216,7 @@ def sweeping_any_pairs(count: int, friction: bool, resists_rolling: bool, ahead:
 def sweeping_in_fours(friction: bool, resists_rolling: bool) -> wp.Function:
     """Return the function `(scene, contacts, begin, end, kept)` that corrects pairs in an accelerated sweep.
 
-    It returns the largest change of a correction, and the two sums of momentum.py.
+    It returns (largest change of a correction [m/s], both sums of momentum.py).
     """
     fours, ones = (sweeping_any_pairs(count, friction, resists_rolling, ahead=True) for count in (FOUR, 1))
 
@@ -226,10 +231,11 @@ def sweeping_in_fours(friction: bool, resists_rolling: bool) -> wp.Function:
 
 
 def sweeping_in_blocks(friction: bool, resists_rolling: bool) -> wp.Function:
-    """Return the function `(scene, contacts, begin, end, kept)` for a plain sweep over some pairs.
+    """Return the function `(scene, contacts, begin, end, kept)` that corrects pairs in a plain sweep.
 
-    After each block of pairs, grains with large corrections are passed to the check of the list. Velocities
-    before a block are kept from index `kept` on.
+    It returns (largest change of a correction [m/s], 0, 0). After each block of pairs, it monitors the grains
+    with large corrections. For this, it saves the velocities of the block's pairs in `kept_velocity`, from
+    index `kept` on.
     """
     sweep_block = sweeping_any_pairs(1, friction, resists_rolling, ahead=False)
 

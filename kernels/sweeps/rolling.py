@@ -14,7 +14,10 @@ f64 = wp.float64
 
 @wp.func
 def find_roll_weights(s: Scene, c: int, i: int, j: int):
-    """Write (c_i, 1 / K_r) of contact c (eq. 37). c_i multiplies grain i's rim speed in vr; 1 at walls."""
+    """Write (c_i, 1 / K_r) of contact c, between grain i and grain or wall j, to `roll_weights` (eq. 37).
+
+    c_i, which multiplies grain i's rim speed in vr, is 1 at walls.
+    """
     part, at_wall = f64(1.0), j >= grain_count(s)
     if not at_wall:
         part = law.rolling_part(at(s.grains.radius, i), at(s.grains.radius, j))
@@ -25,7 +28,7 @@ def find_roll_weights(s: Scene, c: int, i: int, j: int):
 
 @wp.func
 def rolling_at_wall(s: Scene, j: int) -> wp.vec2d:
-    """Return the coefficient of rolling friction at wall j, and the wall's angular velocity [rad/s]."""
+    """Return (coefficient of rolling friction, angular velocity [rad/s]) of the wall that is body j."""
     b = j - grain_count(s)
     rolling = at(s.walls.rolling, b)
     if b > 0 and are_mobile(s.walls):
@@ -35,7 +38,7 @@ def rolling_at_wall(s: Scene, j: int) -> wp.vec2d:
 
 @wp.func
 def apply_rolling(s: Scene, rim: Floats, contact: Contact, c: int, dvr: f64):
-    """Add the rolling correction [m/s] of contact c to the rim speeds of both bodies."""
+    """Change the rim speeds of both bodies by the rolling correction dvr [m/s] of contact c (eq. 37)."""
     i, j = bodies_of(contact)
     at_wall = j >= grain_count(s)
     rims, part = rim_weights(s, c, at_wall), at(s.contacts.roll_weights, c)[0]

@@ -71,7 +71,7 @@ def is_last_iteration(s: Scene) -> bool:
 
 @wp.func
 def is_measured(s: Scene) -> bool:
-    """Return whether the residual of the last iteration has been measured, perhaps with an earlier list."""
+    """Return whether the residual after the last iteration is known; it may be that of an earlier list."""
     return s.step.measured == s.step.iterations
 
 
@@ -199,7 +199,10 @@ def end_measurement(s: Scene):
 
 @wp.func
 def end_correction(s: Scene):
-    """Continue with sweeps unless the host's solution meets the tolerance or no iterations are left."""
+    """Choose the phase after the host's solution has been measured.
+
+    Sweeps continue unless the solution meets the tolerance or no iterations are left.
+    """
     take_residual(s)
     s.step.trend_residual = s.step.residual
     s.control.rejected = 0

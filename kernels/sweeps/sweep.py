@@ -29,7 +29,7 @@ def sweeping(friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
 
     @wp.func
     def sweep_range(s: Scene, contacts: ContactsByRef, k: int, begin: int, end: int, kept: int) -> wp.vec3d:
-        """Correct contacts of set k; return (largest change [m/s], both sums of momentum.py)."""
+        """Correct contacts [begin, end) of set k; return (largest change [m/s], both sums of momentum.py)."""
         if not is_wall_set(s, k):
             return sweep_pairs(s, contacts, begin, end, kept)
         if is_driven(s):

@@ -21,14 +21,15 @@ f64 = wp.float64
 def sweeping_walls(driven: bool, friction: bool, resists_rolling: bool, ahead: bool) -> wp.Function:
     """Return the function `(scene, contacts, begin, end)` that corrects contacts with walls.
 
-    It returns (largest change of a correction, both sums of momentum.py). A plain sweep ignores the sums.
+    It returns (largest change of a correction [m/s], both sums of momentum.py). A plain sweep ignores the
+    sums. `driven`: a force drives a wall. `ahead`: the sweep is accelerated.
     """
 
     @wp.func
     def bounded(
         correction: CorrectionByRef, c: int, beta: f64, v: f64, inverse_k: f64, bound: f64
     ) -> wp.vec3d:
-        """Correct dv_t or dv_r by inverse_k v, clamped to +-bound.
+        """Correct dv_t or dv_r of contact c by inverse_k v, clamped so that it is at most `bound` in size.
 
         Returns (change, its terms of both sums of momentum.py).
         """

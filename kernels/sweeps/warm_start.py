@@ -28,15 +28,16 @@ def begin_velocity(s: Scene, i: int):
 
 @wp.func
 def bouncing_speed(s: Scene) -> f64:
-    """Return the closing speed above which contacts bounce in this step [m/s] (eq. 35a)."""
+    """Return the closing speed [m/s] above which contacts bounce in this step; inf if none does (eq. 35a)."""
     return wp.where(s.steps < s.first_bounce, f64(wp.inf), s.restitution_speed)
 
 
 @wp.func
 def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, surface: f64, rates: wp.vec3d) -> wp.vec3d:
-    """Return gap / dt of grain i on both sides of wall j, less if it bounces, and A / dt (eq. 18) [m/s].
+    """Return (gap / dt, gap / dt of the other side, A / dt of eq. 18) [m/s] of grain i at wall j.
 
-    `rates` has these three numbers without a bounce; `surface` is the speed of the wall along the normal n.
+    `rates` has these numbers without a bounce; with a bounce, gap / dt is smaller (eq. 35). `surface` is the
+    speed of the wall along the normal n.
     """
     v, b, least = at(s.grains.velocity, i), j - grain_count(s), bouncing_speed(s)
     vn, e = wp.dot(v, n), at(s.walls.restitution, b)
@@ -49,7 +50,7 @@ def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, surface: f64, rates: 
 
 @wp.func
 def from_start(correction: CorrectionByRef, c: int) -> f64:
-    """Reset the correction of contact c to that at the start of the step [m/s], and return it."""
+    """Reset one kind of correction of contact c to that at the start of the step [m/s], and return it."""
     dv = at(correction.start, c)
     put(correction.now, c, dv)
     return dv
@@ -126,6 +127,6 @@ def keep(s: Scene, c: int):
 
 @wp.func
 def keep_start(correction: CorrectionByRef, c: int):
-    """Save one kind of correction of contact c, if the scene has it."""
+    """Save one kind of correction of contact c, with which the next step starts, if the scene has it."""
     if correction.start.shape[0] > 0:
         put(correction.start, c, at(correction.now, c))

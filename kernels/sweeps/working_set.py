@@ -48,7 +48,7 @@ def check_peak(s: Scene, i: int):
 
 @wp.func
 def empty(s: Scene, k: int):
-    """Empty chunk k of the working set, and reset its sums."""
+    """Remove all contacts from chunk k of the working set, and set its sums to 0."""
     put(s.momentum.contact_sums, k, wp.vec2d(f64(0.0), f64(0.0)))
     put(s.working.range, k, wp.vec2i(0, 0))
 
@@ -72,7 +72,10 @@ def scatter_correction(index: Ints, bounds: wp.vec2i, target: CorrectionByRef, s
 
 @wp.func
 def scatter_numbers(index: Ints, bounds: wp.vec2i, target: Floats, source: Floats):
-    """Copy numbers of a chunk of the working set back to the array of all contacts."""
+    """Copy the numbers of a chunk (range `bounds` of `source`) back to `target`, the array of all contacts.
+
+    `index` has the index in `target` of every number of the working set.
+    """
     c = int(bounds[0])
     while c < bounds[1]:
         put(target, at(index, c), at(source, c))
@@ -117,8 +120,9 @@ def select(s: Scene, c: int, k: int):
 def selecting(count: int) -> wp.Function:
     """Return the function `(scene, begin, end, first)` that selects pairs, `count` at a time (lanes.py).
 
-    It copies them to the working set from index `first` on. It returns the index after the last copy, and the
-    largest violation of the pairs without a correction [m/s].
+    It copies those of the pairs begin to end - 1 that need a sweep to the working set, from index `first` on.
+    It returns the index after the last copy, and the largest violation of the pairs without a correction
+    [m/s].
     """
     numbers_at, approach, gap_rates = lanes(count).numbers_at, lanes(count).approach, lanes(count).gap_rates
 
@@ -164,8 +168,8 @@ def select_pairs(s: Scene, begin: int, end: int):
 def selecting_walls(driven: bool) -> wp.Function:
     """Return the function `(scene, begin, end)` that selects contacts with walls; `driven`: a wall is driven.
 
-    It returns the index after the last copy, and the largest violation of contacts without a correction
-    [m/s].
+    It copies contacts that need a sweep to the working set. It returns the index after the last copy, and the
+    largest violation of contacts without a correction [m/s].
     """
 
     @named(f"select_{'driven_' if driven else ''}walls")
