@@ -35,7 +35,7 @@ class Queue:
 
 @wp.func_native("return __atomic_fetch_add(cursor.data, 1LL, __ATOMIC_RELAXED);")
 def next_slice(cursor: wp.array(dtype=wp.int64)) -> wp.int64:
-    """Return the number of the next time slice, counted over all teams."""
+    """Return the number, from 0, of the time slice that begins, counted over all teams."""
     ...
 
 
@@ -53,13 +53,13 @@ def release(taken: wp.array(dtype=wp.int32), k: int):
 
 @wp.func_native("return *(volatile int *)cancel.data != 0;")
 def has_stopped(cancel: wp.array(dtype=wp.int32)) -> bool:
-    """Return whether the host has requested, which it may do at any time, that no further step begins."""
+    """Return whether the host has requested that no further step begins, which it may do at any time."""
     ...
 
 
 @wp.func
 def has_work(queue: Queue, k: int) -> bool:
-    """Return whether scene k has steps left and does not wait for the host."""
+    """Return whether scene k has steps left and its last step was solved; otherwise it waits or has ended."""
     return queue.left[k] > 0 and queue.outcome[k] == Outcome.SOLVED
 
 
@@ -97,6 +97,7 @@ def kernel(name: str, solve: wp.Function, on_gpu: bool) -> wp.Kernel:
     solve : wp.Function
         Function `(team, scene)` that does one thread's part of a step.
     on_gpu : bool
+        Whether the kernel is for a GPU, where a block is a team.
     """
     module = wp.get_module(name)
     wp.set_module_options(OPTIONS, module)

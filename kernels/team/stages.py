@@ -45,7 +45,10 @@ class Each:
 
     Attributes
     ----------
-    count, stage : wp.Function
+    count : wp.Function
+        Function `(scene)` that returns the number of elements.
+    stage : wp.Function
+        Function `(scene, element)`, element from 0 to count - 1.
     atomic : bool
         Whether several elements change the same number. On a GPU they do so by atomics. On a CPU, one thread
         runs the stage for all elements, without atomics.
@@ -96,8 +99,8 @@ class Shared:
 class Sets:
     """A stage `(team, scene, k)` for every set k of contacts, in order: sets of pairs, then one with walls.
 
-    A set of pairs is an independent set, which several threads share. If one thread does plain sweeps, the
-    only set of pairs has all pairs (coloring.py).
+    Several threads share the pairs of a set, which must be independent. If one thread does plain sweeps, all
+    pairs are one set instead (coloring.py).
     """
 
     stage: wp.Function
@@ -118,7 +121,7 @@ class Sets:
 
 @dataclass(frozen=True)
 class If:
-    """Stages that run if a condition holds."""
+    """Stages that run if a condition `(scene)` holds."""
 
     condition: wp.Function
     stages: Sequence["Stage"]
@@ -138,7 +141,7 @@ class If:
 
 @dataclass(frozen=True)
 class While:
-    """Stages that run while a condition holds."""
+    """Stages that run again and again while a condition `(scene)` holds."""
 
     condition: wp.Function
     stages: Sequence["Stage"]

@@ -46,7 +46,7 @@ def is_on_gpu(team: Team) -> bool:
 
 @wp.func
 def thread_range(team: Team, begin: int, end: int):
-    """Return first and end of this thread's part of [begin, end): parts are consecutive and about equal."""
+    """Return (first, end) of this thread's part of [begin, end): parts are consecutive and about equal."""
     first, last = begin, end
     if team.size > 1:  # a division takes as long as a stage of a small scene
         length = (end - begin + team.size - 1) // team.size
@@ -57,7 +57,10 @@ def thread_range(team: Team, begin: int, end: int):
 
 @wp.func
 def partial_index(team: Team, partials: int) -> int:
-    """Return the index of this thread's partial maximum or sum; each CPU thread has its own index."""
+    """Return this thread's index in an array of `partials` partial results.
+
+    Each CPU thread has its own index; GPU threads share them.
+    """
     if team.rank < partials:
         return team.rank
     return team.rank % partials
@@ -65,7 +68,10 @@ def partial_index(team: Team, partials: int) -> int:
 
 @wp.func
 def update_max(team: Team, partial: Floats, value: wp.float64):
-    """Raise this thread's partial maximum to a value. It is rarely written, as threads share cache lines."""
+    """Raise this thread's partial maximum to `value`, if `value` is larger.
+
+    Otherwise nothing is written, because threads share cache lines.
+    """
     k = partial_index(team, partial.shape[0])
     if value > at(partial, k):
         if is_on_gpu(team):

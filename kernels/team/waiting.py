@@ -78,9 +78,10 @@ def seconds() -> wp.float64:
 #endif
 """)
 def meet(words: wp.array(dtype=wp.int64), size: int):
-    """Wait until all `size` threads have arrived. What each has written before is then visible to all.
+    """Wait until all `size` threads of a team have arrived.
 
-    `words` is the state of the barrier that CPU threads share (`TeamRecord.words`).
+    What each thread has written before is then visible to all of them. `words` is the state of the barrier
+    that CPU threads share (`TeamRecord.words`).
     """
     ...
 
