@@ -20,7 +20,10 @@ def end_of(x: wp.vec2d, arc: Shape) -> int:
 
 @wp.func
 def nearest(x: wp.vec2d, arc: Shape) -> wp.vec2d:
-    """Return the point of an arc nearest to x [m], or its middle if x is the center (numbers: see `Arc`)."""
+    """Return the point of an arc nearest to x [m]; if x is the center of the arc's circle, the arc's middle.
+
+    arc[1:] = center, radius, direction from the center to the middle, cosine of half the angle of the arc.
+    """
     mx, my, c = arc[4], arc[5], arc[6]
     rho, end = law.distance(wp.vec2d(arc[1], arc[2]), x), end_of(x, arc)
     if rho == f64(0.0):

@@ -38,21 +38,24 @@ NEXT = """
 
 @wp.func_native(IS_NEAR + "return is_near(shape);")
 def is_near_circle(shape: Shape, x: wp.vec2d, reach: f64) -> bool:
-    """Return whether the circle around a wall is within reach [m] of x, which is a fast test."""
+    """Return whether x is within `reach` [m] of the circle around a wall (`Shape`), which is a fast test."""
     ...
 
 
 @wp.func_native(checked(IS_NEAR + NEXT))
 def next_near(shapes: wp.array(dtype=Shape), begin: int, x: wp.vec2d, reach: f64) -> int:
-    """Return the first index >= begin of a shape whose circle is within reach [m] of x, or their number."""
+    """Return the first index >= begin of a shape whose circle (`Shape`) is within reach [m] of x.
+
+    If there is none, this is the number of shapes.
+    """
     ...
 
 
 @wp.func
 def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
-    """Return whether wall b, or an image of it, is within reach [m] of a grain at x.
+    """Return whether the gap between a grain at x and wall b, or an image of wall b, is at most `reach` [m].
 
-    This is also true if the gap is NaN. With joints, see `is_image_near`.
+    This is also true if the gap is NaN. At joints, a larger gap may suffice (`is_image_near`).
     """
     if b == 0:
         return annulus.is_near(x, radius, walls.annulus, reach)
@@ -95,7 +98,7 @@ def is_image_near(b: int, place: wp.vec2d, radius: f64, walls: Walls, reach: f64
 
 @wp.func
 def wall_contact(b: int, x: wp.vec2d, radius: f64, walls: Walls):
-    """Return (normal, gap, gap on the other side, A of eq. 18) [m] of a grain at x and wall b.
+    """Return (normal, gap, gap on the other side, A of eq. 18) of a grain at x and wall b; lengths in m.
 
     The last two numbers are inf except at the annulus: other walls have one side, and are replaced by their
     tangents.
@@ -113,7 +116,7 @@ def wall_contact(b: int, x: wp.vec2d, radius: f64, walls: Walls):
 
 @wp.func
 def surface_velocity(b: int, x: wp.vec2d, reach: f64, n: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return the velocity of wall b along normal and tangent of a contact [m/s] (eq. 26b).
+    """Return (velocity of wall b along the normal n, along the tangent) at a contact [m/s] (eq. 26b).
 
     A grain at x touches the wall at x + reach n. A wall that is curved there turns about its center.
     """

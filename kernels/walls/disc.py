@@ -20,7 +20,7 @@ def gap(x: wp.vec2d, radius: f64, disc: Shape) -> f64:
 
 @wp.func
 def normal(x: wp.vec2d, disc: Shape) -> wp.vec2d:
-    """Return the unit normal of a grain at x, which points into the wall."""
+    """Return the unit normal from a grain at x into a disc or ring."""
     n, _ = law.normal(x, wp.vec2d(disc[1], disc[2]))
     if disc[4] != f64(0.0):
         return -n

@@ -30,7 +30,7 @@ def leader_of(s: Scene, j: int) -> int:
 
 @wp.func
 def levers(s: Scene, j: int, n: wp.vec2d) -> wp.vec2d:
-    """Return the velocity of wall j at unit speed, along normal n and tangent of a contact (eq. 28)."""
+    """Return (g, g_t): the velocity of wall j along normal n and tangent if its speed is 1 (eqs. 28, 30b)."""
     if j == grain_count(s):
         return wp.vec2d(f64(1.0), f64(0.0))
     drive = at(s.walls.drive, j - grain_count(s))
@@ -40,9 +40,10 @@ def levers(s: Scene, j: int, n: wp.vec2d) -> wp.vec2d:
 
 @wp.func
 def shares_of_wall(s: Scene, i: int, j: int, lever: wp.vec2d) -> wp.vec2d:
-    """Return the changes of wall j's speed by a normal and a tangential correction of 1 m/s (eq. 28).
+    """Return (h, h_t), the changes of wall j's speed by a normal and a tangential correction of 1 m/s.
 
-    The corrections are those of a contact of grain i; `lever` is the result of `levers`.
+    They are those of eqs. 28 and 30b. The corrections are those of a contact of grain i; `lever` is (g, g_t),
+    the result of `levers`.
     """
     inverse_mass = at(s.walls.drive, j - grain_count(s))[DriveOf.INVERSE_MASS]
     return lever * at(s.grains.contact_mass, i) * inverse_mass
@@ -56,7 +57,10 @@ def closing_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d) -> f
 
 @wp.func
 def change_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f64, dvt: f64):
-    """Add the corrections [m/s] of a contact of grain i to the speed of wall j (eq. 29)."""
+    """Change the speed of wall j by the corrections dv, dvt [m/s] of a contact of grain i (eqs. 29, 30b).
+
+    `velocity` is an array by body, changed in place; n is the normal of the contact.
+    """
     leader, share = leader_of(s, j), shares_of_wall(s, i, j, levers(s, j, n))
     speed = at(velocity, leader)[0] + dv * share[0] + dvt * share[1]
     put(velocity, leader, wp.vec2d(speed, f64(0.0)))
@@ -64,7 +68,7 @@ def change_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f
 
 @wp.func
 def height_of_line(s: Scene, b: int) -> f64:
-    """Return n . x [m] for a point x of line b and its unit normal n, which points to the grains."""
+    """Return p . m [m] for a point p of line b and its unit normal m, which points to the grains (eq. 27)."""
     line, pose = at(s.walls.shape, b - 1), at(s.walls.pose, b - 1)
     x, y = line[1] + pose[PoseOf.SHIFT_X], line[2] + pose[PoseOf.SHIFT_Y]
     return x * line[3] + y * line[4]
@@ -72,7 +76,10 @@ def height_of_line(s: Scene, b: int) -> f64:
 
 @wp.func
 def pressed_length(s: Scene, j: int) -> f64:
-    """Return the length on which a pressure acts on wall j [m]; < 0 for the circle, which it shrinks."""
+    """Return the length L on which a pressure acts on wall j [m] (eq. 27).
+
+    It is < 0 for the outer circle, because a pressure shrinks the radius.
+    """
     if j == grain_count(s):
         return -(TURN * s.walls.annulus.radius_out)
     drive = at(s.walls.drive, j - grain_count(s))
@@ -84,7 +91,7 @@ def pressed_length(s: Scene, j: int) -> f64:
 
 @wp.func
 def acceleration_of_wall(s: Scene, j: int) -> wp.vec2d:
-    """Return the acceleration of the coordinate of wall j by force or pressure [m/s2] (eq. 27)."""
+    """Return (acceleration of the coordinate of wall j by force or pressure [m/s2], 0) (eq. 27)."""
     drive = at(s.walls.drive, j - grain_count(s))
     force = drive[DriveOf.FORCE]
     if drive[DriveOf.PRESSURE] != f64(0.0):

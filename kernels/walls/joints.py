@@ -19,16 +19,16 @@ def have_joints(walls: Walls) -> bool:
 
 @wp.func
 def joint_reach(walls: Walls, radius: f64) -> f64:
-    """Return by how much joints increase the distance at which a wall is listed [m]."""
+    """Return the length [m] by which joints increase the gap at which a wall is listed; 0 without joints."""
     return wp.where(have_joints(walls), f64(2.0) * radius, f64(0.0))
 
 
 @wp.func
 def place_at_joint(k: int, x: wp.vec2d, place: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return a point x in the frame of wall joint[k], which is joined to another wall [m].
+    """Return the place x of a grain [m] in the frame of the wall of joint[k].
 
-    `place` is x in the frame of that other wall. The result has the same bits as if computed for wall
-    joint[k] alone, so that both walls agree which of them is nearer.
+    `place` is x in the frame of the wall at whose end the joint is. The result has the same bits as if
+    computed for the wall of joint[k] alone, so that both walls agree which of them is nearer.
     """
     if not is_periodic(walls):
         return place

@@ -16,14 +16,14 @@ TURN = wp.constant(f64(2.0 * pi))
 
 @wp.func
 def moving_time(motion: Motion, time: f64) -> f64:
-    """Return the time for which a wall has moved until `time` [s]."""
+    """Return tau of eq. 26: for how long a wall has moved until `time` [s]; 0 before the motion begins."""
     begin = motion[MotionOf.START_TIME]
     return wp.min(wp.max(time, begin), motion[MotionOf.END_TIME]) - begin
 
 
 @wp.func
 def progress(motion: Motion, time: f64) -> f64:
-    """Return the displacement since the motion began, divided by the velocities of the motion [s].
+    """Return xi of eq. 26 at a time [s]: the displacement since the start, divided by the velocity [s].
 
     An oscillation may make it < 0.
     """
@@ -36,7 +36,7 @@ def progress(motion: Motion, time: f64) -> f64:
 
 @wp.func
 def share_of_step(motion: Motion, begin: f64, end: f64) -> f64:
-    """Return the mean velocity from time begin to time end [s], divided by the velocities of the motion."""
+    """Return f of eq. 26b: mean velocity from time begin to time end [s], divided by that of the motion."""
     if motion[MotionOf.FREQUENCY] > f64(0.0):
         return (progress(motion, end) - progress(motion, begin)) / (end - begin)
     moved = wp.min(end, motion[MotionOf.END_TIME]) - wp.max(begin, motion[MotionOf.START_TIME])
@@ -45,7 +45,10 @@ def share_of_step(motion: Motion, begin: f64, end: f64) -> f64:
 
 @wp.func
 def pose_at(motion: Motion, begin: f64, end: f64, dt: f64) -> Pose:
-    """Return the pose of a wall at time begin [s], and its motion from time begin to time end."""
+    """Return the `Pose` of a wall: its place at time begin [s], and its motion from then to time end.
+
+    dt = end - begin is the time step [s], without the rounding of the two times.
+    """
     px, py, w = motion[MotionOf.PIVOT_X], motion[MotionOf.PIVOT_Y], motion[MotionOf.ANGULAR_VELOCITY]
     vx, vy = motion[MotionOf.VELOCITY_X], motion[MotionOf.VELOCITY_Y]
     moved, share = progress(motion, begin), share_of_step(motion, begin, end)
@@ -86,7 +89,7 @@ def from_frame(pose: Pose, n: wp.vec2d) -> wp.vec2d:
 
 @wp.func
 def velocity_at(pose: Pose, x: wp.vec2d) -> wp.vec2d:
-    """Return the displacement of a wall's point x in the step, divided by dt [m/s]."""
+    """Return the mean velocity in the step [m/s] of a wall's point that is at x when the step begins."""
     along, across = pose[PoseOf.ALONG], pose[PoseOf.ACROSS]
     return wp.vec2d(
         pose[PoseOf.VELOCITY_X] + (along * x[0] - across * x[1]),

@@ -14,7 +14,7 @@ KIND = wp.constant(f64(2.0))
 
 @wp.func
 def share(x: wp.vec2d, wall: Shape) -> f64:
-    """Return the parameter of the point nearest to x: 0 at the start, 1 at the end of a segment."""
+    """Return the parameter of a segment's point nearest to x: 0 at the start, 1 at the end of the segment."""
     dx, dy = wall[3] - wall[1], wall[4] - wall[2]
     along = ((x[0] - wall[1]) * dx + (x[1] - wall[2]) * dy) / (dx * dx + dy * dy)
     return wp.min(wp.max(along, f64(0.0)), f64(1.0))

@@ -80,9 +80,10 @@ def way(tail: wp.vec2d, head: wp.vec2d, walls: Walls) -> wp.vec2d:
 
 @wp.func
 def place_at(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return a point x, or an image of x, in the frame of wall b > 0 [m].
+    """Return a point x, or a periodic image of x, in the frame of wall b > 0 [m].
 
-    It is that of `nearest_place`, plus a multiple of the periods if b is itself an image of another wall.
+    It is that of `nearest_place`, plus a multiple of the periods if wall b is itself an image of another
+    wall.
     """
     place = nearest_place(b, x, walls)
     if walls.image.shape[0] > 0:
@@ -92,7 +93,10 @@ def place_at(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
 
 @wp.func
 def nearest_place(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return, in the frame of wall b > 0, the periodic image of x nearest to the wall's center [m]."""
+    """Return, in the frame of wall b > 0, the periodic image of x nearest to the wall's center [m].
+
+    At a line or row, which has no center, this is x itself in that frame.
+    """
     place = x
     if are_mobile(walls):
         place = to_frame(at(walls.pose, b - 1), x)
@@ -106,7 +110,7 @@ def nearest_place(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
 
 @wp.func
 def wall_velocity(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
-    """Return the displacement of point x of wall b in the step, divided by dt [m/s]."""
+    """Return the mean velocity in the step [m/s] of the point of wall b that is at x when the step begins."""
     if b > 0 and are_mobile(walls):
         return velocity_at(at(walls.pose, b - 1), x)
     return wp.vec2d()
