@@ -190,7 +190,7 @@ def exact(kind: Kind) -> list[Stage]:
 METHODS = {"gauss-seidel": plain_sweeps, "accelerated": accelerated_sweeps, "exact": exact}
 
 SAVE = [Each(grain_count, contact_list.save_row), Each(contact_list.listed_count, contact_list.save_contact)]
-"""Save the list and the corrections of its contacts, from which the next list starts."""
+"""Stages that save the list and the corrections of its contacts, for the start of the next list."""
 
 
 def finish(kind: Kind) -> list[Stage]:

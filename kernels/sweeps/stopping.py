@@ -77,10 +77,12 @@ def is_measured(s: Scene) -> bool:
 
 @wp.func
 def is_measurement_due(s: Scene) -> bool:
-    """Return whether the residual must be measured now, to decide whether the sweeps stop.
+    """Return whether to measure the residual after the present iteration, to decide on stopping.
 
-    It is measured after the last iteration, even if it was with another list, and if a small zeta shows that
-    it may meet the tolerance. Accelerated sweeps also need the velocities that are recomputed for it.
+    It is due where sweeps would end (`may_stop`), even if it is known for an earlier list. Otherwise it is
+    due, unless known or the sweep was rejected, after iteration 1 and each `CHECK_EVERY`, if the tolerance
+    bounds it and zeta is small. In accelerated sweeps it is also due each `RECOMPUTE_EVERY`, because
+    measuring recomputes the velocities.
     """
     if s.control.may_stop != 0:
         return True

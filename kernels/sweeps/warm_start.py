@@ -34,10 +34,10 @@ def bouncing_speed(s: Scene) -> f64:
 
 @wp.func
 def rebound_at_wall(s: Scene, i: int, j: int, n: wp.vec2d, surface: f64, rates: wp.vec3d) -> wp.vec3d:
-    """Return (gap / dt, gap / dt of the other side, A / dt of eq. 18) [m/s] of grain i at wall j.
+    """Return (gap / dt, gap / dt at the inner circle, A / dt of eq. 18) [m/s] of grain i at wall j.
 
-    `rates` has these numbers without a bounce; with a bounce, gap / dt is smaller (eq. 35). `surface` is the
-    speed of the wall along the normal n.
+    Restitution has been applied to both gaps (eq. 35). `rates` holds the same three numbers without it; the
+    last two are inf except at the annulus. `surface` is the speed of the wall along n [m/s].
     """
     v, b, least = at(s.grains.velocity, i), j - grain_count(s), bouncing_speed(s)
     vn, e = wp.dot(v, n), at(s.walls.restitution, b)

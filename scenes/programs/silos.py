@@ -112,7 +112,8 @@ def rate(time: FloatArray, left: FloatArray, blocks: int = BLOCKS) -> tuple[floa
 
     `time` and `left` are those of `departures`. The error is from means over `blocks` blocks of time.
     """
-    mean, error = block_average(np.diff(left[time >= STEADY]) / EVERY, blocks)
+    flow = np.diff(left[time >= STEADY]) / EVERY
+    mean, error = block_average(flow, blocks, np.ones_like(flow))
     return float(mean), float(error)
 
 

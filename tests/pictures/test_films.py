@@ -396,7 +396,7 @@ class TestLooks:
         axes = Picture(Painter(scene, look), snapshot(Simulation(scene))).figure.axes[0]
         texts = {text.get_text() for text in axes.texts if text.get_visible()}
         speed, force = (
-            {"0 to 2 m/s"} if look.color_by == "palette" else set(),
+            {"speed 0 to 2 m/s"} if look.color_by == "palette" else set(),
             {"2.9 N"} if look.forces else set(),
         )
         assert texts == (set() if look.clean else {"t = 0.00 s", "0.5 m"} | speed | force)

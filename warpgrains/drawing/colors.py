@@ -29,7 +29,7 @@ _CONTRAST = 0.4  # of a mark, in the color or its complement
 
 # Pebbles: light, warm, and a little apart from each other.
 PALETTE: FloatArray = np.array(
-    colors_of("palette", "#e9d8b4,#d9b98c,#e3c7a0,#cda67c,#ddccae,#d2af88,#c6a98a")
+    colors_of("palette", "#e0caa5,#d8ba91,#ddc19b,#d2b189,#dac4a2,#d5b58f,#cfb290")
 )
 
 # Okabe and Ito's colors, which color-blind readers tell apart too.

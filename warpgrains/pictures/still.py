@@ -88,7 +88,7 @@ class FrameArtists:
         self.changing: tuple[Any, ...] = *mobile, *collections, self._time
         """Artists that `show` changes, from back to front."""
         if not painter.look.clean:
-            _add_legends(axes, painter, 0.85 * size)
+            _add_legends(axes, painter, size)
 
     def show(self, now: Snapshot) -> None:
         """Draw a snapshot, replacing the last one."""
@@ -139,7 +139,7 @@ def _add_legends(axes: Axes, painter: Painter, size: float) -> None:
     bars: list[Any] = [(1, -1, length, 0.012 * half, f"{length:g} m", [painter.ink])]
     if speed > 0.0:
         colors = painter.heated(np.tile(PALETTE.mean(axis=0), (32, 1)), np.linspace(0.0, speed, 32))
-        bars.append((1, 1, 0.2 * half, 0.04 * half, f"0 to {_rounded(speed)} m/s", colors))
+        bars.append((1, 1, 0.2 * half, 0.04 * half, f"speed 0 to {_rounded(speed)} m/s", colors))
     if scale is not None:
         bars.append((-1, -1, 0.12 * half, scale.width, f"{_rounded(scale.force)} N", [CHAIN_COLOR]))
     inset, beyond = (0.02 * half, -0.05 * half) if painter.has_free_corners else (0.0, 0.05 * half)

@@ -75,7 +75,10 @@ class Period:
         return np.where(self.repeats, np.clip(places, 0.0, np.nextafter(self.lengths, 0.0)), places)
 
     def nearest(self, ways: FloatArray) -> FloatArray:
-        """Replace displacements [m], shape (..., 2), by those to the nearest images (MODEL.md, eq. 36)."""
+        """Return displacements `ways` [m], shape (..., 2), led to the nearest images (MODEL.md, eq. 36).
+
+        `ways` is not changed; without a period, it is returned itself.
+        """
         if not self:
             return ways
         images = np.rint(np.divide(ways, self.lengths, np.zeros_like(ways), where=self.repeats))

@@ -122,7 +122,7 @@ class Run:
         return {key: value for key, value in self.values.items() if "." in key} | inserted
 
     def sections(self, copies: str) -> Table:
-        """Return the sections of the run's scene file, see `BaseScene.with_values`."""
+        """Return the sections of the run's scene file, which names copies of files in folder `copies`."""
         return self.base.with_values(self.changes(), copies)
 
     def text(self, copies: str) -> str:

@@ -154,7 +154,10 @@ class Grains:
         return values
 
     def _color(self, levels: IndexArray) -> dict[str, NDArray[Any]]:
-        """Return color indices `levels`, shape (n,), and for instances prototype indices, by attribute."""
+        """Return the USD attributes that color grains, by name: `levels` as color indices, shape (n,).
+
+        If grains are instances of meshes, the indices of their prototypes are added.
+        """
         index = {COLOR_INDICES: levels} | (
             {} if self._shape is None else {"protoIndices": levels // self._shared}
         )

@@ -68,7 +68,10 @@ class _Dual:
         self.slack[:] = b - rows @ (free - self.across @ q)
 
     def descend(self, z: FloatArray, a: float) -> None:
-        """Set q to max(0, q + a (z - q)), with a doubled as long as the dual falls and a < 1/2."""
+        """Move q toward z, shape (m,), to q(a) = max(0, q + a (z - q)), and update the slack.
+
+        The step is the given a, doubled as long as that lowers the dual further and a < 1/2.
+        """
         self._target[:] = z
         self._arrays = self._arrays or self._shared()
         launch(kernels.descend, [self._arrays, a])

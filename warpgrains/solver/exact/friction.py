@@ -24,10 +24,10 @@ EXACT_BUDGET = 500.0  # default of `Scene.exact_budget`
 
 
 class PathSolver:
-    """Host solver for the steps with friction of scene k.
+    """Host solver for the steps with friction of scene k of `records`; path.py finds the answers.
 
-    While sweeps can continue, an answer is accepted only if it meets the tolerance. After the last sweep, the
-    best answer is accepted if its residual is smaller than that of the sweeps.
+    Before `max_iterations`, an answer replaces the corrections of the sweeps only if it meets the tolerance;
+    after it, also if its residual is smaller than that of the sweeps.
     """
 
     def __init__(self, records: SceneRecords, k: int):

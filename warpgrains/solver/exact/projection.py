@@ -42,7 +42,7 @@ class Projection(NamedTuple):
         return q - self.bound + self.rows @ (self.free - self.rows.T @ q)
 
     def residual(self, q: FloatArray) -> float:
-        """Return the natural residual of scaled corrections q (MODEL.md, eq. 12) [m/s]."""
+        """Return the natural residual [m/s] (MODEL.md, eq. 12) for q = `unit` K dv, shape (m,)."""
         return float((np.abs(np.maximum(self.target(q), 0.0) - q) / self.unit).max(initial=0.0))
 
     def is_infeasible(self, q: FloatArray) -> bool:
