@@ -140,6 +140,7 @@ def test_the_first_step_gains_no_energy(fraction: float, e: float) -> None:
             position=position, radius=radius, mass=1.0, domain=box, restitution=e, dt=0.01, **fields
         )
         part = not scene.bounces_at_start
+        assert scene.replace(velocity=0.0 * scene.velocity).bounces_at_start
         shut += part
         with pytest.warns(UserWarning, match="nothing bounces") if part else nullcontext():
             simulation = Simulation(scene)

@@ -529,7 +529,7 @@ class Scene(SceneFields, Shown):
             raise InputError(f"duration is {duration} s: it must be at most {most} steps of {self.dt} s")
         return steps
 
-    @cached_property
+    @property
     def bounces_at_start(self) -> bool:
         """True if contacts may bounce in the first step, which then gains no energy (MODEL.md, eq. 35a)."""
         e = self.at_walls["restitution"].max(initial=self.restitution)
