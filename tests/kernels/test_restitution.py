@@ -131,7 +131,7 @@ def test_the_first_step_gains_no_energy(fraction: float, e: float) -> None:
     n = 100
     side = (n * np.pi / 4.0 / fraction) ** 0.5
     shut = 0
-    for seed, periodic in enumerate(("", "x", "xy") * 4):
+    for seed, periodic in enumerate(("", "x", "xy") * (4 if fraction < 0.5 else 1)):
         box = Box((0.0, side), (0.0, side), periodic=periodic)
         position, radius = random_layout(box.space, radius=0.5, count=n, seed=seed)
         fields: dict[str, Any] = {"velocity": np.random.default_rng(seed).normal(size=(n, 2))}
