@@ -1,15 +1,15 @@
 """One step: a list of stages that reads as the algorithm (MODEL.md, "One step").
 
 A step waits for the host in two cases: the list exceeds its capacity (LIST_FULL), or sweeps converge too
-slowly or reach their limit, and the host solves the step (SLOW). Conditions read the phase of the step, which
-attempt.py and stopping.py choose.
+slowly or reach their limit, and the host solves the step (SLOW). Conditions read the phase of the step
+(`Phase`, record.py).
 
 If the list expires during accelerated sweeps, these resume with another list (`Control.resuming`) and keep
 velocities, corrections and momentum. Plain sweeps may have missed a contact: they start again from the free
 velocities, with wider skins (contact_list.expire, skins.renew_skin).
 
-A scene without a list begins like a scene whose list has expired: no skin suffices, so the first attempt does
-not iterate and asks for a list.
+A scene without a list begins like a scene whose list has expired. All skins are negative then: the first
+attempt does not iterate (attempt.begin_iterating), and asks for a list (attempt.judge).
 """
 
 from functools import cache

@@ -20,8 +20,8 @@ p_i is updated after every correction that is large. The small ones of a sweep c
 max_row_sum times the largest of them, where max_row_sum is the largest sum of a grain's shares of its
 contacts; these changes add up to `unmonitored_change`, with which all grains are sampled from time to time.
 
-The accelerated method sweeps no contact that it has not selected; p_i is then updated when it selects, and
-when the residual is measured (working_set.py).
+The accelerated method sweeps no contact that it has not selected; p_i is then updated at every scan, where it
+selects (working_set.py).
 """
 
 import warp as wp

@@ -105,8 +105,8 @@ def is_scan_due(iterations: int) -> bool:
 def is_too_slow(s: Scene) -> bool:
     """Extrapolate the decay of the residual; return whether more than `patience` sweeps would be needed.
 
-    The decay is counted over at most RECOMPUTE_EVERY sweeps. If it covers more, because a rejected sweep was
-    not measured, convergence seems faster, and the host is asked later.
+    The decay from `trend_residual` is taken to be that of the last RECOMPUTE_EVERY sweeps. If it is that of
+    more sweeps, because a rejected sweep was not measured, the host is asked later than it could be.
     """
     if has_friction(s) and s.step.iterations < FRICTION_FROM:
         return False

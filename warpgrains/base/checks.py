@@ -175,9 +175,8 @@ def vectors(field: str, value: Any, of: str = "grain") -> FloatArray:
     """
     array = _floats(field, value, of, 2)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
-        raise InputError(
-            f"{field} has shape {array.shape}: it must be (n, 2), such as [[0.5, 0.0]], a row per {of}"
-        )
+        told = f"it must be (n, 2), such as [[0.5, 0.0]], a row per {of}, at least one"
+        raise InputError(f"{field} has shape {array.shape}: {told}")
     require_finite(field, array, of)
     return frozen(array)
 

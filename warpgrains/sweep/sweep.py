@@ -338,7 +338,8 @@ def _base_documents(document: Table, folder: Path) -> Iterator[tuple[str, Table,
         return
     paths = [folder / name] if given == "scene" else sorted((folder / name).glob("*.toml"))
     if not paths:
-        raise InputError(f"folder {str(folder / name)!r} has no scenes: it must hold .toml files")
+        found = "has no scenes" if (folder / name).is_dir() else "does not exist"
+        raise InputError(f"folder {str(folder / name)!r} {found}: it must hold .toml files")
     for path in paths:
         yield path.stem, parse_toml(read_text(path, "scene"), path), path.parent
 

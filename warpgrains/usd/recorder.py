@@ -168,7 +168,7 @@ def recover(log: str | Path) -> tuple[Path, int]:
     log = Path(checks.path("log", log))
     target = log.parent / log.stem
     if not log.exists():
-        raise InputError(f"'{log}' does not exist")
+        raise InputError(f"'{log}' does not exist: give the log of a killed run, such as run.usdc.frames")
     if log.suffix != LOG_SUFFIX or suffix_of(target) not in RECORDINGS or not log.is_file():
         raise InputError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
     with lock_output(target):
