@@ -535,8 +535,8 @@ class Scene(SceneFields, Shown):
         e = self.at_walls["restitution"].max(initial=self.restitution)
         before = self.position - e * self.dt * self.velocity
         at_rest = [k for k, wall in enumerate(self.walls) if not wall.moves]
-        allowed = max(allowed_overlap(self), self.count_overlaps(walls=at_rest).largest)
-        return self.count_overlaps(before, at_rest).largest <= allowed
+        deepest = self.count_overlaps(before, at_rest).largest
+        return deepest <= allowed_overlap(self) or deepest <= self.count_overlaps(walls=at_rest).largest
 
     def bouncing_speed(self, is_first: bool) -> float:
         """Return the closing speed above which contacts bounce in a step [m/s].
