@@ -12,7 +12,6 @@ from itertools import pairwise
 from typing import Any, Self, TypeVar
 
 from warpgrains.base import checks
-from warpgrains.base.checks import one_of
 from warpgrains.base.errors import InputError
 
 Kind = TypeVar("Kind")
@@ -66,7 +65,7 @@ def fields_of(
     and call the object that it describes `one`.
     """
     for key in table:
-        one_of(f"key of {field}", key, keys)
+        checks.one_of(f"key of {field}", key, keys)
     for key, known in keys.items():
         if key not in table and known.default is MISSING:
             raise InputError(f"{field}.{key} is missing: {one} needs it{known.metadata.get('such', '')}")
